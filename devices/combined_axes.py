@@ -18,7 +18,8 @@ from devices.errors import DeviceError
 LONGEST_GAP_PERIODS = 1.6
 """A longer distance of two samples of a sensor is a gap. Basis: a rate error of 5 % and two samples."""
 LONGEST_STREAM_S = 2.0
-"""Samples of a sensor that wait for the others for longer are dropped."""
+"""Samples of a sensor that wait for the others for longer are dropped. Basis: a choice; longer than a sensor is late, and a bound
+of the memory."""
 
 
 @dataclass(frozen=True, slots=True)

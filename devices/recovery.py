@@ -15,8 +15,10 @@ Hook = Callable[[], bool]
 """Do something to the bus or the supply; return whether it was done."""
 
 CLEAR_AFTER, POWER_AFTER = 2, 4
-"""After this many failed openings the bus is cleared, and the power cycled; then both alternate."""
+"""After this many failed openings the bus is cleared, and the power cycled; then both alternate. Basis: a choice; gentle means
+first, and some seconds until the strongest."""
 POWER_UP_S = 0.1
+"""Pause after the power was switched on again. Basis: a choice; chips start in some ms, and longer waits lose samples."""
 
 
 class RecoveringDevice:

@@ -17,21 +17,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 WINDOW_NS = 60_000_000_000
-"""Older observations are discarded, because the rate drifts with temperature."""
+"""Older observations are discarded, because the rate drifts with temperature. Basis: a choice; drift within a minute is small,
+and the least delays of a minute are."""
 BUCKETS = 32
-"""The window consists of this many spans of time, each with its least delayed observation."""
+"""The window consists of this many spans of time, each with its least delayed observation. Basis: a choice; two seconds each, in
+which at least one read is prompt."""
 NOMINAL_RATE_U = 0.05 / 3**0.5
-"""Relative standard uncertainty of a nominal rate: within 5 %, uniform distribution."""
+"""Relative standard uncertainty of a nominal rate: within 5 %, uniform distribution. Basis: within 5 %, uniformly distributed."""
 RESTART_RATE_U = 1e-3
-"""Least relative standard uncertainty of a measured rate that is kept over a restart."""
+"""Least relative standard uncertainty of a measured rate that is kept over a restart. Basis: a choice; a rate changes by less
+with the temperature after a restart."""
 ANY_RATE_U = 0.5
-"""Relative standard uncertainty of the rate when no line fits: the part may have been set to another rate."""
+"""Relative standard uncertainty of the rate when no line fits: the part may have been set to another rate. Basis: a choice; the
+next rate of a part is twice or half."""
 SPREAD = 6.0
-"""Standard uncertainty of the slope x window x observations / mean distance; by simulation of uniform delays, rounded up."""
+"""Standard uncertainty of the slope x window x observations / mean distance. Basis: by simulation of uniform delays, rounded
+up."""
 MISFIT_DELAY_S = 0.02
-"""A larger distance from the line, beyond two periods, means a wrong count or a host that was suspended."""
+"""A larger distance from the line, beyond two periods, means a wrong count or a host that was suspended. Basis: a choice; a
+thread is late by less, but a wrong count at 50 Hz is as much."""
 MISFITS, MISFIT_NS = 8, 1_000_000_000
-"""After this many misfits in a row, over at least this time, the line itself is wrong."""
+"""After this many misfits in a row, over at least this time, the line itself is wrong. Basis: a choice; single late reads are no
+fault, and a wrong line is left within seconds."""
 
 Observation = tuple[int, int]
 """The count of a sample, and the gateway time in ns at which it was observed."""

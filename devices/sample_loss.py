@@ -10,16 +10,19 @@ largest delay before them is taken for lost.
 from collections import deque
 
 LONGEST_MEMORY = 256
-"""Number of usual delays that are remembered."""
+"""Number of usual delays that are remembered. Basis: a choice; delays of seconds to minutes, and a bound of the memory."""
 LONGEST_RUN = 64
-"""Number of the latest delays in which a loss is searched for."""
+"""Number of the latest delays in which a loss is searched for. Basis: a choice; a loss shows within it, and the search stays
+cheap."""
 CHANCE = 1e-6
-"""Largest probability by chance at which a loss is assumed."""
+"""Largest probability by chance at which a loss is assumed. Basis: a choice; with ten reads per second once in a day."""
 LEAST_SHARE = 0.75
-"""Of a period: a smaller delay is no lost sample."""
+"""Of a period. Basis: a smaller delay is no lost sample."""
 LEAST_RUN_NS = 200_000_000
+"""Shortest time of delays that show a loss. Basis: a choice; longer than a host is late for once."""
 MISCOUNT = 1e-3
-"""Largest probability that the number is wrong, because every arrival was late by half a period or more besides."""
+"""Largest probability that the number is wrong, because every arrival was late by half a period or more besides. Basis: a choice;
+a wrong number shifts times by a period."""
 
 
 class UncountedLoss:

@@ -10,7 +10,7 @@ from devices.errors import DeviceAccessError, DeviceError, DeviceNotFoundError, 
 from devices.usb_ports import SYSTEM_FOLDERS, PortFolders, UsbPort, find_usb_port, find_usb_ports
 
 READ_LIMIT = 4096
-"""Size of the kernel's buffer of a port."""
+"""Bytes of a read. Basis: the size of the kernel's buffer of a port."""
 GONE = (errno.ENOENT, errno.ENODEV, errno.ENXIO)
 DENIED = (errno.EACCES, errno.EPERM)
 BUSY = (errno.EAGAIN, errno.EBUSY)

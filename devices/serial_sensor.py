@@ -10,11 +10,15 @@ from devices.errors import DeviceError, TransferError
 from devices.serial_port import SerialPort
 
 RATE_WINDOW_S = 10.0
+"""Basis: a choice; the rate is known to a per cent at 10 Hz, and a change is told soon."""
 RATE_TOLERANCE = 0.15
-"""Larger than the deviation of a sensor's clock, smaller than the distance to the next rate that can be set."""
+"""Relative difference from the rate as stated. Basis: larger than the deviation of a sensor's clock, smaller than the distance to
+the next rate that can be set."""
 FRAMELESS_LIMIT_BYTES = 2048
-"""This many bytes without a frame are more than a disturbance."""
+"""This many bytes without a frame are more than a disturbance. Basis: a choice; a disturbance spoils some frames, a wrong baud
+rate all."""
 LONGEST_WAIT_S = 0.5
+"""Longest read. Basis: a thread that reads ends within it (`JOIN_S`)."""
 
 
 class RateCheck:

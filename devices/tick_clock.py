@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from devices.sample_clock import SampleClock
 
 TICK_HZ = 1e6
+"""Definition: microseconds."""
 MISFIT_DELAY_S = 1.0
-"""The node's clock is certain: a radio may be late."""
+"""The node's clock is certain. Basis: a radio may be late."""
 RATE_TOLERANCE = 0.2
-"""Relative deviation of the sample period from the nominal one, beyond which, and one period, the node has paused."""
+"""Relative deviation of the sample period from the nominal one, beyond which, and one period, the node has paused. Basis: a
+choice; crystals differ by far less, and a pause by far more."""
 
 
 class TickClock:

@@ -12,7 +12,7 @@ from devices.errors import DeviceNotFoundError
 
 PATTERN = re.compile(r"usb:([0-9a-fA-F]{4}):([0-9a-fA-F]{4})(?::(.+))?")
 LEVELS = 4
-"""The USB device is at most this far above the device of the terminal: port, interface, device."""
+"""The USB device is at most this far above the device of the terminal. Basis: port, interface, device."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,11 +14,11 @@ from devices.regular_file import open_regular
 
 T = TypeVar("T")
 MAX_TOML_BYTES = 256_000
-"""Largest configuration or rig that is read."""
+"""Largest configuration or rig that is read. Basis: a choice; a hundred times a long configuration, and a bound of the memory."""
 DEEP_KEY = re.compile(r"(?:[\w\"'-]+\s*\.\s*){32}")
 """The time of the parser grows with the square of the number of parts of a key."""
 MAX_STATE_BYTES = 16_000_000
-"""Largest state file or record that is read: a hundred times the largest that the gateway writes."""
+"""Largest state file or record that is read. Basis: a hundred times the largest that the gateway writes."""
 
 
 def read_bounded(path: Path, max_bytes: int = MAX_STATE_BYTES) -> bytes:

@@ -6,7 +6,8 @@ from enum import StrEnum
 from gateway.messages import Alert, Validity
 
 HEARTBEAT_S = 1.0
-"""Longest usual interval between two messages of the alerts, and of the gateway's health."""
+"""Longest usual interval between two messages of the alerts, and of the gateway's health. Definition: the period at which both
+are sent."""
 
 
 class GatewayState(StrEnum):

@@ -14,7 +14,8 @@ from gateway.messages import ClockQuality, Samples
 
 Times = NDArray[np.int64]
 LONGEST_PERIOD_NS = 1e12
-"""A thousand seconds, longer than any sample period."""
+"""A thousand seconds, longer than any sample period. Basis: a choice; a thousand seconds, longer than any sample period, and
+exact in the packing."""
 
 
 def pack(

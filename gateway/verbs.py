@@ -12,11 +12,13 @@ from gateway.authorization.token_bucket import RateLimit
 from gateway.recalibration import requests
 
 READ_LIMIT = RateLimit(burst=100, per_s=50.0)
-"""For all callers together: who only reads is not authenticated by the request."""
+"""For all callers together: who only reads is not authenticated by the request. Basis: a choice; a fleet of clients that each ask
+once per second, and less than a core."""
 CHALLENGE_LIMIT = RateLimit(burst=1000, per_s=1000.0)
-"""It costs little, and without it a flood of other requests would keep everybody from proving who they are."""
+"""It costs little, and without it a flood of other requests would keep everybody from proving who they are. Basis: a choice; more
+than a flood over a slow link, and a small share of a core."""
 CHANGE_LIMIT = RateLimit(burst=20, per_s=2.0)
-"""For each caller."""
+"""For each caller. Basis: a choice; a person and their tool send less, and each change costs a write."""
 
 
 @dataclass(frozen=True, slots=True)

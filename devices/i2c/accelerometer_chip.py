@@ -17,7 +17,9 @@ from devices.clock_protocol import Clock
 from devices.i2c.bus import I2cPart
 
 MAX_LISTED_RATES = 16
+"""Rates that an error lists one by one. Basis: a choice; one line of a terminal."""
 SAMPLE_BYTES = 6
+"""Definition: three axes of 16 bits."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,12 +18,17 @@ SINGLE_ENDED = 0x4000
 """Input 0 against ground; each further input adds 0x1000."""
 RANGE_4_096_V, SINGLE_SHOT, RATE_860_HZ, COMPARATOR_OFF = 0x0200, 0x0100, 0x00E0, 0x0003
 VOLTS_PER_UNIT = 4.096 / 32768
+"""Of the range of 4.096 V (data sheet, section 9.6)."""
 INPUTS = 4
+"""Definition: of the part (data sheet)."""
 CONVERSION_S = 1 / 860
-"""Nominal; the oscillator is right to 10 %."""
+"""Nominal at the highest data rate; the oscillator is right to 10 % (data sheet, section 7.5)."""
 WAKE_UP_S = 25e-6
+"""Data sheet, see above."""
 POLL_S = 1e-4
+"""Pause between two looks for the end of a conversion. Basis: a choice; less than a tenth of a conversion, about a transfer."""
 LONGEST_CONVERSION_S = 0.005
+"""Basis: a choice; four conversions, so that a slow oscillator passes and a part that hangs shows."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,15 +40,21 @@ RANGE_HIGH_SPEED = 0x80
 OVERRUN, NVM_BUSY, STATUS_UNUSED = 0x04, 0x10, 0xE0
 
 RATES_HZ = tuple(4000.0 / (1 << k) for k in range(11))
-"""Output data rates by their code in the FILTER register."""
+"""Output data rates by their code in the FILTER register. Basis: Data sheet."""
 RATE_CODES = {rate_hz: code for code, rate_hz in enumerate(RATES_HZ)}
 LONGEST_BLOCK = 16
+"""Samples of a block at most. Basis: half of the FIFO, so that a late read loses none."""
 ENTRIES_MARGIN = 3
-"""The FIFO level may exceed the FIFO's size by this many entries; a higher one is a transfer error."""
+"""The FIFO level may exceed the FIFO's size by this many entries; a higher one is a transfer error. Basis: one sample, which may
+come while the level is read."""
 RESET_NS, RESET_POLL_S = 200_000_000, 0.002
+"""Longest wait for a reset, and pause between two looks. Basis: a choice; a reset takes some ms, and an absent part is told
+soon."""
 TEMPERATURE_READS = 4
+"""Basis: a choice; the two bytes are not latched together, and a carry between them is rare."""
 SELF_TEST_MODE, SELF_TEST_FORCE = 0x01, 0x02
 SELF_TEST_LIMITS_G = ((0.1, 0.6), (0.1, 0.6), (0.5, 3.0))
+"""Data sheet of the ADXL355; a change outside is told as a warning."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,9 +80,13 @@ SELF_TEST_355 = SelfTest(
     range_g=8,
     either_sign=True,
 )
+"""Definition: the rate and the range in which the test is run."""
 ADXL355 = Variant({2: 256000.0, 4: 128000.0, 8: 64000.0}, 22.5e-6, 0.075, 0.15e-3, 1885, SELF_TEST_355)
+"""Data sheet ADXL354/ADXL355."""
 ADXL357 = Variant({10: 51200.0, 20: 25600.0, 40: 12800.0}, 75e-6, 0.375, 0.75e-3, 1852, None)
+"""Data sheet ADXL356/ADXL357."""
 SCALE_FACTOR_PER_K = 1e-4
+"""Data sheets: 0.01 % per kelvin."""
 
 
 def temperature_c(raw: int, at_25_c: int = ADXL355.temperature_25_c) -> float:
@@ -182,6 +192,7 @@ ADXL355_KIND = ChipKind(
     usual_rate_hz=125.0,
     ranges_g=tuple(ADXL355.units_per_g),
 )
+"""Basis of its usual rate: a choice; the one next to the 100 Hz of the other chips."""
 ADXL357_KIND = replace(
     ADXL355_KIND,
     part="ADXL357",

@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 ENTRY_BYTES, SAMPLE_BYTES = 3, 9
+"""Definition: an entry has an axis of 20 bits, a sample three of them (data sheet)."""
 FIFO_ENTRIES = 96
+"""Data sheet: 96 entries, 32 samples."""
 
 MARKS = bytes(b"oxee"[byte & 3] for byte in range(256))
 """Kind of an entry by its third byte: x, another axis, empty."""

@@ -22,13 +22,17 @@ Limits = tuple[float, float]
 NOMINAL_SUPPLY_V = 3.0
 """Supply of the figures of the parts (Sawicki and Walendziuk 2016, Tables 1 to 3 and 6); limits are plausibility checks only."""
 FASTEST_HZ = 125.0
-"""Four conversions and their transfers at 400 kHz take 6 ms."""
+"""Basis: four conversions and their transfers at 400 kHz take 6 ms."""
 VOLTS_PER_COUNT = 1e-5
-"""Of the output at the nominal supply, counted from half of it."""
+"""Of the output at the nominal supply, counted from half of it. Basis: a choice; a twelfth of a step of the converter, so that
+rounding adds nothing."""
 LONGEST_WAIT_NS = 500_000_000
+"""Basis: as long as a thread is waited for at the end, less a margin (`JOIN_S`)."""
 SUPPLY = 3
+"""Definition: the input of the supply."""
 BAD_CYCLES = 10
-"""After this many cycles in a row without a usable supply the sensor is reported as not connected."""
+"""After this many cycles in a row without a usable supply the sensor is reported as not connected. Basis: a choice; a dip of the
+supply passes, and a loose wire is told within a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +64,11 @@ class AnaloguePart:
 
 
 ADXL335 = AnaloguePart("ADXL335", 0.3, 3.0, (0.27, 0.33), ((1.35, 1.65), (1.35, 1.65), (1.2, 1.8)), 1e-3, (1.8, 3.6))
+"""Data sheet."""
 ADXL327 = AnaloguePart("ADXL327", 0.42, 2.0, (0.378, 0.462), ((1.3, 1.7),) * 3, 1e-3, (1.8, 3.6))
+"""Data sheet."""
 LIS344ALH = AnaloguePart("LIS344ALH", 0.6, 2.0, (0.57, 0.63), ((1.425, 1.575),) * 3, 0.4e-3, (2.4, 3.6))
+"""Data sheet."""
 ANALOGUE_PARTS = {part.name: part for part in (ADXL335, ADXL327, LIS344ALH)}
 """By name."""
 

@@ -22,9 +22,11 @@ from devices.errors import (
 )
 
 ATTEMPTS = 3
+"""Basis: a choice; single disturbances pass, and a part that does not answer is told soon."""
 RETRY_PAUSE_S = 0.001
+"""Basis: a choice; longer than a disturbance by a switch, shorter than a FIFO takes to overflow."""
 RETRY_LIMIT_NS = 250_000_000
-"""No further attempt after this time; a timeout of the kernel alone may take a second."""
+"""No further attempt after this time. Basis: a timeout of the kernel alone may take a second."""
 ADDRESSES = range(0x08, 0x78)
 """The valid 7-bit addresses."""
 

@@ -24,14 +24,21 @@ from devices.sample_clock import SampleClock
 from devices.saturation import mark_saturated
 
 LONGEST_WAIT_NS = 500_000_000
+"""Longest read. Basis: a thread that reads ends within it (`JOIN_S`)."""
 SILENCE_NS = 2_000_000_000
+"""Time without a sample after which a part is told as silent. Basis: a choice; two periods of the slowest rate of any chip."""
 CHECK_NS = 1_000_000_000
-"""Period of the checks of configuration and temperature, and of the search for the moment of sampling."""
+"""Period of the checks of configuration and temperature, and of the search for the moment of sampling. Basis: a choice; a part
+that was reset is noticed within a second, for a few transfers."""
 PROBE_NS = 4_000_000
+"""Longest search for the moment of sampling. Basis: a choice; the period at 250 Hz, and no load of the bus."""
 PROBE_LOOKS = 8
+"""Basis: a choice; a level of the FIFO takes some tenths of a millisecond, so that `PROBE_NS` is nearly filled."""
 SETTLED_RATE_U = 1e-4
-"""The moment of sampling is searched for at every read until the rate has this relative uncertainty."""
+"""The moment of sampling is searched for at every read until the rate has this relative uncertainty. Basis: a choice; a minute of
+samples is then timed to 6 ms."""
 BURST_FAILURES = 3
+"""Basis: a choice; as many attempts as a transfer has."""
 
 
 class FifoAccelerometer:

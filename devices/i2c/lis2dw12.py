@@ -37,20 +37,25 @@ LOW_NOISE = 0x04
 BYPASS, CONTINUOUS = 0x00, 0xC0
 OVERRUN, UNREAD = 0x40, 0x3F
 FIFO_SIZE = 32
+"""Data sheet, section 5."""
 UNUSED_BITS = 2
 RESET_POLLS, RESET_POLL_S = 20, 0.005
+"""Longest wait for a reset, in polls. Basis: a choice; a reset takes microseconds, and 0.1 s does not delay a start."""
 
 SELF_TEST_FORCE = 0x40
 SELF_TEST_LIMITS_G = ((0.07, 1.5),) * 3
-"""Of CTRL3, at 50 Hz and 4 g (Table 3)."""
+"""Of CTRL3, at 50 Hz and 4 g (Table 3). Basis: Data sheet."""
 
 RATE_CODES = {1600.0: 9, 800.0: 8, 400.0: 7, 200.0: 6, 100.0: 5, 50.0: 4, 25.0: 3, 12.5: 2}
-"""Section 8.4, CTRL1, in high-performance mode."""
+"""Section 8.4, CTRL1, in high-performance mode. Basis: Data sheet."""
 RANGE_CODES = {2: 0, 4: 1, 8: 2, 16: 3}
+"""Codes of the ranges in g (data sheet, section 8)."""
 UNITS_PER_G = {2: 4096.0, 4: 2048.0, 8: 1024.0, 16: 512.0}
 """14 bits over the range; Table 3 rounds them to 0.244, 0.488, 0.976 and 1.952 mg per digit."""
 NOISE_G_PER_ROOT_HZ = 90e-6
+"""Data sheet, Table 3."""
 ZERO_G_OFFSET_G, ZERO_G_OFFSET_G_PER_K, SCALE_FACTOR_PER_K = 0.02, 0.2e-3, 1e-4
+"""Data sheet, Table 3."""
 UNITS_PER_KELVIN = 256.0
 """Of OUT_T: 12 bits, left-justified, 16 per kelvin, 0 at 25 °C (Table 5)."""
 

@@ -38,22 +38,28 @@ BOOT, FIFO_ENABLED = 0x80, 0x40
 BYPASS, STREAM = 0x00, 0x80
 OVERRUN, EMPTY, UNREAD = 0x40, 0x20, 0x1F
 FIFO_SAMPLES = 32
+"""Data sheet, section 5.1."""
 UNUSED_BITS = 4
+"""Definition: 12 bits are left-justified in 16."""
 BOOT_S = 0.005
+"""Time for which the part boots (data sheet)."""
 
 SELF_TEST_FORCE = 0x02
 SELF_TEST_LIMITS_G = ((0.068, 1.44),) * 3
-"""Of CTRL_REG4, at 50 Hz and 2 g. 17 to 360 digits of 4 mg (Table 4)."""
+"""Of CTRL_REG4, at 50 Hz and 2 g. 17 to 360 digits of 4 mg (Table 4). Basis: Data sheet."""
 
 RATE_CODES = {1344.0: 9, 400.0: 7, 200.0: 6, 100.0: 5, 50.0: 4, 25.0: 3, 10.0: 2, 1.0: 1}
 """Table 31, in high-resolution mode."""
 RANGE_CODES = {2: 0, 4: 1, 8: 2, 16: 3}
+"""Codes of the ranges in g (data sheet, section 8)."""
 UNITS_PER_G = {2: 1000.0, 4: 500.0, 8: 250.0, 16: 1000.0 / 12}
 """Table 4: 1, 2, 4 and 12 mg per digit in high-resolution mode."""
 SATURATION_COUNTS = dict.fromkeys((2, 4, 8), code_limits(12)) | {16: (-1333, 1333)}
 """At 16 g twelve bits reach 24.6 g, but the data sheet promises no more than 16 g."""
 NOISE_G_PER_ROOT_HZ = 220e-6
+"""Data sheet, Table 4."""
 ZERO_G_OFFSET_G, ZERO_G_OFFSET_G_PER_K, SCALE_FACTOR_PER_K = 0.04, 0.5e-3, 1e-4
+"""Data sheet, Table 4."""
 
 
 class Lis3dh:

@@ -13,7 +13,9 @@ from devices.i2c.bus import BusOpener, I2cPart
 from devices.i2c.fifo_accelerometer import FifoAccelerometer
 
 SETTLING_S = 0.3
+"""Basis: a choice; several samples at the rates of the test, and time for the low-pass of any chip."""
 AVERAGING_S = 0.5
+"""Basis: a choice; tens of samples, whose mean is far better than the limits."""
 
 
 @dataclass(frozen=True, slots=True)

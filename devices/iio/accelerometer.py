@@ -21,10 +21,14 @@ from devices.sample_clock import SampleClock
 from devices.saturation import mark_saturated
 
 LONGEST_WAIT_S = 0.5
+"""Longest read. Basis: a thread that reads ends within it (`JOIN_S`)."""
 SILENCE_NS = 2_000_000_000
+"""Time without a sample after which a part is told as silent. Basis: a choice; as for a part on a bus."""
 TEMPERATURE_NS = 1_000_000_000
+"""Period of the temperature. Basis: a choice; a housing warms up within minutes."""
 EARLIEST_NS, LATEST_NS = -10_000_000_000, 100_000_000
-"""A timestamp farther from the moment of its reading belongs to bytes that are out of step."""
+"""A timestamp farther from the moment of its reading belongs to bytes that are out of step. Basis: a choice; a buffer holds 2 s,
+and clocks of one host agree to less than 0.1 s."""
 CLOCK_ATTRIBUTE, MONOTONIC = "current_timestamp_clock", "monotonic"
 
 

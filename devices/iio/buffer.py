@@ -14,7 +14,8 @@ ACCELERATION = ("in_accel_x", "in_accel_y", "in_accel_z")
 ANGULAR_RATE = ("in_anglvel_x", "in_anglvel_y", "in_anglvel_z")
 TIMESTAMP = "in_timestamp"
 BUFFER_S = 2.0
-"""Samples of this time fit into the kernel's buffer while the host is late."""
+"""Samples of this time fit into the kernel's buffer while the host is late. Basis: a choice; longer than any write stops a
+thread, and some kilobytes."""
 GONE = (errno.ENODEV, errno.ENXIO, errno.ENOENT)
 
 

@@ -18,11 +18,13 @@ from devices.iio.sysfs import IioAttributes, find_iio_device
 from devices.saturation import mark_saturated
 
 LONGEST_WAIT_NS = 500_000_000
+"""Longest read. Basis: a thread that reads ends within it (`JOIN_S`)."""
 TEMPERATURE_NS = 1_000_000_000
+"""Period of the temperature. Basis: a choice; a housing warms up within minutes."""
 FASTEST_HZ = 200.0
-"""Each attribute is a system call and a transfer of its own."""
+"""Each attribute is a system call and a transfer of its own. Basis: a choice; 5 ms for four of them, at a bus of 100 kHz."""
 FRESH_READINGS = 2.0
-"""The part must sample at least so much faster than it is read, or readings repeat."""
+"""The part must sample at least so much faster than it is read. Basis: readings repeat."""
 
 
 class PolledIioAccelerometer:

@@ -15,6 +15,7 @@ TYPE = re.compile(
     r"(?P<order>le|be):(?P<sign>[su])(?P<bits>\d+)/(?P<storage>\d+)(?:X(?P<repeat>\d+))?(?:>>(?P<shift>\d+))?"
 )
 STORAGE_BITS = (8, 16, 32, 64)
+"""Definition: sizes of an element (Linux, IIO)."""
 
 
 @dataclass(frozen=True, slots=True)

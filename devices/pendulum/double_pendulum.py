@@ -14,7 +14,8 @@ from typing import Any
 from devices.pendulum.equations import Scalar
 
 MIN_LOAD_RATIO = 1e-9
-"""Smallest load over hook, and smallest divisor, for which slopes are computed: no hook is so heavy that a mode needs less."""
+"""Smallest load over hook, and smallest divisor, for which slopes are computed. Basis: no hook is so heavy that a mode needs
+less."""
 
 
 @dataclass(frozen=True, slots=True)

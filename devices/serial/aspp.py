@@ -21,12 +21,15 @@ from devices.serial_sensor import SerialSensor, check_settings
 from devices.usb_ports import SYSTEM_FOLDERS, PortFolders
 
 TICK_BITS = 16
+"""Definition: of a sweep's number."""
 MISFIT_DELAY_S = 1.0
-"""The number of each sweep is certain: a radio may be late."""
+"""The number of each sweep is certain. Basis: a radio may be late."""
 RATE_TOLERANCE = 0.01
+"""Relative difference from the rate as stated. Basis: a choice; crystals differ by 1e-4, and the next rate by a factor."""
 REMEMBERED_LENGTHS = 16
+"""Basis: a choice; packets of a node have one or two lengths."""
 DIAGNOSTIC_INTERVALS = 2.5
-"""A diagnostic is valid for so many of its intervals."""
+"""A diagnostic is valid for so many of its intervals. Basis: one may be lost."""
 
 
 def open_aspp(

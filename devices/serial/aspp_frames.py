@@ -14,9 +14,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 LONGEST_PAYLOAD = 1024
-"""A longer one is noise: a header that is waited for in vain must not stop the stream."""
+"""A longer one is noise. Basis: a choice; nodes send less, and a header that is waited for in vain must not stop the stream."""
 RSSI_ZERO_DBM = 205
-"""Of versions 2 and 3: -205 dBm is 0, which stands for an unknown value."""
+"""Of versions 2 and 3: -205 dBm is 0, which stands for an unknown value. Definition: of the protocol."""
 TO_HOST = 0x08
 """Delivery flag of a packet for the host; inverted in version 1."""
 
@@ -65,11 +65,14 @@ VERSIONS = {
     0xAB: _Version(2, struct.Struct(">BBBIH"), struct.Struct(">H"), fletcher16),
     0xAC: _Version(3, struct.Struct(">BBBIH"), struct.Struct(">I"), zlib.crc32),
 }
+"""Definition: of the protocol."""
 STARTS = re.compile(rb"[\xaa\xab\xac]")
 RSSI_BYTES = 2
 LEAST_EMBEDDED_PAYLOAD = 6
-"""Within a packet, zeros after an AA look like an empty packet of version 1."""
+"""Fewest bytes of a packet that is looked for inside another one. Basis: a choice; zeros after an AA look like an empty packet of
+version 1, and shorter packets carry no samples."""
 SHORTEST_PACKET = 10
+"""Definition: version 1 without a payload, 10 bytes."""
 
 
 class Incomplete(Exception):  # noqa: N818  (no error: more bytes are needed)

@@ -14,6 +14,7 @@ from devices.serial.aspp_frames import AsppPacket
 CALIBRATED = 2
 """Data type float32 in the unit that is set in the node; all others are uncalibrated or too coarse."""
 LARGEST_TYPE = 15
+"""Definition: four bits."""
 SAMPLE_RATES_HZ = {113 - power: float(1 << power) for power in range(14)} | {
     46: 300.0,
     47: 800.0,
@@ -21,7 +22,7 @@ SAMPLE_RATES_HZ = {113 - power: float(1 << power) for power in range(14)} | {
     49: 3200.0,
     98: 887.0,
 }
-"""`WirelessTypes::WirelessSampleRate`: 113 is 1 Hz, 100 is 8192 Hz."""
+"""`WirelessTypes::WirelessSampleRate`: 113 is 1 Hz, 100 is 8192 Hz. Definition: codes of the protocol."""
 SAMPLE_RATES_HZ |= {61 + kilohertz: 1000.0 * kilohertz for kilohertz in range(1, 11)}
 DIAGNOSTIC = 0x11
 
@@ -57,7 +58,7 @@ LAYOUTS = {
     (3, 0x14): _Layout(4, 2, 10),  # LdcPacket_v2_aspp3
     (3, 0x1A): _Layout(4, 2, 18),  # SyncSamplingPacket_v2_aspp3
 }
-"""By version and type. Types 0x04 to 0x0D also come in version 2, and 0x14 to 0x1D in version 1."""
+"""By version and type. Types 0x04 to 0x0D also come in version 2, and 0x14 to 0x1D in version 1. Definition: of the protocol."""
 LAYOUTS |= {(2, kind): layout for (version, kind), layout in LAYOUTS.items() if version == 1} | {
     (1, kind): layout for (version, kind), layout in LAYOUTS.items() if version == 2
 }

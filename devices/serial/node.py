@@ -23,6 +23,7 @@ from devices.tick_clock import TickClock
 from devices.usb_ports import SYSTEM_FOLDERS, PortFolders
 
 G_PER_SCALE = 1e-9
+"""Definition: the scale is in ng (docs/node.md)."""
 
 
 def open_node(

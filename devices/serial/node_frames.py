@@ -8,19 +8,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 LONGEST_RUN = 254
-"""Number of bytes without a zero that one code byte can announce."""
+"""Number of bytes without a zero that one code byte can announce. Definition: consistent overhead byte stuffing (Cheshire and
+Baker 1999)."""
 VERSION = 1
 HEADER = struct.Struct("<BBHIIIQHhHbB")
 """version, flags, boot, node, sequence, scale_ng, t_us, full_scale, temperature, battery_mv, signal_dbm, count"""
 CRC = struct.Struct("<H")
 CRC_START = 0xFFFF
 MOST_SAMPLES = 40
+"""Definition: docs/node.md."""
 BATTERY_LOW = 0x01
 NO_TEMPERATURE, NO_BATTERY, NO_SIGNAL = -32768, 0, 127
+"""Definition: values that stand for an unknown one (docs/node.md)."""
 SHORTEST_FRAME = HEADER.size + 6 + CRC.size + 2
-"""Of one sample, stuffed and with its delimiter."""
+"""Of one sample, stuffed and with its delimiter. Definition: docs/node.md."""
 LONGEST_FRAME = HEADER.size + 6 * MOST_SAMPLES + CRC.size
+"""Definition: docs/node.md."""
 LONGEST_ENCODED = LONGEST_FRAME + LONGEST_FRAME // 254 + 1
+"""Definition: a code byte for each run (Cheshire and Baker 1999)."""
 
 
 def cobs_encode(data: bytes) -> bytes:

@@ -3,10 +3,13 @@
 from devices.errors import DeviceError
 
 FIRST_PATIENCE_NS, PATIENCE_NS = 2_500_000_000, 10_000_000_000
-"""Before the wanted node was heard for the first time, which more often has a cause in the configuration, and later."""
+"""Before the wanted node was heard for the first time, which more often has a cause in the configuration, and later. Basis: a
+choice; nodes at usual rates send several times per second, and a radio link returns within seconds."""
 LONGEST_PATIENCE_NS = 600_000_000_000
-"""A node may sleep for days beside others: each report doubles the time to the next one."""
+"""A node may sleep for days beside others: each report doubles the time to the next one. Basis: a choice; ten minutes, a few
+lines an hour."""
 MOST_NODES = 32
+"""Basis: a choice; more than a base station serves at one crane, and a bound of the memory."""
 
 
 class HeardNodes:

@@ -19,25 +19,30 @@ from devices.serial_sensor import SerialSensor, check_settings
 from devices.usb_ports import SYSTEM_FOLDERS, PortFolders
 
 FULL_SCALE_G = 16.0
+"""Definition: of the protocol."""
 UNITS_PER_G = 32768 / FULL_SCALE_G
+"""Definition: 16 bits over the range."""
 KNOWN_RATE_U = 0.2
-"""Share of a period by which the rate's uncertainty may move a sample in `LOSS_S`, so that lost samples are found by time."""
+"""Share of a period by which the rate's uncertainty may move a sample in `LOSS_S`, so that lost samples are found by time. Basis:
+a choice; a lost sample is then five such deviations away."""
 LOSS_S = 3.0
+"""Basis: a choice; longer than a radio link pauses."""
 
 READ_REGISTER = bytes.fromhex("FF AA 27")
 """WT901BLE protocol: followed by the register as u16; answered by a frame `55 71`."""
 TEMPERATURE, BATTERY = 0x40, 0x64
 """Registers: hundredths of a degree Celsius (s16); hundredths of a volt (u16)."""
 REQUEST_PERIOD_NS = 5_000_000_000
-"""Temperature and battery are asked for in turn: each every ten seconds."""
+"""Temperature and battery are asked for in turn: each every ten seconds. Basis: a choice; both change within minutes."""
 TEMPERATURE_STALE_NS = 30_000_000_000
+"""Basis: three answers."""
 CHARGE_PERCENT = (
     (3.96, 100), (3.93, 90), (3.87, 75), (3.82, 60), (3.79, 50), (3.77, 40), (3.73, 30), (3.70, 20), (3.68, 15), (3.50, 10),
     (3.40, 5),
 )  # fmt: skip
-"""The maker's table: least voltage, charge (WT901BLE protocol, battery level)."""
+"""Least voltage, charge. Definition: the maker's table (WT901BLE protocol, battery level)."""
 LOW_PERCENT = 15
-"""A lower charge is a low battery."""
+"""A lower charge is a low battery. Basis: a choice; the two last steps of the maker's table are lower."""
 
 Frames = Literal["standard", "radio"]
 

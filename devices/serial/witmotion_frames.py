@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 FRAME_BYTES = 11
+"""Definition: of the protocol."""
 HEADER = 0x55
 ACCELERATION = 0x51
 PIECE_BYTES = 4096
-"""Size of the pieces that are decoded at a time, which bounds the work after a fault."""
+"""Size of the pieces that are decoded at a time. Basis: bounds the work after a fault."""
 
 
 @dataclass(frozen=True, slots=True)

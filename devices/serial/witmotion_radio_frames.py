@@ -16,10 +16,12 @@ import numpy as np
 from devices.serial.witmotion_frames import HEADER, PIECE_BYTES, Readings, join_readings
 
 FRAME_BYTES = 20
+"""Definition: of the protocol."""
 READINGS, REGISTERS = b"\x55\x61", b"\x55\x71"
 LOCK_FRAMES = 3
-"""So many headers at the right distance begin the reading of frames; random bytes pass once in 3.6e13 positions."""
+"""So many headers at the right distance begin the reading of frames. Basis: random bytes pass once in 3.6e13 positions."""
 RAD_S_PER_UNIT = math.radians(2000.0) / 32768
+"""Definition: of the protocol, 2000 deg/s over 16 bits."""
 
 
 class RadioFrameDecoder:

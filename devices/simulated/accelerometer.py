@@ -8,12 +8,17 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 LARGEST_COUNT = 2**19 - 1
-"""Largest value of 20 bits in two's complement."""
+"""Largest value of 20 bits in two's complement. Definition: of the part."""
 UNITS_PER_G_AT_2_G = 256000.0
+"""Data sheet of the ADXL355."""
 NOISE_DENSITY_G_PER_RT_HZ = 25e-6
+"""Basis: a tenth more than the data sheet of an ADXL355 states (22.5e-6)."""
 ZERO_G_OFFSET_LIMIT_G = 0.075
+"""Data sheet of the ADXL355."""
 ZERO_G_OFFSET_LIMIT_G_PER_K = 0.15e-3
+"""Data sheet of the ADXL355."""
 SCALE_FACTOR_LIMIT_PER_K = 1e-4
+"""Data sheet of the ADXL355."""
 
 
 @dataclass(frozen=True, slots=True)

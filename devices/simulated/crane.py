@@ -19,9 +19,11 @@ from devices.simulated.schedule import Drive, Event, Gust, Hoist, Schedule, Trol
 Array = NDArray[np.float64]
 
 STEP_S = 1 / 32
-"""Integration step, a power of two so that the grid is exact; the error is about 1e-9 rad with a rope of 2 m."""
+"""Integration step, a power of two so that the grid is exact. Basis: the error is about 1e-9 rad with a rope of 2 m."""
 STEPS_AT_ONCE = 16
+"""Basis: a choice; half a second, and numpy's cost is per call."""
 HISTORY_STEPS = 2048
+"""Basis: a choice; a minute, longer than a device lags."""
 HISTORY_S = HISTORY_STEPS * STEP_S / 2
 """Times that may be requested again: at most this much older than the newest requested time."""
 

@@ -15,19 +15,23 @@ from devices.simulated.crane import Crane
 from devices.simulated.schedule import Event, Gust, Hoist, TrolleyMove
 
 DAMPING_RATIO = 0.006
+"""Basis: a choice; a swing loses a third in ten periods, so that something is always seen."""
 CALM_SWING_RAD = np.radians(1.8)
+"""Basis: a choice; below usual limits, and visible."""
 CALM_S = 25.0
-"""Shortest calm swing before a hasty move."""
+"""Shortest calm swing before a hasty move. Basis: a choice; a person sees calm before the next alert."""
 PUSH_RAD = np.radians(3.3)
-"""Swing amplitude from one ramp of a hasty move, at most."""
+"""Swing amplitude from one ramp of a hasty move, at most. Basis: a choice; two ramps in step exceed usual limits."""
 RAMP_EFFECT = 0.835
-"""Amplitude by a smooth ramp of half a period, relative to a step of the same speed: its spectrum at the swing frequency."""
+"""Amplitude by a smooth ramp of half a period, relative to a step of the same speed. Basis: its spectrum at the swing
+frequency."""
 GUST_EFFECT = 0.462
-"""The same for a gust of a whole period, relative to an impulse of the same area."""
+"""The same for a gust of a whole period, relative to an impulse of the same area. Definition: the spectrum of the gust's shape at
+the swing frequency."""
 GUST_PEAK = 1.875
-"""Peak of a gust, relative to its mean."""
+"""Peak of a gust, relative to its mean. Definition: of the gust's shape."""
 LOWERED_SHARE = 0.25
-"""Change of the rope's length by a hoist; unit 1."""
+"""Change of the rope's length by a hoist; unit 1. Basis: a choice; the period changes visibly, by an eighth."""
 
 
 def demo_crane(

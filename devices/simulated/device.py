@@ -29,14 +29,18 @@ from devices.simulated.rigger import Rigger
 
 log = logging.getLogger("plumbline.device")
 LONGEST_WAIT_S: Final = 0.5
+"""Longest read. Basis: a thread that reads ends within it (`JOIN_S`)."""
 LONGEST_LAG_S: Final = 1.0
-"""After a longer delay (the host was suspended or overloaded) the device skips to the present, like a FIFO that overflows."""
+"""After a longer delay (the host was suspended or overloaded) the device skips to the present, like a FIFO that overflows. Basis:
+a choice; some FIFOs, and no jump by a busy core."""
 LONGEST_CATCH_UP_S: Final = 30.0
-"""Longest time by which the crane advances when samples are skipped; it stands still during the rest of the absence."""
+"""Longest time by which the crane advances when samples are skipped; it stands still during the rest of the absence. Basis: a
+choice; two swings of a long rope, computed in less than a second."""
 REST_S: Final = 90.0
-"""Time for which the load hangs still after the housing was hung back: long enough to zero the mount."""
+"""Time for which the load hangs still after the housing was hung back: long enough to zero the mount. Basis: three times the rest
+that zeroing needs (30 s)."""
 AHEAD_S: Final = 0.25
-"""Readings are computed for this long at once, for any length of the blocks, because numpy's cost is per call."""
+"""Readings are computed for this long at once, for any length of the blocks. Basis: numpy's cost is per call."""
 
 
 class SimulatedCrane:

@@ -12,11 +12,14 @@ from devices.simulated.accelerometer import Accelerometer
 Array = NDArray[np.float64]
 
 U_OFFSET_G = 0.3e-3
-"""Standard uncertainty of each axis' zero-g offset after a good calibration."""
+"""Standard uncertainty of each axis' zero-g offset after a good calibration. Basis: a choice; what six positions on a good plate
+reach."""
 U_SCALE = 2e-4
+"""Basis: a choice; as for the offsets, relative to 1 g."""
 U_CROSS_AXIS = 1e-4
+"""Basis: a choice; as for the offsets, less by the means of pairs."""
 COVERAGE = 3.0
-"""Coverage factor of the prediction interval, so large that a sensor at rest is seldom refused."""
+"""Coverage factor of the prediction interval. Basis: large that a sensor at rest is seldom refused."""
 
 
 def factory_calibration(device_id: str, part: Accelerometer, random: np.random.Generator) -> dict[str, Any]:

@@ -9,12 +9,15 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 TURN_S = 2.0
-"""Time in which the housing is turned to another face."""
+"""Time in which the housing is turned to another face. Basis: a choice; what a person takes."""
 PLACEMENT_RAD = np.radians(0.08)
-"""Standard deviation of the attitude in which the housing is laid down, about each axis across the vertical."""
+"""Standard deviation of the attitude in which the housing is laid down, about each axis across the vertical. Basis: a choice; a
+machined housing on a table, within the 0.1 degrees of `MAX_TYPE_A_G`."""
 SHAKE_G = 0.05
-"""Standard deviation of the readings by the hand that turns the housing."""
+"""Standard deviation of the readings by the hand that turns the housing. Basis: twice the limit of a still window, so that it
+counts as motion."""
 UPRIGHT = np.array([0.0, 0.0, 1.0])
+"""Definition: a unit vector."""
 
 
 class Rigger:

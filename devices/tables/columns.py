@@ -116,6 +116,7 @@ UNITS: dict[str, TableUnit] = {
 CLOCK = "hms"
 """Unit of a time of day that is written as one number, 161732.99 for 16:17:32.99."""
 TIME_UNITS_PER_S: dict[str, float] = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e3, "us": 1e6, "µs": 1e6, "ns": 1e9}
+"""Definition: units."""
 RATE_UNITS_DPS: dict[str, float] = {
     "deg/s": 1.0,
     "°/s": 1.0,
@@ -124,6 +125,7 @@ RATE_UNITS_DPS: dict[str, float] = {
     "rad s": 57.29577951308232,
     "deg s": 1.0,
 }
+"""Definition: units."""
 
 
 @dataclass(frozen=True, slots=True)

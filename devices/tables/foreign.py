@@ -34,7 +34,7 @@ from devices.tables.native import read_table
 from devices.tables.notation import TableHead, is_number, read_head
 
 SLOWEST_HZ, FASTEST_HZ = 5.0, 5000.0
-"""Sample rates of accelerometers. A table of time stamps has one unit among s, ms, µs and ns that gives such a rate."""
+"""Sample rates of accelerometers. Basis: A table of time stamps has one unit among s, ms, µs and ns that gives such a rate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class UnitRange:
 
 
 IN_MOTION = (UnitRange("g", 0.5, 2.0), UnitRange("m/s2", 5.0, 20.0), UnitRange("mg", 700.0, 1500.0))
-"""Magnitudes of a sensor on a swinging load."""
+"""Magnitudes of a sensor on a swinging load. Basis: half to twice 1 g, wider than a swing gives."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ TableUnit = Literal["g", "mg", "m/s2", "counts", "V"]
 Delimiter = Literal[",", ";", "\t", " "]
 """A blank stands for any number of blanks and tabs."""
 UNITS_PER_G: dict[TableUnit, float] = {"g": 1.0, "mg": 1000.0, "m/s2": STANDARD_GRAVITY_M_S2}
-"""Units of specific force; readings in the other units have to be calibrated."""
+"""Units of specific force; readings in the other units have to be calibrated. Definition: units."""
 
 BRACKETS = ("[", "(")
 WITHOUT_BRACKETS = str.maketrans(";", ",", "[]()")

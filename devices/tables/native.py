@@ -31,15 +31,18 @@ from devices.tables.layout import (
 )
 
 BLOCK_CHARS = 1 << 20
+"""Characters that are read at once. Basis: a choice; more is not faster, and a small board has the memory."""
 MAX_BYTES = 256_000_000
-"""Largest table that is read: some six million rows, which need 2 GB of memory."""
+"""Largest table that is read. Basis: some six million rows, which need 2 GB of memory."""
 HEADER_LINES = 64
-"""The header, or the first row of numbers, must be within this many lines."""
+"""The header, or the first row of numbers, must be within this many lines. Basis: a choice; headers of loggers have some tens of
+lines."""
 BINARY = re.compile(rb"[\x00-\x08\x0e-\x1a]")
 TIME_LIMIT_S = 4e9
-"""A larger number (beyond the year 2096 in Unix seconds) is not a time in seconds; differences still fit int64 nanoseconds."""
+"""A larger number . Basis: beyond the year 2096 in Unix seconds) is not a time in seconds; differences still fit int64
+nanoseconds."""
 READING_LIMIT = 2.0**31
-"""Range of the widest sensor; a larger number is a damaged row."""
+"""Range of the widest sensor. Basis: a larger number is a damaged row."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,10 +10,11 @@ from devices.regular_file import open_regular
 from devices.tables.layout import Delimiter, TableLayout, plain_row, split_line
 
 HEAD_LINES = 1000
+"""Basis: a choice; enough to tell decimal comma, separator and columns."""
 HEAD_CHARS = 1 << 20
-"""Lines that are looked at."""
+"""Lines that are looked at. Basis: a choice; lines of a text are shorter, and a binary file is left soon."""
 MIN_NUMBERS = 3
-"""Fewest numbers in a row of readings."""
+"""Fewest numbers in a row of readings. Definition: three axes."""
 NOTATIONS: tuple[tuple[Delimiter, Literal[".", ","]], ...] = (
     (",", "."),
     ("\t", "."),

@@ -16,10 +16,11 @@ from devices.errors import RecordingError
 from devices.recording import Recording, typical_interval
 
 LONGEST_WAIT_S = 0.5
+"""Longest read. Basis: a thread that reads ends within it (`JOIN_S`)."""
 ROW_FAULTS = ("repeated", "backward", "invalid", "blank", "truncated")
 """The kinds of rows that a recording counts."""
 GYRO_DPS_PER_COUNT = 1e-2
-"""Resolution of the angular rates of a text recording: a fraction of the noise of any such gyroscope."""
+"""Resolution of the angular rates of a text recording. Basis: a fraction of the noise of any such gyroscope."""
 
 
 class Replay:

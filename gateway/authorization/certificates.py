@@ -15,6 +15,7 @@ from gateway.pki.inspect import CertificateError, check_issued, identity_of, is_
 ROLES = {"operator": Role.OPERATOR, "service": Role.SERVICE}
 PrivateKey = ed25519.Ed25519PrivateKey | ec.EllipticCurvePrivateKey
 REMEMBERED = 64
+"""Certificates that are remembered. Basis: a choice; more than a site has callers, and a bound of the memory."""
 
 
 class CertificateVerifier:

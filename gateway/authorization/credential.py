@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from gateway.authorization.caller import NotAuthorised
 
 MAX_CREDENTIAL_BYTES = 8192
+"""Largest credential. Basis: a choice; a certificate and a signature have a few kilobytes, and a flood stays cheap."""
 BootId = Annotated[str, Field(pattern=r"^[0-9a-f]{12}$")]
 KeyId = Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]
 TimeNs = Annotated[int, Field(ge=0, lt=2**63)]

@@ -6,9 +6,10 @@ from gateway.authorization.caller import NotAuthorised
 from gateway.authorization.credential import RequestStatement
 
 WINDOW_S = 30.0
-"""Time after a challenge within which its credential must arrive, s: a link across a site needs a fraction of it."""
+"""Time after a challenge within which its credential must arrive. Basis: a link across a site needs a fraction of it."""
 MAX_REMEMBERED = 1024
-"""Credentials that are remembered; of older ones none is accepted, so that a flood cannot push one out and repeat it."""
+"""Credentials that are remembered; of older ones none is accepted, so that a flood cannot push one out and repeat it. Basis: a
+choice; more than honest callers send in `WINDOW_S`, and a bound of the memory."""
 
 
 class Freshness:

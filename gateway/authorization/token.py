@@ -8,6 +8,7 @@ from gateway.authorization.credential import Challenge, RequestStatement, TokenC
 
 TOKEN_NAME = "command-token"
 TOKEN_BYTES = 32
+"""Basis: 256 random bits cannot be guessed."""
 
 
 def parse_token(text: str) -> bytes | None:

@@ -4,7 +4,7 @@ from collections import OrderedDict
 from dataclasses import dataclass
 
 MAX_CALLERS = 256
-"""Callers whose bucket is kept."""
+"""Callers whose bucket is kept. Basis: a choice; more than a site has, and a bound of the memory."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from gateway.numerics.array import Array
 from gateway.numerics.quantisation import smallest_steps
 
 AVERAGE_S = 0.1
-"""Duration of an average, s, as live."""
+"""Duration of an average, s, as live. Definition: the period of the tilts, as live."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from gateway.certificate.bench_report import ReportTable, render_bench_report
 from gateway.documents.format import format_fixed, format_short
 
 MOST_TURNS = 500
-"""Turns that are shown, the last ones."""
+"""Turns that are shown, the last ones. Basis: a choice; more than anybody turns in a session, and a bound of the report."""
 
 
 def render_alignment_report(name: str, found: RecordedTurns, housing_deviation_rad: float) -> str:

@@ -16,12 +16,12 @@ from gateway.errors import InputError
 from gateway.numerics.array import Array
 
 ROW_LIMIT = 1_000_000
-"""A longer file is a recording, not a table of bench measurements."""
+"""A longer file is a recording. Basis: not a table of bench measurements."""
 PAIR_COLUMNS = ("displacement_mm", "raw_angle_deg")
 UNITS: dict[str, Literal["g", "V", "counts"]] = {"g": "g", "v": "V", "counts": "counts"}
 """Endings of the axis columns, with the unit of the record."""
 MAX_ANGLES = 720
-"""Most different angles of a turn: one per half degree."""
+"""Most different angles of a turn. Basis: one per half degree."""
 
 
 def read_header(path: Path) -> list[str]:

@@ -15,11 +15,13 @@ from gateway.numerics.stats import NORMAL_975, student_quantile
 IN_PLANE = {0: (1, 2), 1: (0, 2), 2: (0, 1)}
 """For each rotation axis, the axis that follows the sine of the angle and the one that follows its cosine."""
 MIN_ANGLES = 12
-"""Least number of different angles of a turn: 30 degrees apart, and nine degrees of freedom beside the three unknowns."""
+"""Least number of different angles of a turn. Basis: 30 degrees apart, and nine degrees of freedom beside the three unknowns."""
 MAX_GAP_DEG = 60.0
-"""Largest gap between neighbouring angles of a full turn, degrees."""
+"""Largest gap between neighbouring angles of a full turn, degrees. Basis: a choice; a gap of a sixth leaves sine, cosine and
+constant well apart."""
 MAX_AXIS_SHARE = 0.5
-"""Largest amplitude of the axis along the rotation axis, relative to the smaller one of the two that go round."""
+"""Largest amplitude of the axis along the rotation axis, relative to the smaller one of the two that go round. Basis: a choice;
+an axis that is mounted as stated has a few per cent."""
 MAX_PHASE_DEG = 10.0
 """Largest phase shift, degrees, of an axis that is mounted as stated; the method asks for 1 degree (Łuczak n.d., sec. 4)."""
 

@@ -13,15 +13,14 @@ from numpy.typing import NDArray
 from gateway.calibration.record import NotDeterminedError
 from gateway.errors import InputError
 from gateway.numerics.array import Array
-from gateway.numerics.stats import chi_square_quantile
+from gateway.numerics.stats import CHANCE_LEVEL, chi_square_quantile
 
 RANGE_RAD = np.radians(5.0)
 """Largest relative angle for which the method holds (Zhu et al. 2020, sec. 2.2)."""
 SHARED_ZERO = 0.5
-"""Correlation of the pairs of one session: half of each pair's variance is that of the zero which all of them refer to."""
-CHANCE_LEVEL = 0.99
-"""Probability with which the stated uncertainties keep chi-square below the limit."""
+"""Correlation of the pairs of one session. Basis: half of each pair's variance is that of the zero which all of them refer to."""
 APPROXIMATION_STEPS = 500
+"""Steps of the angle at which the approximation is judged. Basis: a choice; a hundredth of a degree of 5 degrees."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from gateway.numerics.array import Array
 SCALE_LIMIT, CROSS_AXIS_LIMIT = 0.05, 0.02
 """Limits of scale factor and cross-axis sensitivity, which the method does not measure (Zhu et al. 2020, table 1)."""
 FULL_RANGE = 0.9999
-"""Share of the range at which the report states the uncertainty: rounding must not take the angle beyond it."""
+"""Share of the range at which the report states the uncertainty. Basis: rounding must not take the angle beyond it."""
 NOT_MEASURED = "for relative angles within +-5 deg only: offsets of x and y and all scale factors are data-sheet limits"
 
 

@@ -31,17 +31,22 @@ from gateway.messages import Alert
 from gateway.topics import adapter
 
 INBOX = 4096
+"""Messages that may wait. Basis: a choice; sixteen for each of the gateways, and a bound of the memory."""
 MOST_GATEWAYS = 256
-"""Bound of the memory that a peer with invented names can take."""
+"""Bound of the memory that a peer with invented names can take. Basis: a choice; more than a site has cranes."""
 PATIENCE_S = 0.6
-"""A gateway whose alert message is overdue by this time is silent."""
+"""A gateway whose alert message is overdue by this time is silent. Basis: a choice; a lost packet is repeated within less, and
+with the heartbeat of a second silence shows in less than two."""
 STEP_S = 0.1
-"""Longest wait before the states are judged again."""
+"""Longest wait before the states are judged again. Basis: a choice; a tenth of the heartbeat."""
 ANSWER_S = 2.0
-"""A request for missed changes without an answer is repeated after this time."""
+"""A request for missed changes without an answer is repeated after this time. Basis: a choice; an answer takes milliseconds on a
+site, and a second lost question costs little."""
 GIVE_UP_S = 10.0
-"""A gateway that sends and does not answer holds up its alerts no longer than this."""
+"""A gateway that sends and does not answer holds up its alerts no longer than this. Basis: a choice; some repetitions of
+`ANSWER_S`."""
 CONNECT_MS = 1000
+"""Longest attempt to connect. Basis: a choice; a router answers in milliseconds, and the next attempt follows."""
 _STATES = TypeAdapter(dict[str, SequenceState])
 
 

@@ -14,7 +14,11 @@ from gateway.messages import Alert
 from gateway.outbox.position import Position
 
 REMEMBERED_BOOTS = 32
+"""Boots of a gateway whose messages are told apart. Basis: a choice; messages of an old boot are late by seconds, and the memory
+is bounded."""
 MOST_EARLY = 256
+"""Messages that wait for an earlier one. Basis: a choice; more than come while a question is answered, and a bound of the
+memory."""
 
 
 class SequenceState(BaseModel):

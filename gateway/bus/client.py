@@ -20,9 +20,12 @@ from gateway.text import printable
 from gateway.verbs import VERBS
 
 CONNECT_MS = 2000
+"""Longest attempt to connect. Basis: a choice; several round trips of a radio link with TLS, and no long wait for a person."""
 ANSWER_S = 5.0
-"""A request without an answer is repeated after this time. The gateway does a request with the same id once."""
+"""A request without an answer is repeated after this time. The gateway does a request with the same id once. Basis: a choice; a
+step that hangs is refused after 8 s, usual ones take less than a second."""
 PAUSE_S = 0.5
+"""Pause before a repetition. Basis: a choice; a link is opened again in it, and a person does not wait."""
 STATUS = "rpc/status"
 ALIVE = "alive"
 PASSING = ("rate_limited", "stale_credential")

@@ -8,6 +8,7 @@ from gateway.calibration.store import ID_PATTERN
 
 Id = Annotated[str, Field(pattern=ID_PATTERN)]
 MAX_RECORDS = 1000
+"""Basis: a choice; centuries of calibrations, and a bound of a hostile answer."""
 
 
 class FetchedEntry(BaseModel):

@@ -13,6 +13,7 @@ from gateway.topics import STATE_TOPICS
 
 ALIVE = "alive"
 LARGEST_STATUS = 1 << 20
+"""Largest status of a gateway, bytes. Basis: as for any message, `untrusted.LARGEST_PAYLOAD`."""
 
 
 class FleetClient:

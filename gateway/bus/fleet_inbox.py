@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 from gateway.bus.untrusted import GATEWAY_KEY, LONGEST_KEY
 
 LARGEST_PAYLOAD = 65536
+"""Largest message of a fleet, bytes. Basis: alerts, health and conditions have a few kilobytes."""
 MOST_GATEWAYS = 5000
-"""Bound of the memory that a peer with invented names can take."""
+"""Bound of the memory that a peer with invented names can take. Basis: a choice; more than any fleet, some ten kilobytes each."""
 
 
 @dataclass(frozen=True, slots=True)

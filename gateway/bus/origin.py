@@ -3,6 +3,7 @@
 import zenoh
 
 MOST_NAMED = 4
+"""Basis: a choice; one line of a terminal."""
 
 
 def describe_links(session: zenoh.Session) -> str:

@@ -8,8 +8,11 @@ from gateway.bus.session import LARGEST_ANSWER, LEASE_MS, LONGEST_BLOCKED_US, Tl
 from gateway.topics import STATE_TOPICS
 
 MOST_PENDING = 256
-"""Links that may be opened at the same time, so that a whole fleet comes back quickly after a restart of the router."""
+"""Links that may be opened at the same time, so that a whole fleet comes back quickly after a restart of the router. Basis: a
+choice; a fleet of as many cranes, and a bound of the memory."""
 CLEANING = {"period": 3600, "lifespan": 86400}
+"""Seconds between cleanings, and for which an unused entry lives. Basis: a choice; an hour and a day, so that nothing of a
+running site is lost."""
 
 
 def router_configuration(

@@ -14,20 +14,26 @@ from gateway.configuration.bus_section import BusSection
 from gateway.errors import PlumblineError
 
 LEASE_MS = 1500
-"""A silent peer is noticed after about this time; with the library's 10 s a dead gateway would look alive."""
+"""A silent peer is noticed after about this time; with the library's 10 s a dead gateway would look alive. Basis: a choice; the
+library sends a keep-alive four times in a lease, and three may be lost."""
 RETRY_MS = {"period_init_ms": 200, "period_max_ms": 2000, "period_increase_factor": 2}
-"""Pauses between attempts to connect, on average."""
+"""Pauses between attempts to connect, on average. Basis: a choice; a restart of a router is over soon, and a missing one costs
+little."""
 RETRY_SPREAD = 0.5
-"""Share by which the pauses of each party differ, so that a fleet does not return to its router in step."""
+"""Share by which the pauses of each party differ, so that a fleet does not return to its router in step. Basis: a choice; the
+pauses of a fleet then spread over one whole pause."""
 FOREVER = -1
 CLIENT_CONNECT_MS = 2000
-"""Longest attempt of a gateway that is a client: the library waits in `open`, and the gateway repeats it without end."""
+"""Longest attempt of a gateway that is a client: the library waits in `open`, and the gateway repeats it without end. Basis: a
+choice; several round trips of a radio link with TLS, and no late look for the end."""
 LARGEST_MESSAGE = 65536
-"""Largest message, bytes, that a gateway receives: a request or a load signal is smaller. The library's default is 1 GiB."""
+"""Largest message, bytes, that a gateway receives. Basis: a request or a load signal is smaller. The library's default is 1
+GiB."""
 LARGEST_ANSWER = 4_194_304
-"""Largest message, bytes, that a client receives: an audit of a thousand lines, a record with its poses."""
+"""Largest message, bytes, that a client receives. Basis: an audit of a thousand lines, a record with its poses."""
 LONGEST_BLOCKED_US = 1_000_000
-"""A link that takes nothing for so long is closed, so that a stalled peer holds no answer to another one up."""
+"""A link that takes nothing for so long is closed, so that a stalled peer holds no answer to another one up. Basis: a choice; a
+lost packet is repeated within less."""
 
 
 @dataclass(frozen=True, slots=True)

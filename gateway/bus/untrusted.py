@@ -13,8 +13,9 @@ from gateway.topics import TOPICS, adapter
 GATEWAY_KEY = re.compile(f"plumbline/v1(/{KEY_PATTERN.strip('^$')}){{3}}")
 """Key of a gateway: the names that a configuration allows."""
 LONGEST_KEY = 256
+"""Basis: a choice; keys have a prefix, a name of 64 characters and a topic."""
 LARGEST_PAYLOAD = 1 << 20
-"""A calibration with all poses and its record is the largest message: some 60 kB."""
+"""Largest message. Basis: a calibration with all poses and its record is the largest one, some 60 kB."""
 
 
 def parse_message(topic: str, payload: bytes) -> dict[str, Any] | None:

@@ -14,7 +14,8 @@ from gateway.calibration.thermal_model import correction_at, holds_at_c
 from gateway.numerics.array import Array
 
 MIN_EIGENVALUE = -1e-6
-"""Least eigenvalue of a scaled covariance that is zero within rounding errors."""
+"""Least eigenvalue of a scaled covariance that is zero within rounding errors. Basis: a choice; far above rounding (1e-15), far
+below a variance that matters."""
 
 
 @dataclass(frozen=True, slots=True)

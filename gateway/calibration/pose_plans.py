@@ -16,9 +16,10 @@ from gateway.calibration.poses.pose import NominalSensitivity, Pose
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 
 MIN_DIFFERENCE_G = 0.25
-"""Least difference between the readings of two poses of a norm fit, g: 15 degrees."""
+"""Least difference between the readings of two poses of a norm fit, g: 15 degrees. Basis: a choice; 15 degrees, which a hand
+makes without a tool; closer poses tell the fit little new."""
 NORM_FIT_POSES = N_PARAMETERS + 3
-"""Number of poses that the norm fit asks for: three more than unknowns, so that the fit is checked."""
+"""Number of poses that the norm fit asks for. Basis: three more than unknowns, so that the fit is checked."""
 
 
 class SixPositionPlan:

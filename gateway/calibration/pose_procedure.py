@@ -9,7 +9,8 @@ from gateway.calibration.poses.pose_finder import PoseFinder
 from gateway.numerics.array import Array
 
 MAX_POSES = 200
-"""Largest number of poses of one session, which bounds memory and the time of the fit."""
+"""Largest number of poses of one session, which bounds memory and the time of the fit. Basis: a choice; ten times a usual
+session, and a bound of memory and of the time of the fit."""
 
 Poses = tuple[Pose, ...]
 

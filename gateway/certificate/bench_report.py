@@ -9,6 +9,7 @@ from gateway.documents.environment import render
 from gateway.documents.text import printable_text
 
 CELL = 200
+"""Characters of a cell. Basis: a choice; three lines of a column, and no page of hostile text."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,9 @@ from gateway.calibration.record import BudgetEntry, CalibrationRecord
 from gateway.documents.format import format_short
 
 MOST_ROWS = 7
+"""Basis: a choice; the table stays on one page."""
 NEGLIGIBLE = 1e-6
-"""mg or degrees: digits below say nothing."""
+"""mg or degrees: digits below say nothing. Basis: a choice; no sensor is good to a millionth."""
 
 
 def largest_contributions(record: CalibrationRecord) -> list[BudgetEntry]:

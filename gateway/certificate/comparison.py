@@ -11,8 +11,9 @@ from gateway.documents.format import UNKNOWN, format_fixed, format_with_uncertai
 from gateway.documents.text import as_sentence, printable_text
 
 SIGNIFICANT = 2.0
-"""A change beyond this many standard uncertainties is one."""
+"""A change beyond this many standard uncertainties is one. Definition: about 95 % (GUM 6.3)."""
 MOST = 260
+"""Characters of a text. Basis: a choice; three lines."""
 
 
 @dataclass(frozen=True, slots=True)

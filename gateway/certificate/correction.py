@@ -9,6 +9,7 @@ from gateway.documents.text import printable_text
 
 Array = NDArray[np.float64]
 LARGEST_EXPONENT = 300
+"""Basis: a larger power of ten is no float of 64 bits."""
 
 
 def correction_rows(record: CalibrationRecord) -> tuple[tuple[str, ...], ...]:

@@ -11,7 +11,7 @@ from gateway.documents.format import UNKNOWN, format_fixed, format_number, forma
 from gateway.numerics.array import Array
 
 MOST_SENSORS = 20
-"""Sensors whose calibrations are shown one by one, the most urgent ones."""
+"""Sensors whose calibrations are shown one by one, the most urgent ones. Basis: a choice; a page each."""
 HOURS_PER_DAY = 24.0
 
 

@@ -5,6 +5,7 @@ from gateway.documents.format import UNKNOWN, format_short
 from gateway.documents.text import printable_text
 
 FIELD = 40
+"""Characters of a field. Basis: a choice; one line of its column."""
 
 
 def identity_facts(record: CalibrationRecord) -> tuple[tuple[str, str], ...]:

@@ -7,6 +7,7 @@ from gateway.documents.figures import tick_step
 from gateway.documents.format import format_short
 
 TICK_DIGITS = 6
+"""Basis: a choice; the least half range of a scale is a millionth of its values."""
 
 
 @dataclass(frozen=True, slots=True)

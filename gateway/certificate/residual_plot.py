@@ -10,11 +10,13 @@ from gateway.documents.format import format_short
 from gateway.documents.text import printable_text
 
 MOST_POSES = 160
+"""Basis: a choice; neighbours touch at the figure's width."""
 MOST_LABELS = 14
+"""Basis: a choice; labels do not touch."""
 BAND_SHOWN = 4.0
-"""The prediction interval is drawn where it is at most so many times the residuals; else it would hide them."""
+"""The prediction interval is drawn where it is at most so many times the residuals. Basis: else it would hide them."""
 BEYOND_U = 3.0
-"""A residual of more standard uncertainties is counted in the caption."""
+"""A residual of more standard uncertainties is counted in the caption. Basis: a choice; 0.3 % by chance."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 from gateway.atomic_io import write_private
 
 MAX_FOLDERS = 32
-"""Folders that are remembered, the newest."""
+"""Folders that are remembered, the newest. Basis: a choice; more than a host has, and a bound of the file."""
 
 
 def remember_data_folder(data_dir: Path, environment: Mapping[str, str] = os.environ) -> None:

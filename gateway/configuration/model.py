@@ -13,9 +13,11 @@ from gateway.configuration.section import KEY_PATTERN, Section, one_of
 from gateway.languages import LANGUAGES
 
 HIGHEST_CUTOFF = 0.4
-"""Largest cut-off frequency of the low-pass, relative to the sample rate."""
+"""Largest cut-off frequency of the low-pass, relative to the sample rate. Basis: a choice; below half the sample rate (Nyquist),
+where the bilinear transform ends."""
 SIMULATED_RHO = 0.75
-"""Position of a simulated housing without a configured position, as a share of the rope's length."""
+"""Position of a simulated housing without a configured position, as a share of the rope's length. Basis: a choice; between the
+middle of the rope and the hook."""
 
 
 class GatewaySection(Section):
@@ -50,7 +52,8 @@ class RopeSection(Section):
 
 
 ALIGNED_MOUNT_U_DEG = 0.06
-"""Standard uncertainty of the angle between the housing's z axis and the rope after zeroing in place."""
+"""Standard uncertainty of the angle between the housing's z axis and the rope after zeroing in place. Basis: a little more than
+that of the rope as a plumb line, `zeroing.PLUMB_U_DEG`."""
 
 
 LONGEST_ABOVE_LOAD = 1.2
@@ -128,7 +131,9 @@ class AlertsSection(Section):
 
 
 LONGEST_EVENT_S = 86_400.0
+"""Definition: a day."""
 LARGEST_QUOTA_MB = 1e9
+"""Basis: a choice; a petabyte, larger than any disk."""
 LARGEST_PORT = 65535
 
 

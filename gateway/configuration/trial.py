@@ -13,7 +13,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from gateway.atomic_io import sync_folder, write_durably
 
 MOST_STARTS = 3
-"""Starts of the gateway within a trial; at the next one the configuration before is put back."""
+"""Starts of the gateway within a trial; at the next one the configuration before is put back. Basis: a choice; power may fail
+once within a trial, and a bad configuration is left soon."""
 
 Outcome = Literal["none", "continued", "rolled_back", "edited_locally", "unreadable"]
 

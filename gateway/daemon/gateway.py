@@ -37,18 +37,25 @@ from gateway.recording.chain.segment_chain import SegmentChain
 
 log = logging.getLogger("plumbline")
 SUPERVISION_S = 0.2
+"""Time between two looks at the threads. Basis: a choice; an end is noticed within what a person sees, and costs five wakings per
+second."""
 FIRST_ATTEMPTS_S = 1.0
-"""Longest wait for the first attempts to record and to open the bus, before their state is printed."""
+"""Longest wait for the first attempts to record and to open the bus, before their state is printed. Basis: a choice; a disk and a
+router on the network answer within it, and a start waits no longer."""
 JOIN_S = 0.8
-"""Longest wait for a thread to end: a read takes at most half a second."""
+"""Longest wait for a thread to end. Basis: a read takes at most half a second."""
 SWITCH_S = 0.0005
-"""Longest wait of a thread for the interpreter. The usual 5 ms of a swing fit would delay an alert."""
+"""Longest wait of a thread for the interpreter. Basis: the usual 5 ms of a swing fit would delay an alert; shorter ones cost
+switches."""
 PAGE_END_S = 3.0
+"""Longest wait for the page to end. Basis: a choice; it closes its streams in less, and the service has 10 s in all
+(TimeoutStopSec)."""
 WRITING_S = 10.0
-"""Longest wait for a disk to take what is queued."""
+"""Longest wait for a disk to take what is queued. Basis: a choice; a slow card flushes a few megabytes in less, and an end by
+hand waits no longer."""
 DRAIN_S = 60.0
 """Longest wait for a step in the processing of a recording that was replayed faster than it is processed, and for the last
-compaction."""
+compaction. Basis: a choice; a step takes far less, and one that takes longer has hung."""
 
 
 class Gateway:

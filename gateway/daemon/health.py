@@ -32,9 +32,11 @@ if TYPE_CHECKING:
     from gateway.daemon.commands.site_certificates import SiteCertificates  # its library is an extra
 
 RATE_WINDOW = 60
-"""The rate is computed over this many messages, one per second."""
+"""The rate is computed over this many messages, one per second. Basis: a choice; a minute shows a rate to 0.1 % and a change
+soon."""
 NO_SAMPLES_S = 2.0
-"""A gateway without a new sample for this long is not healthy."""
+"""A gateway without a new sample for this long is not healthy. Basis: a choice; longer than a restart of a device that returns
+(`sampler.LONGEST_PAUSE_S`) and twice the health's period."""
 
 
 @dataclass(slots=True)

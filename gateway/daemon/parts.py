@@ -52,9 +52,11 @@ from gateway.recording.chain.segment_chain import SegmentChain
 
 log = logging.getLogger("plumbline")
 BLOCKS = 256
-"""Blocks that may wait for the processor; more are dropped and counted."""
+"""Blocks that may wait for the processor; more are dropped and counted. Basis: a choice; 25 s of blocks of 0.1 s, longer than a
+load of the host lasts, and a bound of the memory."""
 RECALL_PATIENCE_S = 0.5
-"""Longest wait of a page's start for the alerts on the disk; it starts without them where the disk does not answer."""
+"""Longest wait of a page's start for the alerts on the disk; it starts without them where the disk does not answer. Basis: a
+choice; a disk answers in milliseconds, and a page that waits longer is missed."""
 
 
 @dataclass(frozen=True, slots=True)

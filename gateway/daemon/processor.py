@@ -39,12 +39,16 @@ from gateway.topics import TOPICS
 log = logging.getLogger("plumbline.pipeline")
 alert_log = logging.getLogger("plumbline.alert")
 HEALTH_PERIOD_S = 1.0
+"""Definition: the rate of the topic, once per second."""
 OUTBOX_PATIENCE_S = 1.0
-"""Longest wait at start for the number of the last alert."""
+"""Longest wait at start for the number of the last alert. Basis: a choice; a disk answers in milliseconds, and samples wait
+meanwhile."""
 CALIBRATION_PATIENCE_S = 10.0
-"""Longest wait at start for the record in force and the session; the device is uncalibrated until they are read."""
+"""Longest wait at start for the record in force and the session; the device is uncalibrated until they are read. Basis: a choice;
+a slow card reads some kilobytes in less, and samples wait meanwhile in `parts.BLOCKS`."""
 SINK_PATIENCE_S = 0.5
-"""Longest wait for a sink with a full queue, where the source of the samples can wait."""
+"""Longest wait for a sink with a full queue, where the source of the samples can wait. Basis: a choice; short beside the period
+of the watchdog, long beside a write."""
 
 
 class Processor(Worker[SamplerItem]):

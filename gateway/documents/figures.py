@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 CURVE_POINTS = 900
-"""Of a curve across a figure: more than paper or a screen can show."""
+"""Points of a curve across a figure. Basis: more than paper or a screen can show at its width."""
 
 
 @dataclass(frozen=True, slots=True)

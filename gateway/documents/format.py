@@ -5,10 +5,13 @@ import math
 COVERAGE_FACTOR = 2.0
 """k: about 95 % of a normal distribution (GUM 6.3)."""
 MOST_DECIMALS = 9
+"""Basis: a choice; a billionth of a unit is below any result."""
 LARGEST_WRITTEN_OUT = 1e9
+"""Basis: a choice; ten digits are still read."""
 SMALLEST_P = 0.001
+"""Basis: a choice; the tail of a smaller probability is not known so well."""
 INSTANT_S = 0.05
-"""A shorter span of time is printed as an instant."""
+"""A shorter span of time is printed as an instant. Basis: a choice; it would be printed as 0.0 s."""
 UNKNOWN = "—"
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 

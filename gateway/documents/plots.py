@@ -19,6 +19,7 @@ from gateway.documents.palette import FAINT, INK, LINE
 
 Array = NDArray[np.float64]
 WIDTH_IN = 7.2
+"""Basis: the width of A4 less margins of 14 mm."""
 STYLE: dict[RcKeyType, Any] = {
     "font.family": "sans-serif",
     # Measured with the first, which comes with matplotlib and is the widest: what a reader has instead fits.
@@ -47,6 +48,7 @@ STYLE: dict[RcKeyType, Any] = {
     "lines.linewidth": 0.9,
     "lines.solid_joinstyle": "round",
 }
+"""Style of all figures. Basis: a choice of taste; text is as large as that around it."""
 NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
 
 

@@ -25,8 +25,9 @@ from gateway.page.static_files import static_routes
 from gateway.page.verdict import STYLES, VerdictStyle, Word
 
 PUSH_S = 0.5
+"""Interval between two pushes. Basis: a choice; a person overlooks a fleet, and states come once per second."""
 STALE_S = 1.5
-"""A browser without a push for this time shows that its data are old."""
+"""A browser without a push for this time shows that its data are old. Basis: three pushes."""
 CARD_STYLES: dict[FleetWord, VerdictStyle] = {
     **{word: STYLES[word] for word in get_args(Word)},
     "MISSING": VerdictStyle("MISSING", "black", "empty"),

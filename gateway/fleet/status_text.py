@@ -15,9 +15,11 @@ from gateway.messages import Alert, Calibration, Condition, Health, Message, Mot
 from gateway.topics import TOPICS
 
 LONGEST_LINE = 200
+"""Basis: a choice; a wide terminal, and no page of hostile text."""
 NAME_WIDTH = 12
+"""Basis: a choice; names of cranes are shorter, and longer ones push their line."""
 CLOCK_S = 5.0
-"""Difference of two clocks that is worth a word; a message is at most a second or two old."""
+"""Difference of two clocks that is worth a word. Basis: a message is at most a second or two old."""
 
 
 def judge_answer(

@@ -8,9 +8,12 @@ from gateway.fleet.gateway_status import LABELS, GatewayStatus
 
 HEADER = ("gateway", "state", "level", "swing", "battery", "signal", "calibrated", "seen", "software", "why")
 LONGEST_CELL = 48
+"""Basis: a choice; columns stay side by side in a terminal."""
 LONGEST_REASON = 160
+"""Basis: a choice; a sentence, in the last column."""
 UNKNOWN = "-"
 MINUTE_S, HOUR_S, DAY_S = 60, 3600, 86400
+"""Definition: seconds."""
 
 
 def summary_line(statuses: Sequence[GatewayStatus], failing: Sequence[GatewayStatus]) -> str:

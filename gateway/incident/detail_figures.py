@@ -13,15 +13,22 @@ from gateway.incident.time_axis import label_times
 from gateway.numerics.array import Array
 
 AROUND_PEAK_S = 5.0
+"""Time shown on either side of the peak. Basis: a choice; a swing of a long rope, and single blows still show."""
 MOST_POINTS = 4000
-"""Of each axis around the peak: every sample up to 400 Hz."""
+"""Of each axis around the peak. Basis: every sample up to 400 Hz."""
 AXES = (("x", AFTER), ("y", BEFORE), ("z", "#009e73"))
 STEP_PARTS = 10
-"""Points of the polar plot from one message to the next."""
+"""Points of the polar plot from one message to the next. Basis: a choice; a curve without corners, at some messages per
+second."""
 SPECTRUM_BINS = 900
+"""Bins that are drawn. Basis: more than the figure has pixels."""
 FEWEST_SAMPLES = 64
+"""Samples without which there is no spectrum. Basis: a choice; 32 lines."""
 MOST_MISSING_SHARE = 0.05
+"""Share of missing samples up to which there is a spectrum. Basis: a choice; missing ones are interpolated, which weakens a line
+by some per cent."""
 LOWEST_SHOWN_MG = 0.001
+"""Lower end of the scale. Basis: a choice; below the noise of any sensor in a line."""
 
 
 def acceleration_figure(course: Course, facts: IncidentFacts) -> Figure | None:

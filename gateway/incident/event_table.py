@@ -11,9 +11,11 @@ from gateway.incident.report_clock import ReportClock
 ALERT, MARK = "alert", "mark"
 ALWAYS_SHOWN = (ALERT, MARK)
 MOST_EVENTS = 120
+"""Basis: a choice; two or three printed pages."""
 LONGEST_TEXT = 260
+"""Basis: a choice; two or three lines of the table."""
 SHORTEST_STATE_S = 1.0
-"""A condition that lasted shorter is left out."""
+"""A condition that lasted shorter is left out. Basis: two verdicts."""
 
 
 @dataclass(frozen=True, slots=True)

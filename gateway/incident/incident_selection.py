@@ -13,7 +13,8 @@ from gateway.recording.reading.timeline import ReportProgress, Timeline, Timelin
 
 ALERTS = frozenset({"/alert"})
 LONGEST_S = 4 * 3600.0
-"""Longest time of a report."""
+"""Longest time of a report. Basis: a choice; an incident is shorter, and a longer span needs more memory than a laptop has to
+spare."""
 
 
 @dataclass(frozen=True, slots=True)

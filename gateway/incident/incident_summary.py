@@ -10,9 +10,9 @@ from gateway.incident.report_clock import ReportClock
 from gateway.pipeline.alert_rules import SWING
 
 MOST_MARKS = 3
-"""Of the summary; the events have all of them."""
+"""Of the summary; the events have all of them. Basis: a choice; the summary stays on one page, the events have all of them."""
 LATE_S = 5.0
-"""An alert is stated each second; after a longer silence the gateway has ended."""
+"""An alert is stated each second. Basis: after a longer silence the gateway has ended."""
 LEVELS = {"warn": "warning", "trip": "trip"}
 CLOCKS = {
     "synchronised": "The gateway's clock was synchronised.",

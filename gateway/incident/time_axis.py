@@ -8,10 +8,13 @@ from matplotlib.ticker import FixedLocator, FuncFormatter
 from gateway.incident.report_clock import ReportClock
 
 STEPS_S = (0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 43200, 86400)
+"""Distances of ticks. Definition: round steps of seconds, minutes and hours."""
 MOST_TICKS = 8
+"""Basis: a choice; labels of the time do not touch."""
 TICK_ERROR_S = 1e-3
+"""Basis: a choice; above the rounding of the times, below the smallest step."""
 EDGE_SHARE = 0.03
-"""Share of the axis before its end without a tick: half a label."""
+"""Share of the axis before its end without a tick. Basis: half a label."""
 
 
 def tick_times(clock: ReportClock, begin_s: float, end_s: float) -> list[float]:

@@ -20,8 +20,10 @@ from gateway.numerics.stats import NORMAL_975
 from gateway.pipeline.alert_rules import SWING
 
 HEIGHT_IN = 8.4
+"""Basis: a choice; the figure and its caption fill one page of A4."""
 PANELS = (3.4, 1.5, 1.2, 1.2, 2.6)
-"""Relative heights: angle, pivot, hoist, lean, states."""
+"""Relative heights: angle, pivot, hoist, lean, states. Basis: a choice of taste; the angle is what is asked for, and states need
+a line each."""
 COLOURS = {
     "trip": ALARM,
     "warn": "#e69f00",
@@ -42,12 +44,14 @@ COLOURS = {
 """Other states, such as unknown, are white with a frame. Okabe and Ito 2008."""
 DARK = frozenset({"trip", "disturbed"})
 CHARACTER_SHARE = 0.0105
-"""Width of a character as a share of the panel's width."""
+"""Width of a character as a share of the panel's width. Basis: the width of the font of the labels at the width of the figure."""
 NOT_TRUSTED = "not trusted"
 HALF_HEIGHT = 0.36
+"""Half the height of a bar of a state. Basis: a choice of taste; rows are one apart."""
 LABEL_BOX = {"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.6}
+"""Box around a label. Basis: a choice of taste; the curve shows through."""
 LEAST_ANGLE_DEG, LEAST_HOIST_M_S = 0.5, 0.1
-"""Reach of a scale at least; a wide interval of a moment does not stretch it."""
+"""Reach of a scale at least. Basis: a wide interval of a moment does not stretch it."""
 
 
 def timeline_figure(course: Course, incident: AlertIncident | None, facts: IncidentFacts) -> Figure:

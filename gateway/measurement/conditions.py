@@ -16,8 +16,9 @@ from gateway.stages.conditions.verdict import ConditionResult, judge_condition
 from gateway.stages.conditions.window import ConditionWindow
 
 BLOCK_S = 0.1
-"""Length of the blocks in which samples enter window and motion filter."""
+"""Length of the blocks in which samples enter window and motion filter. Basis: as live, `device_factory.BLOCK_S`."""
 BLOCKS_PER_VERDICT = 5
+"""Definition: two verdicts per second, as live."""
 NOT_KNOWN = MotionContext(state="unknown", reasons=("where the housing is on the rope is not known",))
 
 

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from gateway.errors import InputError
 
 MIN_ROWS = 3
+"""Basis: a choice; a shorter array is a constant or a vector, and no recording."""
 MAX_COLUMNS = 64
-"""An array with more columns than this is no table of readings."""
+"""An array with more columns than this is no table of readings. Basis: a choice; measuring systems have fewer channels, and
+images more columns."""
 
 
 def write_matlab_table(path: Path, table: Path, columns: Sequence[str] | None) -> None:

@@ -11,7 +11,7 @@ from gateway.motion.hypotheses import IS_DRIVEN, IS_FREE, IS_GUST, IS_HOISTING
 from gateway.units import degrees
 
 MOST_PHASES = 12
-"""Phases in the text for the terminal."""
+"""Phases in the text for the terminal. Basis: a choice; half a screen."""
 GYRO_TEXT = {True: "used", False: "left out: its rates contradict the accelerometer", None: None}
 STATE_TEXT: dict[MotionState, str] = {
     "rest": "at rest",
@@ -24,7 +24,8 @@ STATE_TEXT: dict[MotionState, str] = {
 
 
 WHOLLY_KNOWN = 0.99
-"""Share of the time with a known angle from which on the rest is not worth a word."""
+"""Share of the time with a known angle from which on the rest is not worth a word. Basis: a choice; the first second of a
+recording is always unknown."""
 
 
 def motion_json(motion: RecordingMotion) -> dict[str, Any]:

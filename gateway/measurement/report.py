@@ -15,7 +15,7 @@ from gateway.swing.formulas import VALID_RHO
 from gateway.units import degrees
 
 MOST_REMARKS = 8
-"""Remarks in the text for the terminal."""
+"""Remarks in the text for the terminal. Basis: a choice; half a screen."""
 
 
 def as_json(source: Source, found: Measurement) -> dict[str, Any]:

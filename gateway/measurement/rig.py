@@ -17,9 +17,10 @@ from gateway.swing.model.mount import rotation
 from gateway.swing.rig import MountedHousing
 
 NO_LENGTH_M = 1e3
-"""Stands for a length that is not stated, while the rest of a rig is validated."""
+"""Stands for a length that is not stated, while the rest of a rig is validated. Basis: a choice; longer than any rope, so that no
+check of a length fails."""
 LARGEST_RHO = 2.0
-"""Largest position of the housing relative to the nominal length: the hook may hang lower than the nominal length says."""
+"""Largest position of the housing relative to the nominal length. Basis: the hook may hang lower than the nominal length says."""
 BESIDE_U_M = 0.015
 """Standard uncertainty of the sensor's place across the rope, per axis. Basis: a housing is clamped beside a rope, not in it."""
 Positive = Annotated[float, Field(gt=0)]

@@ -13,9 +13,11 @@ from gateway.swing.rig import MountedHousing
 
 LONGEST_GAP_PERIODS = 8.0
 """Gap up to which one estimate covers both sides, in periods of a small swing. Beyond it the phase of the swing is not known, and
-nothing is gained from a fit across the gap, whose cost grows with its length."""
+nothing is gained from a fit across the gap, whose cost grows with its length. Basis: a choice; the phase of the swing is lost
+beyond it, and the cost of the fit grows with it."""
 NEGLIGIBLE_PERIODS = 0.5
-"""Length of a part without an estimate up to which it leaves the uncertainty as it is, in periods of a small swing."""
+"""Length of a part without an estimate up to which it leaves the uncertainty as it is, in periods of a small swing. Basis: an
+angle reaches its largest value twice in a period."""
 
 
 def estimate_source_swing(source: Source) -> SwingEstimate:

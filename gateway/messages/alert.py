@@ -11,7 +11,7 @@ Level = Literal["normal", "warn", "trip", "unknown"]
 CALIBRATION_RULE = "calibration"
 """The rule of the drift monitor, the only one without a measured value; it has its own hold time."""
 LEVEL_RANK: dict[Level, int] = {"normal": 0, "unknown": 1, "warn": 2, "trip": 3}
-"""Unknown is worse than normal: nobody sees what happens."""
+"""Unknown is worse than normal: nobody sees what happens. Definition: the order of the levels."""
 Validity = Literal["valid", "no_samples", "suspended", "uncalibrated", "not_known"]
 
 

@@ -6,16 +6,19 @@ from numpy.typing import NDArray
 from gateway.numerics.array import Array
 
 FEWEST_READINGS = 20
-"""Fewest different readings in succession from which a hold is judged."""
+"""Fewest different readings in succession from which a hold is judged. Basis: a choice; a share of a tenth is then two
+readings."""
 MIN_HELD_SHARE = 0.1
-"""Least share of the readings that stand in more than one row, for the sensor to be slower than its file."""
+"""Least share of the readings that stand in more than one row, for the sensor to be slower than its file. Basis: a choice; equal
+neighbours by chance are rarer with `MAX_CHANCE`, and a slower sensor repeats most."""
 MAX_CHANCE = 0.01
-"""Largest probability of three equal axes by chance, from which on equal rows are one reading."""
+"""Largest probability of three equal axes by chance, from which on equal rows are one reading. Basis: a choice; one wrong row in
+a hundred changes no result."""
 LONGEST_HOLD = 50
-"""Most rows of one reading; an axis that is equal for longer is stuck, or at rest in coarse steps."""
+"""Most rows of one reading. Basis: an axis that is equal for longer is stuck, or at rest in coarse steps."""
 MIN_REGULAR_SHARE = 0.95
-"""Least share of the readings that stand in a multiple of the same number of rows (by chance 1 over that number), or in that
-number and the next (at most 0.74 where a sinusoid without noise crosses steps)."""
+"""Least share of the readings that stand in a multiple of the same number of rows, or in that number and the next. Basis: by
+chance 1 over that number, and at most 0.74 where a sinusoid without noise crosses steps."""
 
 
 def find_fresh_rows(readings: Array) -> NDArray[np.bool_] | None:

@@ -6,7 +6,7 @@ from gateway.numerics.array import Array
 from gateway.numerics.stats import normal_quantile
 
 MAD_TO_SIGMA = 1 / normal_quantile(0.75)
-"""Standard deviation of a normal variable over its median absolute deviation, 1.4826."""
+"""Standard deviation of a normal variable over its median absolute deviation, 1.4826. Definition: of a normal variable."""
 
 
 def robust_sigma(deviations: Array) -> Array:

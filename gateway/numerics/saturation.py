@@ -5,11 +5,12 @@ import numpy as np
 from gateway.numerics.array import Array
 
 MIN_DISTINCT_VALUES = 20
-"""Fewest distinct readings; with fewer, coarse quantisation makes the extreme reading frequent by itself."""
+"""Fewest distinct readings. Basis: with fewer, coarse quantisation makes the extreme reading frequent by itself."""
 MIN_EXTREME_READINGS = 8
-"""Fewest readings at exactly the extreme value."""
+"""Fewest readings at exactly the extreme value. Basis: a choice; chance seldom repeats an extreme, and a clipped swing has more
+in a second."""
 MIN_EXTREME_RATIO = 4
-"""Readings at the extreme value over those at the next; the turning point of a sinusoid in steps gives 2.4."""
+"""Readings at the extreme value over those at the next. Basis: the turning point of a sinusoid in steps gives 2.4."""
 
 
 def saturation_level(values: Array) -> float | None:

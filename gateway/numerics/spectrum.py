@@ -9,12 +9,16 @@ from numpy.typing import NDArray
 from gateway.numerics.array import Array
 
 MIN_MACHINE_LINE_HZ = 3.0
-"""Below, what shakes the housing may as well come down the rope from a moving pivot."""
+"""Below, what shakes the housing may as well come down the rope from a moving pivot. Basis: a choice; below, what shakes the
+housing may as well come down the rope from a moving pivot."""
 LINE_SEARCH_HZ = 1.0
+"""Width of the band around a line whose median is the floor. Basis: a choice; many bins at recordings of some ten seconds, and no
+slope of the spectrum."""
 MIN_LINE_POWER = 20.0
-"""Over the median around it, summed over three axes: noise alone gets there once in 10^18 bins."""
+"""Over the median around it, summed over three axes: noise alone gets there once in 10^18 bins. Basis: noise alone gets there
+once in 10^18 bins."""
 ZERO_PADDING = 4
-"""Zero padding: a line between two bins loses at most 2 % of its power."""
+"""Zero padding. Basis: a line between two bins loses at most 2 % of its power."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,18 +7,21 @@ from numpy.typing import NDArray
 from gateway.numerics.array import Array
 
 MIN_SPIKE_SIGMA = 8.0
-"""Distance of a spike from its neighbours, in standard deviations of that distance: noise alone exceeds it
-once in some 10^14 samples of three axes."""
+"""Distance of a spike from its neighbours, in standard deviations of that distance. Basis: noise alone exceeds it once in some
+10^14 samples of three axes."""
 MAX_SPIKE_SHARE = 0.01
-"""Largest share of the samples that can be spikes; more are a real event."""
+"""Largest share of the samples that can be spikes. Basis: more are a real event."""
 MIN_SAMPLES = 8
-"""Fewest samples in which a spike can be told from a motion: the stencils need six."""
+"""Fewest samples in which a spike can be told from a motion. Basis: the stencils need six."""
 STENCIL_REACH = 3
-"""Samples on either side whose distance a spike changes, because it is one of their neighbours."""
+"""Samples on either side whose distance a spike changes, because it is one of their neighbours. Definition: of the stencils of
+two neighbours on either side, or three on one."""
 INTERIOR_DISTANCE_SIGMA = np.sqrt(1 + 34 / 36)
-"""Standard deviation of an interior sample minus the cubic through two neighbours on either side, in sigma of one sample."""
+"""Standard deviation of an interior sample minus the cubic through two neighbours on either side, in sigma of one sample.
+Definition: root of one and the squared weights (4, -1) / 6."""
 END_DISTANCE_SIGMA = np.sqrt(20.0)
-"""Standard deviation of an end sample minus the parabola through the next three, in sigma of one sample."""
+"""Standard deviation of an end sample minus the parabola through the next three, in sigma of one sample. Definition: root of one
+and the squared weights 3, -3, 1."""
 
 
 def lone_spikes(values: Array, noise: Array) -> NDArray[np.bool_]:

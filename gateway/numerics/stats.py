@@ -7,6 +7,7 @@ import numpy as np
 
 _STANDARD_NORMAL = NormalDist()
 _QUADRATURE_NODES, _QUADRATURE_WEIGHTS = np.polynomial.legendre.leggauss(32)
+"""Basis: a choice; 32 nodes integrate the density of any degree of freedom in use to rounding."""
 
 
 def normal_quantile(probability: float) -> float:
@@ -15,7 +16,10 @@ def normal_quantile(probability: float) -> float:
 
 
 NORMAL_975 = normal_quantile(0.975)
-"""Coverage factor of a two-sided 95 % interval of a normal variable."""
+"""Definition: coverage factor of a two-sided 95 % interval of a normal variable."""
+CHANCE_LEVEL = 0.99
+"""Probability with which stated uncertainties alone keep chi-square below its limit. Basis: a choice; one sound calibration in a
+hundred is called in question."""
 
 
 def student_quantile(probability: float, freedom: float) -> float:

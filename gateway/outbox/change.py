@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 MOST_DIGITS = 18
-"""Of a number; Python refuses to read one of thousands."""
+"""Digits of a number. Basis: Python refuses to read one of thousands; 18 digits fit 64 bits."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from gateway.outbox.change import StoredChange
 
 MOST_BYTES = 48_000
-"""Size of a page: a message on the bus may have 64 KiB."""
+"""Size of a page. Basis: a message on the bus may have 64 KiB."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ from gateway.alert_periods import AlertPeriod, AlertPeriods
 from gateway.messages import Alert, Level
 
 MOST_ALERTS = 200
+"""Alerts that the page lists. Basis: a choice; more than a shift has, and a bound of the memory."""
 SHIFT_NS = 12 * 3600 * 10**9
 """Age at which an alert leaves the list. Basis: the longest shift."""
 

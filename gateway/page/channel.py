@@ -7,6 +7,7 @@ import socket
 from dataclasses import dataclass
 
 LARGEST_FRAME = 65536
+"""Largest packet, bytes. Basis: a message on the bus may have as much; the socket takes it at once."""
 PARAMETERS = "parameters"
 """The first frame of the gateway."""
 PAST_ALERT = "past_alert"

@@ -12,7 +12,9 @@ from pydantic_core import to_json
 from gateway.page.channel import REQUEST, Frame, encode_frame
 
 PATIENCE_S = 6.0
+"""Longest wait for an answer. Basis: the gateway answers within 4 s, and the browser waits for 10 s (`post.js`)."""
 MOST_WAITING = 8
+"""Requests that may wait. Basis: a choice; persons ask one by one, and half of what the gateway queues."""
 
 
 class GatewayAnswer(BaseModel):

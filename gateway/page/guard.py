@@ -12,7 +12,9 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from gateway.page.hosts import AllowedHosts, is_same_origin
 
 LARGEST_BODY = 2048
+"""Largest body of a request, bytes. Basis: a choice; an acknowledgement has some hundred bytes."""
 BODY_S = 5.0
+"""Longest time for a body. Basis: as for the head, `http_protocol.REQUEST_S`."""
 
 
 class Guard:

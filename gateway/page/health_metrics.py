@@ -7,6 +7,7 @@ from gateway.messages import Health
 from gateway.page.exposition import Family, counter, gauge, info_gauge, labelled_counter, labelled_gauge
 
 MEGA = 1e6
+"""Definition: a million."""
 DAY_S = 86400
 HEALTH_STATES = ("starting", "running", "recovering", "stopping")
 

@@ -8,10 +8,12 @@ from gateway.messages import Motion
 from gateway.numerics.stats import NORMAL_975
 
 SPAN_S = 600.0
+"""Time that the trend shows. Basis: a choice; some lifts, at the pixels of a tablet."""
 SPACING_S = 0.5
-"""Shortest time between two points; the trend of `SPAN_S` is drawn on a few hundred pixels."""
+"""Shortest time between two points. Basis: the trend of `SPAN_S` is drawn on a few hundred pixels."""
 MOST_POINTS = 2000
-"""Limits the memory at any rate; at two points per second `SPAN_S` is reached first."""
+"""Limits the memory at any rate; at two points per second `SPAN_S` is reached first. Basis: a choice; more than `SPAN_S` has at
+two points per second."""
 
 
 @dataclass(frozen=True, slots=True)

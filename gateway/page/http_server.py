@@ -20,7 +20,10 @@ HEADERS = [
 ]
 """The headers of every response. Nothing is cached, so that an old script never shows the data of an upgraded gateway."""
 STALLED_MS = 5000
+"""Time after which a connection that takes nothing ends. Basis: a choice; a radio link is back by then, and a dead one holds
+memory no longer."""
 SEND_BUFFER_BYTES = 32768
+"""Basis: a choice; a few pushes, so that a stalled browser gets no old data."""
 
 
 class HttpServer(uvicorn.Server):

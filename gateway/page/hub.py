@@ -8,10 +8,14 @@ from pydantic_core import to_json
 from gateway.page.admission import Admission
 
 RETRY_MS = 500
+"""Time after which a browser connects again. Basis: a choice; a person sees no pause, and a restart no flood."""
 MOST_CLIENTS = 96
+"""Browsers with a stream. Basis: a choice; more than look at one crane, and a bound of the work."""
 MOST_PER_ADDRESS = 40
-"""Further browsers replace the oldest, so that forgotten or hostile streams lock nobody out."""
+"""Further browsers replace the oldest, so that forgotten or hostile streams lock nobody out. Basis: a choice; tabs and tablets
+behind one proxy, and less than half of all."""
 LONGEST_QUEUE = 20
+"""Pushes that wait for a browser. Basis: a choice; some seconds, after which its link counts as stalled."""
 
 
 def event(name: str, content: object, *, number: int) -> bytes:

@@ -11,6 +11,7 @@ from gateway.page.channel import PARAMETERS, Frame
 from gateway.page.parameters import Parameters, encode
 
 PATIENCE_S = 2.0
+"""Longest wait for the start. Basis: a choice; an interpreter starts in less on a small board that is idle."""
 
 
 def start(

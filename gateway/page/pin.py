@@ -7,7 +7,9 @@ from pathlib import Path
 
 PIN_NAME = "page-pin"
 DIGITS = 8
+"""Basis: with `sign_in.LONGEST_PAUSE_S` half of the numbers need 95 years; a person types eight digits."""
 LONGEST_FILE = 256
+"""Largest file with a PIN, bytes. Basis: a choice; the digits and a line's end, with room for spaces."""
 
 
 def make_pin(path: Path) -> None:

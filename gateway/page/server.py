@@ -18,13 +18,16 @@ from gateway.page.parameters import Parameters, parse
 from gateway.page.state import PageState
 
 PUSH_INTERVAL_S = 0.04
-"""Shortest interval between two pushes; motion comes at 10 Hz, so that a message seldom waits for it."""
+"""Shortest interval between two pushes. Basis: motion comes at 10 Hz, so that a message seldom waits for it."""
 HEARTBEAT_S = 0.25
-"""Longest interval between two pushes. Silence shows a browser that the page has ended."""
+"""Longest interval between two pushes. Silence shows a browser that the page has ended. Basis: a browser calls the data old after
+1 to 1.5 s (`link.js`): four pushes or more."""
 GATHER_S = 0.01
-"""Short wait that joins the messages of one block into one push."""
+"""Short wait that joins the messages of one block into one push. Basis: a choice; a block's messages come within milliseconds,
+and 10 ms are not seen."""
 MOST_FRAMES = 256
-"""Frames that are taken before browsers are served again."""
+"""Frames that are taken before browsers are served again. Basis: a choice; more than come between two pushes, and no browser
+waits for a flood."""
 
 
 def main() -> int:

@@ -9,10 +9,14 @@ from dataclasses import dataclass
 EXPIRY_S = 8 * 3600.0
 """Length of a session. Basis: a shift."""
 MOST_SESSIONS = 64
+"""Persons who are signed in. Basis: a choice; more than a crane has, and a bound of the memory."""
 FIRST_PAUSE_S = 1.0
+"""Pause after a wrong PIN, doubled with each. Basis: a choice; a mistyped digit costs a second."""
 LONGEST_PAUSE_S = 60.0
-"""With one attempt a minute an address needs 95 years for half of the eight-digit numbers."""
+"""With one attempt a minute an address needs 95 years for half of the eight-digit numbers. Basis: with one attempt a minute an
+address needs 95 years for half of the eight-digit numbers."""
 MOST_ADDRESSES = 1024
+"""Addresses whose failures are remembered. Basis: a choice; more than a site has, and a bound of the memory."""
 
 
 @dataclass(frozen=True, slots=True)

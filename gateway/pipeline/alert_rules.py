@@ -14,7 +14,8 @@ from gateway.motion.estimate import MotionEstimate
 from gateway.stages.alerts import Limits, Reading, larger_reading
 
 LEAN_CLEAR_SHARE = 0.8
-"""The lean alert clears below this share of its limit."""
+"""The lean alert clears below this share of its limit. Basis: a choice; a lean at its limit does not clear by noise, and one that
+is mended does."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,8 @@ from gateway.pipeline.temperature_filter import TemperatureFilter
 from gateway.stages.lowpass import LowPass
 
 LONGEST_BRIDGE_S = 0.05
-"""A longer gap restarts the low-pass filter, which would otherwise invent data."""
+"""A longer gap restarts the low-pass filter, which would otherwise invent data. Basis: a choice; some samples at 100 Hz, half a
+period of the updates."""
 
 
 @dataclass(frozen=True, slots=True)

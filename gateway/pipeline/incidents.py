@@ -13,7 +13,8 @@ CHECK_S = 2.0
 OFFLINE = "offline"
 """The boot id of a pipeline outside a gateway."""
 REMEMBERED = 32
-"""Number of incidents that can be acknowledged after their end."""
+"""Number of incidents that can be acknowledged after their end. Basis: a choice; more than a shift has to acknowledge, and a
+bound of the memory."""
 
 
 @dataclass(frozen=True, slots=True)

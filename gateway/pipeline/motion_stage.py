@@ -25,11 +25,15 @@ from gateway.swing.formulas import as_published
 GYRO_BIAS_RAD_S_PER_K = np.radians(0.05)
 """Change of a gyroscope's bias with temperature, standard uncertainty. Basis: 0.03 (MPU-9250) to 0.16 deg/s/K."""
 GYRO_STEP_K = 0.5
+"""Change of temperature from which on the bias is widened. Basis: a choice; above the steps of a thermometer (0.1 °C), and 0.025
+deg/s of bias by `GYRO_BIAS_RAD_S_PER_K`."""
 NOT_CONFIGURED = "where the housing is on the rope is not configured"
 SWINGS_PER_PERIOD = 3
-"""Messages of the swing in a period."""
+"""Messages of the swing in a period. Basis: a choice; the estimate covers whole periods, so that more messages say little that is
+new."""
 LONGEST_INTERVAL_S, UNSETTLED_INTERVAL_S = 2.5, 1.0
-"""Longest time between two of them; while the load rests or the angle is not known."""
+"""Longest time between two of them; while the load rests or the angle is not known. Basis: a choice; a person reads the swing
+while it changes, and a load at rest changes in a second as well."""
 LONGEST_PERIODS = 2.0
 """Periods of the rope as configured for which extremes are kept. Basis: a rope four times as long."""
 TEMPERATURE_HYSTERESIS_K = 1

@@ -8,13 +8,16 @@ from gateway.configuration.model import Configuration
 from gateway.swing.rig import MountedHousing
 
 POSITION_U_M = 0.05
-"""Standard uncertainty of the housing's position on the rope, measured with a tape."""
+"""Standard uncertainty of the housing's position on the rope, measured with a tape. Basis: a choice; a tape measures to
+millimetres, and the middle of a load is known to centimetres."""
 
 MOUNT_U_RAD = 0.01
-"""Standard uncertainty of the angle between the housing's z axis and the rope, clamped by eye, for the offline fit."""
+"""Standard uncertainty of the angle between the housing's z axis and the rope, clamped by eye, for the offline fit. Basis: by eye
+an edge is parallel to a rope within one degree, uniformly distributed."""
 
 SHORTEST_ROPE = 1.02
-"""Shortest rope over the housing's distance above the load: the distance is measured, the rope's length is a belief."""
+"""Shortest rope over the housing's distance above the load: the distance is measured, the rope's length is a belief. Basis: a
+choice; above the error of the tape on a long rope, and below any rope that hangs above its housing."""
 
 
 def mounted_housing(

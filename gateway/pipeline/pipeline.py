@@ -39,8 +39,10 @@ from gateway.stages.lowpass import LowPass
 from gateway.stages.tilt import axial_tilt, axial_tilt_uncertainty
 
 UPDATE_PERIOD_S, CONDITION_PERIOD_S, HEARTBEAT_PERIOD_S, CALIBRATION_PERIOD_S = 0.1, 0.5, 1.0, 10.0
-"""The period of the updates, with a tilt message each, divides the others."""
+"""The period of the updates, with a tilt message each, divides the others. Basis: a choice; the tilt moves smoothly before the
+eye, conditions change with the seconds of their window, and a calibration seldom."""
 ACCELERATION_PERIOD_S = 0.2
+"""Basis: a choice; for a display alone, the recording has the samples."""
 AT_REST = ("static", "quasi_static")
 """The verdicts at which the static tilt is that of the rope."""
 NOT_JUDGED = ConditionResult("unknown", None, False, ("no reading yet",), {}, None)

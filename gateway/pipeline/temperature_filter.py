@@ -3,7 +3,8 @@
 import math
 
 TIME_CONSTANT_S = 30.0
-"""Time constant of the filter, s: a housing warms up within many minutes, a thermometer steps by 0.1 °C from block to block."""
+"""Time constant of the filter, s. Basis: a housing warms up within many minutes, a thermometer steps by 0.1 °C from block to
+block."""
 
 
 class TemperatureFilter:

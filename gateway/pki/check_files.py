@@ -6,7 +6,8 @@ from pathlib import Path
 
 LIBRARY = "cryptography"
 EXPIRES_SOON_DAYS = 30
-"""A certificate with fewer days left is reported."""
+"""A certificate with fewer days left is reported. Basis: a choice; time for the next visit at a crane, and no warning for
+years."""
 
 
 def find_problems(files: Mapping[str, Path]) -> Iterator[str]:

@@ -9,7 +9,8 @@ from typing import Any
 from gateway.atomic_io import append_durably, append_line
 
 MAX_FILE_BYTES = 8_000_000
-"""Size at which the file becomes the previous file; there is one previous file."""
+"""Size at which the file becomes the previous file; there is one previous file. Basis: a choice; years of changes, and two files
+are nothing to a card."""
 
 
 class Audit:

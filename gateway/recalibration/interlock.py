@@ -7,13 +7,16 @@ from gateway.calibration.methods.zeroing import MIN_REST_S
 from gateway.messages import Verdict
 
 MEMORY_S = 60.0
-"""Time for which verdicts are remembered, s."""
+"""Time for which verdicts are remembered, s. Basis: longer than `MIN_STATIC_S`, which is half as much."""
 MAX_VERDICTS = 600
-"""Largest number of verdicts that are remembered."""
+"""Largest number of verdicts that are remembered. Basis: `MEMORY_S` has 120 at two verdicts per second; a bound of the memory at
+any rate."""
 MIN_STATIC_S = MIN_REST_S + 2.0
-"""Least time, s, for which a load must have been static before its rope is used as a plumb line."""
+"""Least time, s, for which a load must have been static before its rope is used as a plumb line. Basis: the rest that zeroing
+reads, and one window of the conditions."""
 LOAD_SIGNAL_VALID_S = 10.0
-"""Time for which a message of the load signal is valid, s."""
+"""Time for which a message of the load signal is valid, s. Basis: a choice; a sender may miss some messages, and a load is not
+hooked in and lifted sooner."""
 STILL_VERDICTS: tuple[Verdict, ...] = ("static", "quasi_static")
 MOVING_VERDICTS: tuple[Verdict, ...] = ("swinging", "driven", "disturbed")
 

@@ -12,7 +12,7 @@ from gateway.recalibration.request_answers import AnsweredRequests, RequestAnswe
 from gateway.recalibration.session import Session
 
 MAX_ANSWERS = 64
-"""Number of answers that are kept."""
+"""Number of answers that are kept. Basis: a choice; a request is repeated after seconds, and the file stays small."""
 
 
 class JournalContent(BaseModel):

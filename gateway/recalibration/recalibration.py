@@ -31,7 +31,8 @@ from gateway.recalibration.sample_buffer import RecentSamples
 from gateway.recalibration.session import Session, Timestamp, abandoned_session
 
 BUFFER_MARGIN_S = 1.0
-"""Duration of the readings that are kept beyond what zeroing needs, s."""
+"""Duration of the readings that are kept beyond what zeroing needs, s. Basis: a choice; some blocks, so that a full rest is
+always within."""
 NOT_SAVED = "the session cannot be saved on the disk"
 
 

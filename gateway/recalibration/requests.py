@@ -9,6 +9,7 @@ from gateway.calibration.store import ID_PATTERN
 from gateway.errors import InputError, describe_problems
 
 MAX_PAYLOAD_BYTES = 8192
+"""Largest request. Basis: a choice; a credential may have as much, and a configuration has its own limit."""
 ONE_LINE_PATTERN = r"^[^\x00-\x1f\x7f\u2028\u2029]*$"
 """Pattern of a text that cannot forge a second line in a log."""
 Model = TypeVar("Model", bound=BaseModel)

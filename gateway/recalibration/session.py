@@ -13,15 +13,18 @@ Phase = Literal["idle", "collecting", "review", "committed", "rejected"]
 ACTIVE_PHASES: tuple[Phase, ...] = ("collecting", "review")
 CONFIRM = "confirm with plumbline remote cancel that the housing hangs on the rope again"
 MAX_IDLE_S = 300.0
-"""Longest time without a pose, s; then the session counts as abandoned."""
+"""Longest time without a pose, s; then the session counts as abandoned. Basis: a choice; a housing is turned in seconds, and a
+person who left has forgotten the session."""
 MAX_REVIEW_S = 1800.0
-"""Longest review, s."""
+"""Longest review, s. Basis: a choice; a person reads a report in minutes and may ask another."""
 MAX_SESSION_S = 3600.0
-"""Longest session, s."""
+"""Longest session, s. Basis: a choice; 200 poses of some 15 s."""
 MAX_RESTARTS = 10
-"""Largest number of restarts without a pose in between: a session that may itself end the gateway does not continue for ever."""
+"""Largest number of restarts without a pose in between: a session that may itself end the gateway does not continue for ever.
+Basis: a choice; power fails now and then, and a defect ends the gateway at each start."""
 MAX_CLOCK_STEP_S = 60.0
-"""Largest step back of the clock, s, at which the duration of a stop is still known."""
+"""Largest step back of the clock, s, at which the duration of a stop is still known. Basis: a choice; a clock without battery is
+older by hours, and corrections are smaller."""
 
 
 @dataclass(frozen=True, slots=True)

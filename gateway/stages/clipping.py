@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 CLIPPED_SHARE = 0.998
-"""A reading beyond this share of full scale is clipped."""
+"""A reading beyond this share of full scale is clipped. Basis: a choice; below the rounding of a stated full scale, and no larger
+share of the range is given up."""
 
 
 def find_clipped(

@@ -11,7 +11,8 @@ import numpy as np
 from gateway.numerics.array import Array
 
 LONGEST_BLOCK = 64
-"""Longer blocks are split, because the matrix grows with the square of the block's length."""
+"""Longer blocks are split, because the matrix grows with the square of the block's length. Basis: a choice; two blocks of a FIFO,
+and a matrix of some thousand numbers."""
 
 
 class LowPass:

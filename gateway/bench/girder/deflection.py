@@ -15,14 +15,17 @@ from gateway.calibration.record import CalibrationRecord
 from gateway.numerics.array import Array
 
 UNKNOWN_RELATIVE_U = 0.03
-"""Relative standard uncertainty of an angle of a sensor without a calibration."""
+"""Relative standard uncertainty of an angle of a sensor without a calibration. Basis: the sensitivity of an uncalibrated sensor,
+`correction.UNCALIBRATED_SCALE_FACTOR_U`."""
 LARGEST_ROTATION_RAD = math.radians(5.0)
 """Largest rotation for which small-angle bending holds (Zhu et al. 2020, sec. 2.2)."""
 OFF_CENTRE_LIMIT = 0.1
-"""Distance of the load from mid-span over the span, beyond which eq. 25 errs by more than 2 %."""
+"""Distance of the load from mid-span over the span. Basis: which eq. 25 errs by more than 2 %."""
 ASYMMETRY_PER_OFF_CENTRE = 2 / 3
-"""Difference over sum of both rotations, per distance of the load from mid-span over the span, for a single load."""
+"""Difference over sum of both rotations, per distance of the load from mid-span over the span, for a single load. Definition: of
+a beam on two supports."""
 K_SIGNIFICANT = 3.0
+"""Standard uncertainties beyond which a difference is named. Basis: a choice; 0.3 % by chance."""
 
 InwardAxis = tuple[int, int]
 """Index (0 to 2) and sign of the housing axis that points from a support to mid-span."""

@@ -20,9 +20,9 @@ from gateway.numerics.array import Array
 from gateway.numerics.autocorrelation import correlation_sum
 
 AVERAGE_S = 1.0
-"""Duration of an average, s: several periods of a girder's own vibration."""
+"""Duration of an average, s. Basis: several periods of a girder's own vibration."""
 MIN_ZERO_BINS = 5
-"""Least number of averages of the zero, so that their scatter is known."""
+"""Least number of averages of the zero. Basis: their scatter is known."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from gateway.certificate.bench_report import ReportTable, render_bench_report
 from gateway.documents.format import format_fixed, format_with_uncertainty
 
 MOST_POINTS = 2000
-"""Points of the figure; more are thinned."""
+"""Points of the figure; more are thinned. Basis: a choice; more than a figure has pixels."""
 
 
 def render_deflection_report(

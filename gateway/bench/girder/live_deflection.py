@@ -18,12 +18,14 @@ from gateway.messages import Tilt
 
 Side = Literal["left", "right"]
 AVERAGE_S = 1.0
-"""Time over which tilts are averaged, s."""
+"""Time over which tilts are averaged, s. Basis: several periods of a girder's own vibration."""
 MAX_TILTS = 64
-"""Largest number of tilts of an average, which bounds memory."""
+"""Largest number of tilts of an average, which bounds memory. Basis: a choice; an average has ten at ten tilts per second; six
+times as many bound the memory."""
 MIN_TILTS = 5
+"""Fewest tilts of an average. Basis: a choice; half of what comes in `AVERAGE_S`."""
 MAX_APART_S = 1.0
-"""Largest difference between the newest tilts of both ends, s; beyond it one of them is stale, or the clocks differ."""
+"""Largest difference between the newest tilts of both ends, s. Basis: beyond it one of them is stale, or the clocks differ."""
 
 
 @dataclass(frozen=True, slots=True)

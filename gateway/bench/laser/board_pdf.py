@@ -15,11 +15,14 @@ PAPER_MM = {
     "A1": (594.0, 841.0),
     "A0": (841.0, 1189.0),
 }
+"""Width and height (ISO 216)."""
 MARGIN_MM = 8.0
-"""Margin of the paper that printers leave white, and space for the text below the lattice."""
+"""Margin of the paper that printers leave white. Basis: space for the text below the lattice."""
 TEXT_MM = 16.0
+"""Height of the text below the lattice. Basis: its lines."""
 CHECK_MM = 100.0
-"""Length of the line by which the scale of the print is checked."""
+"""Length of the line by which the scale of the print is checked. Basis: a choice; a ruler reads it to half a per cent, and A4 has
+room."""
 CREATED = datetime(2000, 1, 1, tzinfo=UTC)
 """Fixed, so that the same board gives the same file."""
 

@@ -15,17 +15,19 @@ from gateway.calibration.record import NotDeterminedError
 from gateway.numerics.array import Array
 
 MAX_HIDDEN = 0.25
-"""Largest share of dots that may be hidden."""
+"""Largest share of dots that may be hidden. Basis: a choice; a hand or a rope hides less, and the rest still covers the board."""
 REFINEMENTS = 2
 """Passes in which the centres are measured on the board by the map of the pass before."""
 MARGIN_PITCHES = 0.5
-"""Width of the strip around the outer dots in which the spot may be."""
+"""Width of the strip around the outer dots in which the spot may be. Basis: a choice; the map is extrapolated by less than the
+distance of two dots."""
 CLEAR_PITCHES = 0.5
-"""Distance from a dot's middle to the outside of its white ring, for dots of up to two thirds of the pitch."""
+"""Distance from a dot's middle to the outside of its white ring, for dots of up to two thirds of the pitch. Definition: of the
+board as it is printed."""
 MAX_RESIDUAL_PITCH = 0.01
-"""Largest residual of the map, pitches: a board that is bent, or wrinkled, is not measured."""
+"""Largest residual of the map, pitches. Basis: a board that is bent, or wrinkled, is not measured."""
 MAX_TURN_DEG = 30.0
-"""Largest change of the board's direction between photographs: with a quarter turn the lattice would look the same."""
+"""Largest change of the board's direction between photographs. Basis: with a quarter turn the lattice would look the same."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,28 +10,35 @@ from gateway.bench.laser.board import BoardMap
 from gateway.numerics.array import Array
 
 WORKING_SIDE_PX = 1600
-"""Longer photographs are reduced to find the dots; their centres are measured in the full one."""
+"""Longer photographs are reduced to find the dots; their centres are measured in the full one. Basis: a choice; a dot of a board
+that fills a quarter of it still has ten pixels, and the search takes a moment."""
 WINDOW_SHARES = (8, 16, 4)
-"""Shares of the shorter side that are tried as the window of the adaptive threshold; it must exceed a dot."""
+"""Shares of the shorter side that are tried as the window of the adaptive threshold; it must exceed a dot. Basis: a choice; from
+a board that fills the photograph to one at a distance."""
 CONTRAST = 12
-"""Least darkness of a dot against the mean of its window, values of 255."""
+"""Least darkness of a dot against the mean of its window, values of 255. Basis: a choice; above the noise of a camera, below any
+print in shade."""
 MIN_AREA_PX = 40
+"""Least area of a dot. Basis: a choice; seven pixels across, below which a shape is not known."""
 ROUNDNESS = 0.12
-"""Largest relative difference between a dot's area and that of the ellipse through its edge."""
+"""Largest relative difference between a dot's area and that of the ellipse through its edge. Basis: a choice; the edge of a dot
+of seven pixels is uncertain by as much, and letters differ by more."""
 MIN_AXIS_RATIO = 0.4
-"""Least ratio of the ellipse's axes: a board that leans by 66 degrees."""
+"""Least ratio of the ellipse's axes. Basis: a board that leans by 66 degrees."""
 SIZE_FACTOR = 1.7
-"""Ratio of diameters within which candidates are dots of one board."""
+"""Ratio of diameters within which candidates are dots of one board. Basis: a choice; perspective changes dots by less across a
+board, and letters differ by more."""
 RIM = 1.25
-"""Radius of the area whose darkness counts, and inner radius of the white ring around a dot, radii."""
+"""Radius of the area whose darkness counts, and inner radius of the white ring around a dot, radii. Basis: a choice; outside the
+blurred edge, inside the ring."""
 RING = 1.5
-"""Outer radius of the white ring, radii."""
+"""Outer radius of the white ring, radii. Definition: of the board as it is printed, for dots of up to two thirds of the pitch."""
 CORE = 0.6
-"""Radius of the area that gives a dot's black, radii."""
+"""Radius of the area that gives a dot's black, radii. Basis: a choice; inside the blurred edge of the smallest dot."""
 SMOOTHING_PX = 1.0
-"""Smoothing before edges and spot are measured, standard deviation: it makes the blur Gaussian and the noise small."""
+"""Smoothing before edges and spot are measured, standard deviation. Basis: it makes the blur Gaussian and the noise small."""
 SIGMAS_10_TO_90 = 2.563
-"""Width of a blurred edge between 10 and 90 %, standard deviations."""
+"""Width of a blurred edge between 10 and 90 %, standard deviations. Definition: two quantiles of a normal distribution."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,14 +11,19 @@ from gateway.bench.laser.dots import DotCandidates
 from gateway.numerics.array import Array
 
 NEIGHBOUR_SHARE = 0.25
-"""Largest distance of a neighbour from where the last step leads, steps."""
+"""Largest distance of a neighbour from where the last step leads, steps. Basis: a choice; perspective changes a step by less, and
+half a step is the next candidate."""
 NODE_SHARE = 0.2
-"""Largest distance of a dot from a node of the fitted lattice, pitches."""
+"""Largest distance of a dot from a node of the fitted lattice, pitches. Basis: a choice; distortion moves a dot by less, and half
+a pitch is the next node."""
 MIN_DOTS = 12
+"""Basis: a choice; 24 coordinates for the ten parameters of the map."""
 SEEDS = 6
-"""Number of dots, from the middle outwards, from which the lattice is grown until it is complete."""
+"""Number of dots, from the middle outwards, from which the lattice is grown until it is complete. Basis: a choice; a dot that is
+none seldom begins all of them, and growth from one finds the rest."""
 ACROSS = np.cos(np.radians(60))
-"""Largest cosine of the angle between the two directions of the lattice."""
+"""Largest cosine of the angle between the two directions of the lattice. Basis: a choice; a board that leans by 60 degrees keeps
+its directions as far apart."""
 
 Index = NDArray[np.int64]
 

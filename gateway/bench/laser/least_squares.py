@@ -8,11 +8,15 @@ import numpy as np
 from gateway.numerics.array import Array
 
 MAX_ITERATIONS = 60
+"""Basis: a choice; usual fits need far fewer, and one that does not converge ends soon."""
 RELATIVE_STEP = 1e-6
-"""Step of the derivatives, relative to the scale of a parameter."""
+"""Step of the derivatives, relative to the scale of a parameter. Basis: a choice; between rounding and curvature, above the root
+of rounding (1.5e-8)."""
 CONVERGED = 1e-9
-"""Relative decrease of the sum of squares below which the fit has converged."""
+"""Relative decrease of the sum of squares below which the fit has converged. Basis: a choice; far below what noise contributes,
+above rounding."""
 MAX_DAMPING = 1e8
+"""Basis: a choice; a step is then too small to matter, and the fit has converged."""
 
 
 @dataclass(frozen=True, slots=True)

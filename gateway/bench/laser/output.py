@@ -11,9 +11,9 @@ from gateway.numerics.array import Array
 
 Measured = list[tuple[MeasuredPhotograph, Displacement]]
 DOT_COLOUR, UNUSED_COLOUR, SPOT_COLOUR, LINE_COLOUR = (0, 200, 0), (0, 140, 255), (255, 0, 255), (255, 120, 0)
-"""Blue, green, red."""
+"""Blue, green, red. Basis: a choice of taste."""
 SHIFT_BITS = 4
-"""Fractional bits of coordinates: marks are drawn to a sixteenth of a pixel."""
+"""Fractional bits of coordinates: marks are drawn to a sixteenth of a pixel. Definition: 1/16 of a pixel."""
 
 
 def format_displacements(found: Measured) -> str:

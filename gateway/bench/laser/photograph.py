@@ -18,8 +18,9 @@ CHANNELS: dict[LaserColour, tuple[int, int]] = {"red": (2, 1), "green": (1, 2)}
 LINEAR_VALUE, LINEAR_SLOPE, GAMMA, SHIFT = 0.04045, 12.92, 2.4, 0.055
 """From values to light and back (sRGB, IEC 61966-2-1)."""
 SATURATED = 250
-"""Values from here on are clipped."""
+"""Values from here on are clipped. Basis: a choice; compression lowers a clipped 255 by a few values."""
 MIN_SIDE_PX, MAX_SIDE_PX = 200, 20_000
+"""Basis: a choice; no board can be measured below, and above a file is no photograph but an attack on the memory."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,39 +18,55 @@ from gateway.calibration.record import NotDeterminedError
 from gateway.numerics.array import Array
 
 SMOOTHING_SHARE = 1 / 16
-"""Width of the smoothing in which a spot is looked for, diameters of a dot: coloured fringes at the dots' edges vanish in it."""
+"""Width of the smoothing in which a spot is looked for, diameters of a dot. Basis: coloured fringes at the dots' edges vanish in
+it."""
 MIN_SIGNAL = 8.0
-"""Least height of a spot, standard deviations of the smoothed photograph."""
+"""Least height of a spot, standard deviations of the smoothed photograph. Basis: a choice; chance does not reach it in a
+photograph of 1e7 pixels."""
 SECOND_SPOT = 0.3
-"""Height of a second spot, relative to the first, from which the photograph is refused."""
+"""Height of a second spot, relative to the first, from which the photograph is refused. Basis: a choice; reflections are weaker,
+and of two equal ones none is right."""
 APART_DOTS = 0.75
-"""Parts of one spot, which a dot divides, are nearer to each other than this, diameters of a dot."""
+"""Parts of one spot, which a dot divides, are nearer to each other than this, diameters of a dot. Basis: a choice; a dot and its
+blur are in between."""
 MIN_VALUE = 25
-"""Values of the board's channel below this show no reflection."""
+"""Values of the board's channel below this show no reflection. Basis: a choice; a tenth of full scale, where the noise of the
+camera hides the light."""
 WIDER = 1.6
-"""Standard deviation of a Gaussian relative to that of its part above a third of its height."""
+"""Standard deviation of a Gaussian relative to that of its part above a third of its height. Basis: 1.5 by integration, a little
+more so that the window holds the spot."""
 WINDOW_SIGMAS = 4.0
+"""Half width of the window of the fit. Basis: a choice; beyond it a Gaussian has 3e-4 of its height."""
 MAX_PIXELS = 40_000
-"""Pixels of the fit; in a larger window every second, third, ... row and column counts."""
+"""Pixels of the fit; in a larger window every second, third, ... row and column counts. Basis: a choice; 200 x 200, a fit within
+a second, and more tell nothing new."""
 CLIPPED_PX = 5
-"""Width of the square around a clipped pixel whose pixels are not used: the smoothing spreads it."""
+"""Width of the square around a clipped pixel whose pixels are not used: the smoothing spreads it. Basis: five standard deviations
+of the smoothing (1 px)."""
 MIN_PIXELS = 60
+"""Basis: a choice; several for each parameter of the fit."""
 MAX_SHIFT_BLURS = 1.2
-"""Largest displacement by an edge, standard deviations of the blur, of a pixel that is used."""
+"""Largest displacement by an edge, standard deviations of the blur, of a pixel that is used. Basis: a choice; a pixel farther
+from its place lies on the wrong side of an edge."""
 SMOOTHED_NOISE = 3.5
-"""Least factor on the standard uncertainty as of independent pixels: the smoothing spreads each one's noise."""
+"""Least factor on the standard uncertainty as of independent pixels: the smoothing spreads each one's noise. Definition: the root
+of the pixels that a smoothing of one pixel averages, 4 pi."""
 BLOCK_PX = 12
-"""Side of the blocks of pixels whose residuals count as independent: speckle, and compression, which works by blocks of 8 or
-16."""
+"""Side of the blocks of pixels whose residuals count as independent. Basis: speckle, and compression, which works by blocks of 8
+or 16."""
 WHITE_QUANTILE, MIN_WHITE = 0.8, 80
-"""Value that the white of the board must reach."""
+"""Value that the white of the board must reach. Basis: a choice; paper covers most of the board, and a third of full scale shows
+a dot."""
 FLOOR_PX = 0.1
-"""Standard uncertainty of a centre that no fit shows, px: speckle, and a spot that is no ellipse."""
+"""Standard uncertainty of a centre that no fit shows, px. Basis: speckle, and a spot that is no ellipse."""
 NOISE = 2 / 255
-"""Standard deviation of a value, 0 to 1, against which the expectations below are weighed."""
+"""Standard deviation of a value, 0 to 1, against which the expectations below are weighed. Basis: a choice; two values, as of a
+camera in daylight."""
 DOT_AMPLITUDE_SIGMA, DOT_GAIN_SIGMA = 0.15, 0.1
-"""Standard deviations of what a dot's amplitude and gain differ from those of white, as logarithms."""
+"""Standard deviations of what a dot's amplitude and gain differ from those of white, as logarithms. Basis: a choice; black ink
+differs by some tens of per cent from white in what it reflects."""
 MAX_AXIS_RATIO = 6.0
+"""Largest ratio of the axes of a spot. Basis: a choice; a beam at 80 degrees to the board."""
 
 
 @dataclass(frozen=True, slots=True)

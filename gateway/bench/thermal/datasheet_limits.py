@@ -41,7 +41,7 @@ PARTS = {
         DatasheetLimits("ADXL355", 0.15, 0.01),
     )
 }
-"""Known parts by name."""
+"""Known parts by name, with the limits of their data sheets."""
 
 
 def judge_interval(low: float, high: float, limit: float | None) -> Verdict | None:

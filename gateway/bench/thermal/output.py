@@ -14,7 +14,7 @@ from gateway.documents.format import format_fixed
 from gateway.numerics.array import Array
 
 N_POINTS = 20
-"""Number of temperatures of a series."""
+"""Number of temperatures of a series. Basis: a choice; a line or a parabola needs fewer."""
 
 
 def format_thermal(summary: Sequence[AxisSummary], part: str | None, range_c: tuple[float, float], unit: str) -> str:

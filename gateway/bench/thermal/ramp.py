@@ -23,17 +23,17 @@ from gateway.numerics.stats import student_quantile
 AVERAGE_S = 0.5
 """Duration of an average, s; 20 Hz were averaged to 2 Hz (Sawicki and Walendziuk 2016, sec. 3)."""
 N_BINS = 40
-"""Number of temperature bins of a ramp."""
+"""Number of temperature bins of a ramp. Basis: a choice; each averages many readings, and steps of a fortieth show the curve."""
 MIN_BIN_C = 0.25
-"""Smallest width of a bin, °C: several steps of a sensor's own thermometer."""
+"""Smallest width of a bin, °C. Basis: several steps of a sensor's own thermometer."""
 MIN_RANGE_C = 10.0
-"""Smallest range of a ramp, °C: at 0.1 mg/°C the offset changes by 1 mg."""
+"""Smallest range of a ramp, °C. Basis: at 0.1 mg/°C the offset changes by 1 mg."""
 MIN_BINS = 8
-"""Least number of bins of a ramp, so that a curvature and the scatter show."""
+"""Least number of bins of a ramp. Basis: a curvature and the scatter show."""
 MAX_MOTION_G = 0.025
-"""Largest deviation of an average from the curve of its bins, g: beyond it the sensor was moved."""
+"""Largest deviation of an average from the curve of its bins, g. Basis: beyond it the sensor was moved."""
 QUADRATIC_LEVEL = 0.995
-"""One-sided probability of the test of a square: one straight line in a hundred gets a square by chance."""
+"""One-sided probability of the test of a square. Basis: one straight line in a hundred gets a square by chance."""
 
 
 @dataclass(frozen=True, slots=True)

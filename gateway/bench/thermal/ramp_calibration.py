@@ -25,7 +25,7 @@ from gateway.calibration.thermal_model import AXES, AxisThermalModel, ThermalMod
 from gateway.errors import InputError
 
 USUAL_REFERENCE_C = 25.0
-"""Temperature at which data sheets state offset and sensitivity, °C."""
+"""Temperature at which data sheets state offset and sensitivity, °C. Definition: of data sheets."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,15 +24,16 @@ from gateway.numerics.autocorrelation import correlation_sum
 from gateway.numerics.stats import student_quantile
 
 MIN_RANGE_C = 5.0
-"""Smallest range of the temperatures at rest, °C."""
+"""Smallest range of the temperatures at rest, °C. Basis: a choice; a day outside has it, and 0.5 mg/°C show as 2.5 mg."""
 BIN_C = 0.5
-"""Width of the bins of temperature, °C: rests of different days share one, so that a slow change in time averages out."""
+"""Width of the bins of temperature, °C. Basis: rests of different days share one, so that a slow change in time averages out."""
 MIN_BINS = 6
-"""Least number of bins."""
+"""Least number of bins. Basis: a choice; three more than a parabola has coefficients."""
 MAX_LEAN_RAD = np.radians(20.0)
-"""Largest angle between the axis along the rope and the vertical, radians."""
+"""Largest angle between the axis along the rope and the vertical, radians. Basis: a choice; a load hangs straighter, and a
+housing off its rope leans by more."""
 MAX_ERROR_G = 0.05
-"""Largest deviation of |m| from 1 g that a temperature causes, g; a larger one is a motion."""
+"""Largest deviation of |m| from 1 g that a temperature causes, g. Basis: a larger one is a motion."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,13 +9,15 @@ from gateway.calibration.alignment.screw_advice import ScrewAdvice, ScrewMechani
 from gateway.messages import Tilt
 
 WINDOW_S = 2.0
-"""Time over which the angles are averaged and their scatter is measured, s."""
+"""Time over which the angles are averaged and their scatter is measured, s. Basis: a choice; noise averages out, and a person who
+turns a screw sees its effect."""
 MIN_TILTS = 10
-"""Least number of tilts of an average."""
+"""Least number of tilts of an average. Basis: a choice; half of what a window has at ten tilts per second."""
 MAX_TILTS = 64
-"""Largest number of tilts of an average, which bounds memory."""
+"""Largest number of tilts of an average, which bounds memory. Basis: a window has 20 at ten tilts per second; three times as many
+bound the memory."""
 MAX_ANGLE_DEG = 10.0
-"""Largest angle of a hanging housing, degrees; the screws turn it by a few degrees."""
+"""Largest angle of a hanging housing, degrees. Basis: the screws turn it by a few degrees."""
 
 
 @dataclass(frozen=True, slots=True)

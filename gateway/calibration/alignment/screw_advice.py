@@ -13,7 +13,7 @@ Screw = Literal["pitch", "roll"]
 TOLERANCE_RAD = float(np.radians(0.03))
 """Largest angle of an aligned housing, radians; the source achieved it (Łuczak et al. 2022, eq. 2)."""
 K_ALIGNED = 2.0
-"""Coverage factor with which the uncertainty of an angle must be within the tolerance."""
+"""Coverage factor with which the uncertainty of an angle must be within the tolerance. Definition: about 95 % (GUM 6.3)."""
 
 
 @dataclass(frozen=True, slots=True)

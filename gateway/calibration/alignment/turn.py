@@ -11,13 +11,17 @@ import numpy as np
 from gateway.numerics.array import Array
 
 N_SECTORS = 24
-"""Sectors of a turn whose readings are averaged, 15 degrees each."""
+"""Sectors of a turn whose readings are averaged, 15 degrees each. Basis: a choice; 15 degrees each, in which the sine of a tilt
+changes little, and several readings each."""
 MIN_SECTORS = 20
-"""Least number of sectors with a reading in a turn that counts."""
+"""Least number of sectors with a reading in a turn that counts. Basis: a choice; a turn by hand skips a few, and 60 degrees
+missing leave both directions determined."""
 MIN_ACROSS_G = 0.7
-"""Least reading across the shaft, g; below it the shaft is not horizontal, or another axis lies along it."""
+"""Least reading across the shaft, g; below it the shaft is not horizontal, or another axis lies along it. Basis: a shaft within
+45 degrees of the horizontal."""
 RANGE_OF_SECTORS = 3.9
-"""Expected range of 24 values of a normal distribution, in standard deviations."""
+"""Expected range of 24 values of a normal distribution, in standard deviations. Definition: for 24 values of a normal
+distribution."""
 
 
 @dataclass(frozen=True, slots=True)

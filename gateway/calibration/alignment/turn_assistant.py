@@ -10,9 +10,10 @@ from gateway.messages import Tilt
 from gateway.numerics.array import Array
 
 MIN_AXIAL_DEG = 30.0
-"""Tilt, degrees, that shows that a sensor is off its rope; a hanging housing leans by less."""
+"""Tilt, degrees, that shows that a sensor is off its rope. Basis: a hanging housing leans by less."""
 FORGET_S = 120.0
-"""Time after the last such tilt, s, after which the read-out ends."""
+"""Time after the last such tilt, s, after which the read-out ends. Basis: a choice; a person looks for a spanner in less, and the
+read-out does not stay all day."""
 
 
 class TurnAssistant:

@@ -10,11 +10,12 @@ from gateway.calibration.alignment.turn_advice import HOUSING_DEVIATION_RAD, Ali
 from gateway.numerics.array import Array
 
 MAX_READINGS = 6000
-"""Readings that are kept: ten minutes at ten readings per second."""
+"""Readings that are kept: ten minutes at ten readings per second. Basis: a choice; ten minutes at ten readings per second, longer
+than a turn, and a bound of the memory."""
 OVERSHOOT_RAD = np.radians(60.0)
-"""Angle after a turn, rad, that the next one leaves out: a person stops a little later, and turns a screw there."""
+"""Angle after a turn, rad, that the next one leaves out. Basis: a person stops a little later, and turns a screw there."""
 MIN_READINGS = 48
-"""Least number of readings of a turn: two in each sector."""
+"""Least number of readings of a turn. Basis: two in each sector."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from gateway.calibration.thermal_model import correction_at, holds_at_c
 from gateway.numerics.array import Array
 
 DIAGONAL = (0, 4, 8)
-"""Places of the diagonal among the nine entries of a matrix by rows."""
+"""Places of the diagonal among the nine entries of a matrix by rows. Definition: of a 3 x 3 matrix."""
 ROTATION_OF_GAIN = (
     np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]]) / 2
 )

@@ -18,7 +18,7 @@ from gateway.calibration.drift.forecast import (
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 
 DEFAULT_INTERVAL_DAYS = 365.0
-"""Longest time between two calibrations, days, whatever the records show."""
+"""Longest time between two calibrations, days, whatever the records show. Basis: a choice; cranes are inspected once a year."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,15 +24,18 @@ SECONDS_PER_HOUR = 3600
 NS_PER_HOUR = SECONDS_PER_HOUR * 1_000_000_000
 HOURS_PER_DAY = 24
 MAX_HOURS = 72
-"""Number of hourly means that are kept: three days."""
+"""Number of hourly means that are kept: three days. Basis: a choice; several times `HOLD_HOURS`, so that a weekend without rest
+loses nothing."""
 MAX_DAYS = 400
-"""Number of daily means that are kept: more than a year between two calibrations."""
+"""Number of daily means that are kept. Basis: more than a year between two calibrations."""
 MIN_HOUR_READINGS = 30
-"""Least number of readings at rest in an hour whose mean counts."""
+"""Least number of readings at rest in an hour whose mean counts. Basis: a choice; the mean is some times better than a reading,
+and a crane that works rests as often in an hour."""
 HOLD_HOURS = 3
-"""Number of successive hours with rest that must agree before the alarm is raised or cleared."""
+"""Number of successive hours with rest that must agree before the alarm is raised or cleared. Basis: a choice; an hour in the sun
+does not raise the alarm, and a shock is told on the same day."""
 NORMAL_995 = normal_quantile(0.995)
-"""Coverage factor of a two-sided 99 % interval of a normal variable."""
+"""Coverage factor of a two-sided 99 % interval of a normal variable. Definition: a quantile."""
 REST_GATES = ("complete", "not_clipped", "no_impact", "axes_alive", "quiet", "still", "steady")
 """Gates of the condition that a reading at rest meets: all gates that do not depend on the magnitude."""
 

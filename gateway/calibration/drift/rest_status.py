@@ -5,20 +5,18 @@ from typing import Any
 
 import numpy as np
 
+from gateway.calibration.drift.forecast import FORECAST_STEPS, HORIZON_DAYS
 from gateway.calibration.drift.rest_mean import RestMean, combine_means
 from gateway.calibration.drift.rest_monitor import HOURS_PER_DAY, RestDriftMonitor, RestReading
 from gateway.calibration.drift.trend import Trend, fit_means
 
 MIN_TREND_DAYS = 8
-"""Least number of days with rest for a trend."""
+"""Least number of days with rest for a trend. Basis: a choice; a slope and a scatter with six degrees of freedom."""
 MAX_TREND_POINTS = 32
-"""Largest number of points of a trend; neighbouring days are combined, so that a fit takes milliseconds."""
-HORIZON_DAYS = 3650.0
-"""Longest forecast, days."""
-FORECAST_STEPS = 200
-"""Number of steps of a forecast, in geometric progression from one day."""
+"""Largest number of points of a trend. Basis: neighbouring days are combined, so that a fit takes milliseconds."""
 MIN_TEMPERATURE_RANGE_C = 2.0
-"""Least range of the days' temperatures, °C, at which the temperature is fitted together with time."""
+"""Least range of the days' temperatures, °C, at which the temperature is fitted together with time. Basis: a choice; several
+steps of a thermometer, and less than a day outside has."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,16 +12,16 @@ import numpy as np
 
 from gateway.calibration.record import CalibrationError
 from gateway.numerics.array import Array
-from gateway.numerics.stats import NORMAL_975, chi_square_quantile, student_quantile
+from gateway.numerics.stats import CHANCE_LEVEL, NORMAL_975, chi_square_quantile, student_quantile
 
 WALK_VARIANCE_RATIOS = np.concatenate([[0.0], np.geomspace(1e-2, 1e4, 15)])
-"""Candidates for the variance of the random walk over the whole span, relative to that of one value."""
+"""Candidates for the variance of the random walk over the whole span, relative to that of one value. Basis: a choice; from a walk
+that is hidden in the values to one that hides them, in steps by a factor of 2.7."""
 MIN_EVIDENCE = 0.1
-"""Gain of log-likelihood at which a random walk is assumed; the intervals of straight lines then cover in 96 % of all cases."""
-CHANCE_LEVEL = 0.99
-"""Probability with which the uncertainties alone keep chi-square below the limit of a straight line."""
+"""Gain of log-likelihood at which a random walk is assumed. Basis: the intervals of straight lines then cover in 96 % of all
+cases."""
 MIN_CHI_SQUARE = 1e-300
-"""Least chi-square whose logarithm is taken."""
+"""Least chi-square whose logarithm is taken. Definition: a logarithm must be finite."""
 
 
 @dataclass(frozen=True, slots=True)

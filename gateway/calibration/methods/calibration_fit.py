@@ -28,7 +28,7 @@ from gateway.numerics.array import Array
 PAIR_ORDER = {"x": (2, 1), "y": (0, 2), "z": (0, 1)}
 """For each axis, the axes whose faces are its two horizontal pairs."""
 PAIR_SIGN = (-1.0, -1.0, 1.0)
-"""For each axis, the sign of the end that points up in the first position of its pair."""
+"""For each axis, the sign of the end that points up in the first position of its pair. Definition: signs."""
 
 
 def misalignment_deg(sensitivity: Array) -> dict[str, list[float]]:

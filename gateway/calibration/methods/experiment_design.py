@@ -11,9 +11,10 @@ from gateway.calibration.record import NotDeterminedError
 from gateway.numerics.array import Array
 
 MAX_CONDITION_NUMBER = 30.0
-"""Largest condition number of the design of a fit; poses in all directions give 2 to 4."""
+"""Largest condition number of the design of a fit. Basis: poses in all directions give 2 to 4."""
 PRIOR_INFORMATION = 1e-3
-"""Information on each parameter that is assumed before the first pose, so that few poses can be compared."""
+"""Information on each parameter that is assumed before the first pose, so that few poses can be compared. Basis: a choice; far
+below the information of one pose, far above rounding."""
 PARAMETER_NAMES = (
     "scale x",
     "scale y",
@@ -26,7 +27,8 @@ PARAMETER_NAMES = (
     "offset z",
 )
 NAMED_SHARE = 0.5
-"""Least component of an undetermined combination, relative to its largest one, that is named."""
+"""Least component of an undetermined combination, relative to its largest one, that is named. Basis: a choice; a text that names
+one to three parameters."""
 
 
 def design_matrix(up: Array) -> Array:

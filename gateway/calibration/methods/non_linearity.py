@@ -14,14 +14,12 @@ from gateway.calibration.poses.mean_uncertainty import quantisation_u
 from gateway.calibration.poses.pose import Pose
 from gateway.calibration.uncertainty import Contribution
 from gateway.numerics.array import Array
-from gateway.numerics.stats import chi_square_quantile
+from gateway.numerics.stats import CHANCE_LEVEL, chi_square_quantile
 
 PRIOR_U_G = 0.010
 """Standard deviation of q and c before the poses, g: data sheets limit non-linearity to 0.1 to 0.5 % of 2 to 4 g."""
-CHANCE_LEVEL = 0.99
-"""Probability with which linear axes keep chi-square of the magnitudes below the limit."""
 K_NAMED = 2.0
-"""Standard uncertainties beyond which the non-linearity of an axis is named."""
+"""Standard uncertainties beyond which the non-linearity of an axis is named. Definition: about 95 % (GUM 6.3)."""
 
 
 @dataclass(frozen=True, slots=True)

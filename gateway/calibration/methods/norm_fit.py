@@ -20,7 +20,7 @@ from gateway.calibration.poses.pose import Pose
 from gateway.calibration.record import CalibrationRecord, NotDeterminedError
 from gateway.calibration.uncertainty import Contribution
 from gateway.numerics.array import Array
-from gateway.numerics.stats import chi_square_quantile
+from gateway.numerics.stats import CHANCE_LEVEL, chi_square_quantile
 
 FRAME_U_DEG = 0.58
 """Standard uncertainty of the frame's attitude in the housing about each axis, degrees.
@@ -28,15 +28,18 @@ FRAME_U_DEG = 0.58
 1 degree between axes and package, rectangular (Łuczak et al. 2022, Table 9).
 """
 N_PARAMETERS = 9
+"""Definition: three offsets and the six free entries of a symmetric matrix."""
 MAX_ITERATIONS = 50
+"""Basis: a choice; usual fits need far fewer, and one that does not converge ends soon."""
 CONVERGED_STEP = 1e-12
-"""Largest step of a parameter, g or relative, at which the iteration has converged."""
+"""Largest step of a parameter, g or relative, at which the iteration has converged. Basis: a choice; above rounding (2e-16), and
+below any uncertainty."""
 MIN_U_G = 1e-9
-"""Least uncertainty of a magnitude, g, so that readings without noise have a finite weight."""
+"""Least uncertainty of a magnitude, g, so that readings without noise have a finite weight. Basis: a choice; above rounding, and
+a hundred thousandth of the noise of a mean."""
 SINGULAR_SPHERE = 1e-6
-"""Relative singular value below which the poses do not determine a sphere."""
-CHANCE_LEVEL = 0.99
-"""Probability with which noise alone keeps chi-square below the limit of the scatter."""
+"""Relative singular value below which the poses do not determine a sphere. Basis: a choice; above rounding, and poses of any use
+are far from it."""
 SYMMETRIC_ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Rows and columns of the six free entries of the matrix."""
 

@@ -22,18 +22,18 @@ from gateway.calibration.poses.pose import Face, Pose
 from gateway.calibration.record import NotDeterminedError
 from gateway.calibration.uncertainty import Contribution, total_covariance
 from gateway.numerics.array import Array
-from gateway.numerics.stats import chi_square_quantile
+from gateway.numerics.stats import CHANCE_LEVEL, chi_square_quantile
 
 PLACEMENT_U_DEG = 0.1
 """Standard uncertainty of the placement of a face, per direction, degrees: a workshop's spirit level, a housing with dirt on its
 faces. The machined cube on a levelled plate of Łuczak et al. 2022 is ten times better.
 """
 WEIGHT_ACROSS = 1e-6
-"""Weight of a reading across the vertical relative to one along it: the limit in which placement errs far more than noise."""
+"""Weight of a reading across the vertical relative to one along it. Basis: the limit in which placement errs far more than
+noise."""
 MIN_CHECKED_SHARE = 1e-3
-"""Least uncertainty of a residual, relative to the largest, that checks the fit; the fit passes through the other readings."""
-CHANCE_LEVEL = 0.99
-"""Probability with which the stated placement keeps chi-square below the limit."""
+"""Least uncertainty of a residual, relative to the largest, that checks the fit; the fit passes through the other readings.
+Basis: a choice; above rounding; residuals that check the fit have a share of some tenths."""
 
 
 @dataclass(frozen=True, slots=True)

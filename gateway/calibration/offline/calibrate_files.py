@@ -18,7 +18,7 @@ from gateway.calibration.record import CalibrationRecord, NotDeterminedError
 from gateway.errors import InputError
 
 BLOCK_READINGS = 64
-"""Number of readings that are fed at once; the result does not depend on it."""
+"""Number of readings that are fed at once. Basis: the result does not depend on it."""
 
 
 @dataclass(frozen=True, slots=True)

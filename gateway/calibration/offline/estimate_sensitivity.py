@@ -11,13 +11,17 @@ from gateway.calibration.record import NotDeterminedError
 from gateway.numerics.array import Array
 
 BLOCK_READINGS = 16
-"""Number of readings that are averaged before their extremes are taken, so that noise and knocks do not count."""
+"""Number of readings that are averaged before their extremes are taken, so that noise and knocks do not count. Basis: a choice;
+noise falls to a quarter, and a turned sensor stays for longer."""
 EXTREME_QUANTILE = 0.01
-"""Quantile of the averages that counts as their minimum, and one minus it as their maximum."""
+"""Quantile of the averages that counts as their minimum, and one minus it as their maximum. Basis: a choice; knocks are rarer,
+and a face is held for longer."""
 MIN_HALF_RANGE = 0.02
-"""Half range, raw units, below which a sensor was not turned: noise alone."""
+"""Half range, raw units, below which a sensor was not turned: noise alone. Basis: a choice; noise of any sensor is smaller in its
+unit, and a turned one has 1 g or more."""
 MAX_DIGITAL_ZERO_G = 0.5
-"""Largest zero of a digital sensor, g; a larger one is that of an analogue sensor, in the middle of its supply voltage."""
+"""Largest zero of a digital sensor, g; a larger one is that of an analogue sensor, in the middle of its supply voltage. Basis: a
+choice; data sheets state less for digital sensors, and 1.5 V are several g."""
 
 
 def estimate_sensitivity(files: Sequence[FileReadings], units_per_g: float | None) -> NominalSensitivity:

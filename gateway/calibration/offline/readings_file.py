@@ -16,7 +16,7 @@ AT_REST = (
     UnitRange("V", 0.2, 7.0),
 )
 """Ranges of the median magnitude of the readings of an uncalibrated sensor at rest; in V: three outputs near the middle of a
-supply of at most 5 V."""
+supply of at most 5 V. Basis: 9.81 m/s2 within the sensitivity and offset of an uncalibrated sensor."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from gateway.calibration.acceptance import Acceptance
 from gateway.calibration.record import CalibrationRecord
 
 MOST_POSE_LINES = 40
-"""More poses, as those of a rotation, are in the record alone."""
+"""More poses, as those of a rotation, are in the record alone. Basis: a choice; a screen or a page."""
 
 
 def format_report(record: CalibrationRecord, acceptance: Acceptance, notes: tuple[str, ...]) -> str:

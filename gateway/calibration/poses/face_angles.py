@@ -14,9 +14,11 @@ from gateway.calibration.poses.pose import Pose
 from gateway.numerics.array import Array
 
 MAX_FACE_ANGLE_DEG = 5.0
-"""Largest angle between a face and the vertical, degrees: several times what a table or a cross-axis sensitivity contributes."""
+"""Largest angle between a face and the vertical, degrees. Basis: several times what a table or a cross-axis sensitivity
+contributes."""
 ROTATION_ITERATIONS = 3
-"""Repetitions of the choice of each face's nearest pose and of the common rotation, which depend on each other."""
+"""Repetitions of the choice of each face's nearest pose and of the common rotation, which depend on each other. Basis: a choice;
+one changes the other only where a pose lies between two faces, and three cost nothing."""
 
 
 def without_tilted_poses(poses: tuple[Pose, ...]) -> tuple[Pose, ...]:

@@ -11,14 +11,14 @@ FACE_DIRECTIONS: dict[Face, Array] = {
     for axis, pair in enumerate((FACES[:2], FACES[2:4], FACES[4:]))
     for face, sign in zip(pair, (1, -1), strict=True)
 }
-"""Unit vector to the vertical, upwards, for each face."""
+"""Unit vector to the vertical, upwards, for each face. Definition: unit vectors."""
 FACE_TOLERANCE_RAD = np.radians(20.0)
 """Largest angle between an axis and the vertical at which the sensor lies on a face, radians.
 
 The largest zero-g offsets and mounting errors of data sheets rotate a reading by less.
 """
 NONZERO_COMPONENT = 0.3
-"""Components of a candidate direction are 0, or at least 1/sqrt(3); this threshold separates them."""
+"""Components of a candidate direction are 0, or at least 1/sqrt(3). Basis: this threshold separates them."""
 
 
 def find_face(direction: Array) -> Face | None:

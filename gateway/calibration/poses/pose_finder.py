@@ -13,23 +13,27 @@ from gateway.numerics.array import Array
 READINGS_PER_POSE = 300
 """Number of readings of a pose (Łuczak et al. 2022, sec. 4)."""
 TARGET_TYPE_A_G = 1e-4
-"""Uncertainty of the mean, g, at which fewer readings complete a pose: 0.006 degrees of tilt."""
+"""Uncertainty of the mean, g, at which fewer readings complete a pose. Basis: 0.006 degrees of tilt."""
 MAX_TYPE_A_G = 2e-3
-"""Largest uncertainty of the mean, g, of a rest that ended early: 0.1 degrees, the uncertainty of the placement of a face."""
+"""Largest uncertainty of the mean, g, of a rest that ended early. Basis: 0.1 degrees, the uncertainty of the placement of a
+face."""
 MIN_REST_S = 1.0
-"""Shortest rest of a pose, s: four windows, so that correlation of the noise can show."""
+"""Shortest rest of a pose, s. Basis: four windows, so that correlation of the noise can show."""
 NORM_TOLERANCE = 0.3
-"""Largest relative error of the magnitude at rest of an uncalibrated sensor, from zero-g offset and sensitivity together."""
+"""Largest relative error of the magnitude at rest of an uncalibrated sensor, from zero-g offset and sensitivity together. Basis:
+a choice; the offsets of data sheets reach 0.25 g, and a sensor in a hand that moves differs by more."""
 SHIFT_LIMIT_G = 0.002
-"""Smallest change of the mean, g, that can be another attitude: 0.1 degrees."""
+"""Smallest change of the mean, g, that can be another attitude: 0.1 degrees. Basis: 0.1 degrees, the uncertainty of the placement
+of a face."""
 K_SHIFT = 6.0
-"""Standard deviations of the noise that a change of the mean must exceed as well, to be another attitude."""
+"""Standard deviations of the noise that a change of the mean must exceed as well, to be another attitude. Basis: a choice; chance
+does not reach it, and another face differs by far more."""
 MIN_TURN_G = 0.087
 """Least difference between two readings of two poses, g; zero-g offsets cancel in it. 5 degrees: a sensor that was tilted so far
-against a face and is then laid down on it has taken another pose (`face_angles.MAX_FACE_ANGLE_DEG`).
-"""
+against a face and is then laid down on it has taken another pose (`face_angles.MAX_FACE_ANGLE_DEG`). Basis: 5 degrees,
+`face_angles.MAX_FACE_ANGLE_DEG`."""
 SETTLING_WINDOWS = 1
-"""Number of windows that are discarded at the start of a rest: the end of the movement."""
+"""Number of windows that are discarded at the start of a rest. Basis: the end of the movement."""
 PLACE_SENSOR = "lay the sensor down and let it rest"
 TURN_SENSOR = "this pose is taken; turn the sensor to the next one"
 

@@ -10,19 +10,23 @@ from gateway.numerics.array import Array
 from gateway.numerics.quantisation import smallest_steps
 
 WINDOW_S = 0.25
-"""Duration of a window, s: several windows fit into the shortest rest, and each has readings enough for a scatter."""
+"""Duration of a window, s. Basis: several windows fit into the shortest rest, and each has readings enough for a scatter."""
 MIN_WINDOW_READINGS = 8
-"""Least number of readings in a window; at low sample rates a window lasts longer for it."""
+"""Least number of readings in a window; at low sample rates a window lasts longer for it. Basis: a choice; a scatter is then good
+to a quarter."""
 MAX_GAP_S = 1.0
-"""Readings further apart, s, belong to different poses: the motion in between is not known."""
+"""Readings further apart, s, belong to different poses. Basis: the motion in between is not known."""
 MAX_KEPT_WINDOWS = 400
-"""Number of windows whose scatter is kept: 100 s."""
+"""Number of windows whose scatter is kept: 100 s. Basis: a choice; 100 s, in which any session has a rest, and a bound of the
+memory."""
 QUIET_QUANTILE = 0.2
-"""Quantile of the windows' scatter that is taken for the sensor's noise: one window in five is at rest in every session."""
+"""Quantile of the windows' scatter that is taken for the sensor's noise. Basis: one window in five is at rest in every
+session."""
 STILL_RATIO = 3.0
-"""Largest scatter of a still window over the sensor's noise."""
+"""Largest scatter of a still window over the sensor's noise. Basis: a choice; the scatter of eight readings of a sensor at rest
+stays below twice the noise."""
 STILL_LIMIT_G = 0.025
-"""Largest scatter of a still window for any sensor, g: a hand or a running machine moves it by more."""
+"""Largest scatter of a still window for any sensor, g. Basis: a hand or a running machine moves it by more."""
 
 
 @dataclass(frozen=True, slots=True)

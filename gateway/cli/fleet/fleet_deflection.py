@@ -19,7 +19,9 @@ KEY = "plumbline/"
 """Beginning of a gateway's key on the bus; anything else is a recording."""
 AXES = {sign + name: (index, 1 if sign == "+" else -1) for index, name in enumerate("xyz") for sign in "+-"}
 MAX_QUEUED_TILTS = 64
+"""Tilts that may wait. Basis: a choice; three seconds of two sensors, and the newest count."""
 SILENCE_S = 1.5
+"""Time without a tilt after which the link is opened again. Basis: fifteen tilts."""
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 DEFAULT_LISTEN = "127.0.0.1:9321"
 LOOPBACK = ("127.0.0.1", "localhost")
 MOST_CONNECTIONS = 32
+"""Basis: a choice; collectors are a few, and each costs a file."""
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

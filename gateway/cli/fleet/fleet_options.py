@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gateway.bus.fleet_client import FleetClient
 
 MOST_WAITING = 64
-"""Connections that wait to be accepted."""
+"""Connections that wait to be accepted. Basis: a choice; a fleet that comes back together, and a bound of the memory."""
 
 
 def add_expect(verb: argparse.ArgumentParser) -> None:

@@ -20,8 +20,10 @@ if TYPE_CHECKING:
 
 SORT_NAMES = ("state", "name", "swing", "battery", "signal", "calibration", "seen", "software")
 POLL_S = 0.1
+"""Time between two looks. Basis: a choice; not visible to a person, and it costs little."""
 SETTLE_S = 0.5
-"""Shortest wait for the liveliness tokens of all gateways."""
+"""Shortest wait for the liveliness tokens of all gateways. Basis: a choice; tokens come within round trips, and a person does not
+wait longer."""
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

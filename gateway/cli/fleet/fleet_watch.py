@@ -13,7 +13,8 @@ OTHER_SCREEN, USUAL_SCREEN = "\x1b[?1049h\x1b[?25l", "\x1b[?25h\x1b[?1049l"
 """The list is drawn on the terminal's second screen without a cursor, and leaves the first one as it was."""
 
 USUAL_COLUMNS, USUAL_ROWS = 120, 24
-"""Size of a terminal that does not state one, such as a serial console."""
+"""Size of a terminal that does not state one, such as a serial console. Basis: a choice; 24 rows of a VT100, and columns for the
+table."""
 
 
 def watch_fleet(look: "Callable[[], FleetReport]", out: TextIO, interval_s: float, count: int | None) -> int:

@@ -13,7 +13,10 @@ if TYPE_CHECKING:
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 CA_DAYS, HOLDER_DAYS = 3650, 730
+"""Validity of the authority and of its holders. Basis: a choice; ten years of a crane's electronics, and two years between
+visits."""
 SOON_DAYS = 60
+"""Basis: a choice; time for a visit at every crane."""
 HOLDERS = ("gateway", "router", "operator", "service")
 
 

@@ -20,8 +20,10 @@ if TYPE_CHECKING:
     from gateway.daemon.runtime.logs import LineWriter
 
 WITH_LOSSES, FAILED = 3, 1
+"""Definition: exit codes."""
 OUTPUT_S = 0.3
-"""Longest wait for a reader of standard output or error to take the last lines."""
+"""Longest wait for a reader of standard output or error to take the last lines. Basis: a choice; a pipe takes them in
+milliseconds, and a reader that hangs holds no end up."""
 
 
 def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

@@ -18,7 +18,7 @@ NONE = "none"
 CERTIFICATE_FILES = {"ca": "ca.pem", "certificate": "certificate.pem", "key": "key.pem"}
 NETWORK_LISTENERS = ["tls/0.0.0.0:7447", "tcp/127.0.0.1:7447"]
 WARN_SHARE, CLEAR_SHARE = 2 / 3, 1 / 3
-"""Default levels as shares of the trip level."""
+"""Default levels as shares of the trip level. Basis: a choice; a warning comes well before the trip, and clears well below it."""
 
 
 def ask_all(answers: Answers, ask: Ask = input) -> None:

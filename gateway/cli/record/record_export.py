@@ -17,6 +17,7 @@ EXAMPLE = """examples:
   plumbline record export plumbline-data --csv motion.csv --topic motion
   plumbline record export plumbline-data/*.mcap --mcap full_rate.mcap --from 07:30:00 --to 07:35:00"""
 WITH_LOSSES = 3
+"""Definition: an exit code."""
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from gateway.recording.reading.timeline import Timeline
 
 MARGIN_S = 60.0
+"""Time before and after an alert. Basis: a choice; some swings, so that its cause is seen."""
 REPORT = "cause.html"
 
 

@@ -6,7 +6,7 @@ from gateway.cli.options.recording_interval import interval
 from gateway.cli.record.record_options import add_json, add_selection
 
 DAMAGED = 3
-"""Something in a recording cannot be read. One that is still being written is not damaged."""
+"""Something in a recording cannot be read. One that is still being written is not damaged. Definition: an exit code."""
 EXAMPLE = """examples:
   plumbline record info plumbline-data
   plumbline record info plumbline-data --last 1:00:00 --local

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 WITH_LOSSES = 3
+"""Definition: an exit code."""
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

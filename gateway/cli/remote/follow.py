@@ -9,11 +9,15 @@ from gateway.cli.terminal.status_line import StatusLine
 from gateway.daemon.runtime.bounded_queue import BoundedQueue
 
 MAX_STALE_ANSWERS = 4
-"""A gateway that has just accepted a session may still report the time before, at most this often."""
+"""A gateway that has just accepted a session may still report the time before, at most this often. Basis: two seconds of
+sessions."""
 SILENCE_S = 1.5
-"""A gateway that collects poses reports its session twice per second; after this silence it is queried."""
+"""A gateway that collects poses reports its session twice per second; after this silence it is queried. Basis: three messages of
+the session."""
 MAX_QUEUED_MESSAGES = 256
+"""Messages that may wait. Basis: a choice; minutes of a session, and a bound of the memory."""
 BAR = 24
+"""Width of the bar, characters. Basis: a choice; a third of a line."""
 NO_ANSWER = "no answer from the gateway; waiting for it"
 CONTINUES = "the session continues: plumbline remote recalibrate --follow shows it, plumbline remote cancel ends it"
 

@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from gateway.messages import Tilt
 
 SILENCE_S = 1.5
-"""Time without a tilt, s, after which the link is opened again; tilts arrive ten times per second."""
+"""Time without a tilt, s, after which the link is opened again; tilts arrive ten times per second. Basis: fifteen tilts."""
 MAX_QUEUED_TILTS = 64
+"""Tilts that may wait. Basis: a choice; six seconds, and the newest count."""
 SILENCE_TEXT = "no advice: no readings arrive; waiting for the gateway"
 
 

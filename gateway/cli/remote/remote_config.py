@@ -14,9 +14,13 @@ if TYPE_CHECKING:
 
 REFUSED = 1
 PATIENCE_S = 30.0
+"""Longest wait for an answer. Basis: a choice; three times the step that hangs (`commands.worker.PATIENCE_S`), and what a person
+waits."""
 TRIAL_S = 240.0
-"""Longest wait for the end of a trial: some starts of a gateway that does not become healthy."""
+"""Longest wait for the end of a trial: some starts of a gateway that does not become healthy. Basis: a trial has three starts of
+60 s."""
 POLL_S = 1.0
+"""Time between two questions. Basis: a choice; a trial takes seconds to minutes."""
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 Answer = TypeVar("Answer", bound="BaseModel")
 DAMAGED = 1
 PATIENCE_S = 30.0
+"""Longest wait for an answer. Basis: a choice; three times the step that hangs (`commands.worker.PATIENCE_S`), and what a person
+waits."""
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
 ALERT = "alert"
 INBOX = 10_000
+"""Messages that may wait. Basis: a choice; minutes of all topics, and a bound of the memory."""
 STEP_S = 0.1
+"""Longest wait before the output is written. Basis: a choice; ten times a second, as tilts come."""
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

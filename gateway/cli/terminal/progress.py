@@ -8,11 +8,13 @@ from typing import TextIO
 from gateway.cli.terminal.interrupt import DeferredInterrupt
 
 WIDTH = 40
+"""Width of the bar, characters. Basis: a choice; half of a terminal's line."""
 PATIENCE_S = 1.0
-"""Work that is done sooner shows no progress."""
+"""Work that is done sooner shows no progress. Basis: a choice; a person begins to wonder."""
 REDRAW_S = 0.2
+"""Basis: a choice; the bar moves for the eye, and writing costs nothing."""
 LEAST_SHARE = 0.02
-"""Share of the work from which the time left is told."""
+"""Share of the work from which the time left is told. Basis: a choice; the rate is then known to some per cent."""
 
 
 class Progress:

@@ -10,6 +10,7 @@ from gateway.text import printable
 Style = Literal["good", "note", "warning", "bad"]
 CODES: dict[Style, str] = {"good": "32", "note": "36", "warning": "33", "bad": "1;31"}
 LONGEST = 118
+"""Characters of a line. Basis: a choice; a terminal of 120 columns less the ends."""
 
 
 def has_colours(stream: TextIO) -> bool:

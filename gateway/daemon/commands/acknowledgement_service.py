@@ -8,8 +8,9 @@ from gateway.recalibration.request_answers import AnsweredRequests, RequestAnswe
 from gateway.recalibration.requests import Acknowledge
 
 WAITING = 16
+"""Requests that may wait. Basis: a choice; a person acknowledges alerts one by one, and more of them are refused at once."""
 REMEMBERED = 256
-"""Number of answers that are kept."""
+"""Number of answers that are kept. Basis: a choice; a repeated request comes within seconds, and the memory is bounded."""
 
 
 class AcknowledgementService:

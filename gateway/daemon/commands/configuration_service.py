@@ -24,10 +24,13 @@ from gateway.recalibration.requests import ApplyConfiguration, ProposeConfigurat
 log = logging.getLogger("plumbline.configuration")
 FOLDER = "configuration"
 HISTORY = 20
+"""Earlier changes that are kept. Basis: a choice; more than an operator goes back, and a file of a few kilobytes."""
 HEALTHY_S = 10.0
-"""Uninterrupted health that confirms a configuration."""
+"""Uninterrupted health that confirms a configuration. Basis: a choice; ten messages of the health, and a sixth of the time that a
+trial has."""
 DEADLINE_S = 60.0
-"""Time after the start in which a configuration must become healthy."""
+"""Time after the start in which a configuration must become healthy. Basis: a choice; several times `HEALTHY_S`, and short for a
+gateway that does not measure."""
 
 
 class StoredProposal(BaseModel):

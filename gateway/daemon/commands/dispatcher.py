@@ -14,7 +14,8 @@ from gateway.recalibration.requests import Request, RequestError, parse_payload
 from gateway.verbs import VERBS, Verb
 
 ANSWERED_REFUSALS = RateLimit(burst=50, per_s=20.0)
-"""Refusals that are answered; a flood beyond it is dropped without an answer, and counted."""
+"""Refusals that are answered; a flood beyond it is dropped without an answer, and counted. Basis: a choice; more than honest
+callers cause, and cheap beside the 1000 challenges per second."""
 
 
 class RequestDispatcher:

@@ -24,7 +24,7 @@ from gateway.verbs import VERBS as TABLE
 
 log = logging.getLogger("plumbline.mark")
 REMEMBERED = 256
-"""Number of answers that are kept."""
+"""Number of answers that are kept. Basis: a choice; a client repeats a request after seconds, and the memory is bounded."""
 JSON = "application/json"
 NOT_IN_STATUS = "samples"
 

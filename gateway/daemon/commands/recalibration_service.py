@@ -20,7 +20,8 @@ from gateway.recalibration.session_message import make_session_message
 from gateway.recording.segments.calibration_files import CalibrationFiles
 
 SESSION_PERIOD_S = 0.5
-"""While a session collects poses it is published this often."""
+"""While a session collects poses it is published this often. Basis: a choice; a person sees a pose within half a second, and
+`calibrate` asks after 1.5 s of silence."""
 NOT_OPEN = "no device has been opened yet"
 
 

@@ -20,8 +20,10 @@ from gateway.recalibration.requests import LoadSignal, RequestError, parse_paylo
 
 log = logging.getLogger("plumbline.rpc")
 INBOX = 256
+"""Requests and answers that may wait. Basis: a choice; more than honest callers cause at once, and a bound of the memory."""
 RESERVED_FOR_ANSWERS = 64
-"""Places of the inbox that a flood of requests cannot take."""
+"""Places of the inbox that a flood of requests cannot take. Basis: a choice; more than the commands that may wait at once, and a
+quarter of the inbox."""
 JSON = zenoh.Encoding.APPLICATION_JSON
 
 

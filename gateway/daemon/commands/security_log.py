@@ -18,10 +18,15 @@ from gateway.authorization.token_bucket import RateLimit, TokenBucket
 log = logging.getLogger("plumbline.security")
 SECURITY_LOG_NAME = "security.jsonl"
 MAX_FILE_BYTES = 4_000_000
-"""Size at which the file becomes the previous file; there is one previous file."""
+"""Size at which the file becomes the previous file; there is one previous file. Basis: a choice; some ten thousands of lines, and
+two files are nothing to a card."""
 MAX_SOURCES = 64
+"""Sources with a pause of their own. Basis: a choice; more than a site has callers, and a bound of the memory."""
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 60.0, 3600.0
+"""Pauses between two lines about one source, the first and the longest. Basis: a choice; a minute tells of a beginning, an hour
+of what goes on."""
 LINES = RateLimit(burst=30, per_s=0.1)
+"""For all sources together. Basis: a choice; a burst tells of many sources, then six lines a minute do not fill the disk."""
 
 
 @dataclass(frozen=True, slots=True)

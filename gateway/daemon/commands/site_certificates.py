@@ -14,6 +14,8 @@ from gateway.pki.inspect import CertificateError, identity_of, parse_authorities
 
 log = logging.getLogger("plumbline.security")
 LOOK_S, WARNING_S = 3600.0, 86_400.0
+"""Time between two looks at the certificates, and between two warnings. Basis: a choice; certificates last for months, and a
+warning a day is read."""
 NOTHING_REVOKED: frozenset[int] = frozenset()
 
 

@@ -22,9 +22,12 @@ if TYPE_CHECKING:
     from gateway.daemon.commands.site_certificates import SiteCertificates  # its library is an extra
 
 INBOX = 256
+"""Blocks and requests that may wait. Basis: a choice; 25 s of blocks of 0.1 s, longer than a write waits for a card."""
 RESERVED = 16
-"""Places of the inbox that blocks cannot take: for devices and state files."""
+"""Places of the inbox that blocks cannot take: for devices and state files. Basis: a choice; requests and state files come one by
+one, and blocks lose little."""
 WAITING = 16
+"""Requests that may wait. Basis: a choice; commands come from persons, and more are refused at once."""
 PATIENCE_S = 8.0
 """A step that takes longer hangs: requests are then refused. Basis: an SD card that cleans up stops for several seconds; a client
 asks for 30 s."""

@@ -30,8 +30,9 @@ from gateway.errors import PlumblineError
 from gateway.recording.chain.chain_state import ChainStateError, list_aside, read_state
 
 LOW_DISK_MB = 500.0
+"""Least free space without a warning. Basis: a choice; some hours of a recording, and a small share of any card."""
 ATTITUDE_S = 0.5
-"""Time for which the sensor is read to say which face is up."""
+"""Time for which the sensor is read to say which face is up. Basis: a choice; tens of samples, and no wait for a person."""
 
 
 def examine(configuration: Configuration) -> Iterator[CheckResult]:

@@ -24,11 +24,15 @@ from gateway.configuration.serial_devices import SerialSection
 from gateway.daemon.doctor.check_result import CheckResult, Grade
 
 READING_S = 3.0
+"""Time for which the device is read. Basis: a choice; a rate within a few per cent, and no long wait for a person."""
 RATE_TOLERANCE = 0.1
+"""Relative difference from the nominal rate. Basis: oscillators differ by some per cent; the next rate of a part differs by a
+factor of two."""
 SCALE_TOLERANCE = 0.1
 """Relative tolerance of the magnitude at rest, besides the zero-g offsets of the data sheet."""
 FACE_UP_G = 0.8
-"""Least share of one g along the axis that points up."""
+"""Least share of one g along the axis that points up. Basis: a choice; a tilt of 37 degrees, below the 45 degrees at which
+another axis points up as much."""
 MakeDevice = Callable[[Configuration, Clock], Device]
 
 

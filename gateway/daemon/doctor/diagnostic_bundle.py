@@ -23,9 +23,14 @@ from gateway.errors import PlumblineError
 
 UNIT = "plumbline.service"
 LOG_LINES = 2000
+"""Lines of the log, the newest. Basis: a choice; several starts of a gateway, and a bundle that a mail can carry."""
 AUDIT_LINES = 200
+"""Lines of the audit, the newest. Basis: a choice; more than the changes of a month, and a bundle that a mail can carry."""
 MOST_FILES = 5000
+"""Files that are listed, the newest. Basis: a choice; more than a quota of segments, and a bound of the list."""
 COMMAND_S = 10.0
+"""Longest time of a command of the system. Basis: a choice; these commands take a second, and one that hangs holds up the
+bundle."""
 NOT_KNOWN = "not known"
 
 

@@ -10,8 +10,10 @@ SECRET_NAME = re.compile(r"password|passwd|passphrase|secret|token|credential|(^
 SECRET_FILES = ("*token*", "*pin", "*secret*", "*.pem", "*.key", "*password*")
 PUBLIC_FILES = ("*.pub", "*.crt")
 SHORTEST_SECRET = 4
-"""A shorter content would remove ordinary words and numbers."""
+"""Fewest characters of a secret. Basis: a choice; a shorter content would remove ordinary words and numbers, and no real secret
+is shorter."""
 LARGEST_FILE_BYTES = 65536
+"""Largest file that is read as a secret. Basis: a choice; keys, certificates and passwords have a few kilobytes."""
 PRIVATE_BLOCK = re.compile(r"-----BEGIN [A-Z ]*PRIVATE KEY-----.*?(-----END [A-Z ]*PRIVATE KEY-----|\Z)", re.DOTALL)
 ASSIGNMENT = re.compile(
     r"""(?P<name>[\w-]*(?:password|passwd|passphrase|secret|token|credential)[\w-]*["']?\s*[:=]\s*)(?P<value>"[^"]*"|'[^']*'|\S+)""",

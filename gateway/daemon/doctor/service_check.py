@@ -10,6 +10,7 @@ from gateway.errors import PlumblineError
 from gateway.page.verdict import TRUSTED_CALIBRATIONS
 
 MOST_LOST_SHARE = 0.01
+"""Share of lost samples from which on it is reported. Basis: a choice; a late block loses less, and a bad wire more."""
 
 
 def examine_running(configuration: Configuration) -> Iterator[CheckResult]:

@@ -18,8 +18,11 @@ from gateway.topics import encode
 
 log = logging.getLogger("plumbline.alert_sender")
 LATENCY_WINDOW_NS = 3600 * 10**9
+"""Definition: the last hour, as the health says."""
 MOST_CHANGES = 2048
+"""Latencies that are kept. Basis: a choice; more than an hour of alerts has, and a bound of the memory."""
 INBOX = 512
+"""Alerts that may wait. Basis: a choice; several alerts per second for a minute."""
 STORE_PATIENCE_S = 0.25
 """Longest delay of an alert by the disk. Basis: an SD card needs 5 to 50 ms, and an alert must not wait for a broken one."""
 

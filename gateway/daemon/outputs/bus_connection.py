@@ -11,6 +11,8 @@ from gateway.daemon.runtime.faults import Backoff, FaultRegister
 
 log = logging.getLogger("plumbline.bus")
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 5.0
+"""Pauses between two attempts to open the bus, the first and the longest. Basis: a choice; a restart of the router is over soon,
+and a missing one costs little."""
 PART = "bus"
 
 

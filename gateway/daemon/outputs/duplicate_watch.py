@@ -12,8 +12,10 @@ PART = "identity"
 ALIVE = "alive"
 BOOT_ID = re.compile(r"[0-9a-f]{12}")
 MAX_BOOTS = 8
+"""Boots that are remembered. Basis: a choice; two gateways need two, restarts some more, and the memory is bounded."""
 SETTLE_S = 5.0
-"""A gateway that was killed and started again is alive twice until the lease of its former link has ended."""
+"""Time for which two boots may be alive. Basis: a gateway that was killed and started again is alive twice until the lease of its
+former link (1.5 s) has ended."""
 
 
 class DuplicateWatch:

@@ -16,9 +16,12 @@ from gateway.page.pin import PIN_NAME, make_pin
 
 PAGE_MODULES = ("starlette", "uvicorn")
 FIRST_PAUSE_S = 1.0
+"""Pause before the page is started again. Basis: a choice; a browser is without the page for a moment, and a fault at its start
+costs no core."""
 LONGEST_PAUSE_S = 60.0
+"""Longest of these pauses. Basis: a choice; who mends the cause waits no longer than a minute."""
 BIND_PAUSE_S = 2.0
-"""Pause between two attempts to take the address."""
+"""Pause between two attempts to take the address. Basis: a choice; a page that ends frees its address within seconds."""
 PART = "page"
 PIN = "page_pin"
 GOES_ON = "it is tried again until it works, everything else goes on"

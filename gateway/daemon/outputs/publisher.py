@@ -11,6 +11,7 @@ from gateway.topics import TOPICS
 
 log = logging.getLogger("plumbline.bus")
 INBOX = 2048
+"""Messages that may wait. Basis: a choice; a minute at some thirty messages per second, and a bound of the memory."""
 JSON = zenoh.Encoding.APPLICATION_JSON
 
 

@@ -17,8 +17,10 @@ from gateway.daemon.outputs.relay_output import OutputError, RelayOutput, make_o
 from gateway.relay.protocol import ENERGISE, RELEASE, RelayParameters, RelayState
 
 LONGEST_WAIT_S = 1.0
-"""A release that has failed is tried again after this time."""
+"""A release that has failed is tried again after this time. Basis: a choice; a relay that has not fallen is urgent, and one
+attempt per second costs nothing."""
 LONGEST_LINE = 65536
+"""Largest line, bytes. Basis: a choice; a line has some hundred bytes, and what has no end is refused."""
 
 
 class RelayWatchdog:

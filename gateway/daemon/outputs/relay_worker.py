@@ -19,11 +19,17 @@ from gateway.relay.protocol import ENERGISE, RELEASE, STATES, RelayParameters, R
 log = logging.getLogger("plumbline.relay")
 PART = "relay"
 INBOX = 64
+"""Alerts that may wait. Basis: a choice; all rules state their alerts once per second, and only the newest count."""
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.2, 10.0
+"""Pauses before the watchdog is started again, the first and the longest. Basis: a choice; the relay has fallen meanwhile, and a
+fault at the start costs no core."""
 ANSWER_S = 2.0
-"""Longest usual time between a line and its answer, beside that of the output."""
+"""Longest usual time between a line and its answer, beside that of the output. Basis: a choice; an answer takes milliseconds, and
+a busy core delays it by less."""
 END_S = 1.0
+"""Longest time of its end beside two commands. Basis: a choice; the end itself takes milliseconds."""
 LONGEST_ANSWER = 65536
+"""Bytes that are read at once. Basis: a choice; the size of a pipe."""
 SAFE_PATH = ["-P"] if sys.flags.safe_path else []
 
 

@@ -10,10 +10,13 @@ from gateway.daemon.runtime.bounded_queue import BoundedQueue
 from gateway.messages import FoxgloveTime, Log
 
 LINES = 1024
+"""Lines that may wait. Basis: a choice; more than a start writes, and a bound of the memory where nobody reads the output."""
 WAIT_S = 0.1
+"""Time between two looks for the end. Basis: a choice; an end is not delayed visibly, and ten wakings per second cost nothing."""
 RECORDED_ONLY = {"recorded_only": True}
 """`extra` of a line that a person has already read in another form."""
 LEVELS = {logging.DEBUG: 1, logging.INFO: 2, logging.WARNING: 3, logging.ERROR: 4, logging.CRITICAL: 5}
+"""Definition: the levels of `foxglove.Log`."""
 
 
 class LineWriter(threading.Thread):

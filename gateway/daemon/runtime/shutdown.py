@@ -8,8 +8,11 @@ from typing import Any
 from gateway.daemon.runtime.worker import Worker
 
 STOP_S = 3.0
-"""Longest time from a signal to the end of the wait for all threads."""
+"""Longest time from a signal to the end of the wait for all threads. Basis: a choice; more than one `gateway.JOIN_S`, and below
+TimeoutStopSec (10 s) of the service."""
 LOOK_S = 0.05
+"""Time between two looks for the end. Basis: a choice; not visible to a person, and twenty wakings per second for three
+seconds."""
 
 
 class Shutdown:

@@ -6,8 +6,10 @@ from devices.clock import HostClock
 from gateway.pipeline.clock_state import ClockState
 
 STEP_NS = 500_000_000
+"""Change of the clock that is a step. Basis: a choice; ntpd slews differences below 128 ms, and a second is what a person
+reads."""
 TIME_ERROR = 5
-"""Return value of adjtimex: the clock is not synchronised (man 2 adjtimex)."""
+"""Definition: the return value of adjtimex for a clock that is not synchronised (man 2 adjtimex)."""
 
 
 class WallClockMonitor:

@@ -12,8 +12,10 @@ from gateway.daemon.runtime.bounded_queue import BoundedQueue
 log = logging.getLogger("plumbline.daemon")
 Item = TypeVar("Item")
 WAIT_S = 0.1
+"""Time between two looks for the end. Basis: a choice; an end is not delayed visibly, and ten wakings per second cost nothing."""
 DEFECT_LOG_S = 10.0
-"""A defect is logged at most this often."""
+"""A defect is logged at most this often. Basis: a choice; a defect at each block would fill the log, and a person looks at
+minutes."""
 
 
 class Worker(threading.Thread, Generic[Item]):

@@ -10,9 +10,10 @@ from devices.block import RadioStatus, SampleBlock
 
 log = logging.getLogger("plumbline.device")
 STALE_S = 30.0
-"""An older report says nothing about the present."""
+"""An older report says nothing about the present. Basis: a choice; several reports of a sensor, and less than a person's
+patience."""
 WARNING_PERIOD_S = 3600.0
-"""A battery near its limit is low now and then: one warning an hour is enough."""
+"""A battery near its limit is low now and then. Basis: one warning an hour is enough."""
 
 
 class RadioMonitor:

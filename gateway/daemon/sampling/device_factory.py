@@ -18,10 +18,12 @@ from gateway.configuration.single_axis_device import SingleAxisDevice
 
 log = logging.getLogger("plumbline.device")
 BLOCK_S = 0.1
-"""Length of a block where it is not configured."""
+"""Length of a block where it is not configured. Basis: the tilt is published at 10 Hz, with each block at most."""
 LONGEST_BLOCK = 32
+"""Largest number of samples of a block. Basis: a choice; as many as the FIFOs of ADXL345 and ADXL355 hold (data sheets)."""
 HOOK_S = 5.0
-"""Longest time of a recovery command: shorter than the period of the watchdog."""
+"""Longest time of a recovery command: shorter than the period of the watchdog. Basis: the watchdog of the service has 10 s
+(WatchdogSec)."""
 
 
 def block_samples(device: DeviceSection) -> int:

@@ -14,8 +14,10 @@ from gateway.daemon.runtime.faults import Backoff, FaultRegister
 log = logging.getLogger("plumbline.device")
 PART = "device"
 FIRST_PAUSE_S = 0.1
+"""Pause before the first attempt to open a device again. Basis: a choice; a disturbed bus is well at once, and a missing one
+costs no core."""
 LONGEST_PAUSE_S = 0.5
-"""So short that a device that returns delivers samples within a second."""
+"""Longest pause between two attempts. Basis: a device that returns delivers samples within a second."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,8 @@ from gateway.recording.segments.calibration_files import CalibrationFiles, calib
 
 log = logging.getLogger("plumbline.calibration")
 MOST_EARLIER = 32
-"""The forecast in a certificate uses this many earlier records, the newest ones."""
+"""The forecast in a certificate uses this many earlier records, the newest ones. Basis: a choice; decades at one a year, and a
+bound of the work."""
 
 
 class CalibrationProvider:

@@ -16,6 +16,7 @@ from gateway.recording.segments.events import uncompacted_marker
 
 log = logging.getLogger("plumbline.recorder")
 INBOX = 4096
+"""Segments that may wait. Basis: a choice; more than a quota has, and a bound of the memory."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,10 +17,13 @@ from gateway.outbox.position import MOST_BYTES, ChangePage, Position, find_span,
 log = logging.getLogger("plumbline.outbox")
 PART = "outbox"
 INBOX = 1024
-"""Changes that can wait for a disk that fails; the oldest of more are lost at a power failure, and were sent before."""
+"""Changes that can wait for a disk that fails; the oldest of more are lost at a power failure, and were sent before. Basis: a
+choice; hours of usual changes, and a bound of the memory."""
 RECENT = 512
-"""Changes in memory, so that a page that starts, or a receiver that has missed a few, gets them without the disk."""
+"""Changes in memory, so that a page that starts, or a receiver that has missed a few, gets them without the disk. Basis: a
+choice; more than a receiver misses at a restart, and a bound of the memory."""
 RETRY_S = 5.0
+"""Pause before a failed disk is tried again. Basis: a choice; a remounted disk is used soon, and one attempt costs little."""
 
 
 class OutboxWriter(Worker[StoredChange]):

@@ -30,10 +30,16 @@ from gateway.recording.segments.trimming import trim
 
 log = logging.getLogger("plumbline.recorder")
 INBOX = 4096
+"""Messages that may wait. Basis: a choice; a slow card may stop for a minute at some fifty messages per second, and the memory is
+bounded."""
 RETRY_S = 5.0
+"""Pause before a failed recording is tried again. Basis: a choice; a remounted disk is used soon, and one attempt costs
+little."""
 LOOK_NS = 1_000_000_000
+"""Time between two looks at the free space. Basis: a choice; the health states it once per second."""
 ROOM_S = 0.5
-"""Time after which a source that waits for room looks whether the disk takes anything."""
+"""Time after which a source that waits for room looks whether the disk takes anything. Basis: a choice; half a second more of a
+replay does not matter, and a look costs nothing."""
 STALLED_S = 5.0
 """A disk that takes nothing for so long is not waited for. Basis: shorter than what the watchdog allows the processor."""
 

@@ -20,7 +20,8 @@ from gateway.recording.format.header import LARGEST_SEGMENT
 STATE_NAME = "chain.json"
 ASIDE = ".damaged-{number}"
 KEPT_ASIDE = 8
-"""Number of damaged files that are kept: the first ones, and the last."""
+"""Number of damaged files that are kept: the first ones, and the last. Basis: a choice; the first damage explains most, and the
+files do not fill the disk."""
 WITHOUT_CHECKSUM = "newest_segment", "final_segment", "final_sha256", "deleted_up_to"
 """Fields of the file before it had a checksum."""
 CHECKSUM = b',"sha256":"'

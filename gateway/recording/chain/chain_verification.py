@@ -15,7 +15,8 @@ from gateway.recording.chain.statements import DeletionStatement, Statement, has
 from gateway.recording.reading.interval import iso_utc
 
 LATEST_NS = 2_000_000_000
-"""Samples may be recorded so much later than messages about the gateway itself, so that neighbouring segments overlap."""
+"""Samples may be recorded so much later than messages about the gateway itself, so that neighbouring segments overlap. Basis: a
+choice; a wireless sensor is a second late, and a segment lasts for minutes."""
 
 
 @dataclass(frozen=True, slots=True)

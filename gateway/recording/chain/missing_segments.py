@@ -14,6 +14,7 @@ NOT_STATED = "not_stated"
 """The segment is older than what is stated of deletions, and the gateway may have deleted it."""
 DELETED = {"quota": "by the quota", "disk": "for want of space on the disk, with a quota"}
 SHOWN = 8
+"""Ranges that a message names; of others it has the number. Basis: a choice; one line of a terminal."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,8 +18,9 @@ from gateway.topics import TOPICS, encode
 REPLAYED_SUFFIX = "-replayed"
 """Behind the sensor's name: a program that follows one sensor never takes a playback for it."""
 LONGEST_PAUSE_S = 5.0
-"""A longer gap of the recording is shortened to this."""
+"""A longer gap of the recording is shortened to this. Basis: a choice; a person notices the gap and does not wait for hours."""
 ANSWER_PERIOD_S = 0.1
+"""Longest sleep between two looks for an end. Basis: a choice; an answer within what a person sees."""
 JSON = zenoh.Encoding.APPLICATION_JSON
 TOPIC_OF_PATH = {topic.path: topic for topic in TOPICS.values() if topic.published}
 

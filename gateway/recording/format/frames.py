@@ -24,10 +24,13 @@ CHUNK_HEAD = struct.Struct("<QQQI8sQ")
 """First and last time, size, checksum, compression with its length, and length of the records of a chunk."""
 SIGNATURE = b"\x04\x00\x00\x00zstd"
 SIGNATURE_PLACE = RECORD_HEAD.size + 28
-"""Distance of the signature from the start of a chunk record."""
+"""Distance of the signature from the start of a chunk record. Definition: the fields of an MCAP chunk before its records."""
 INDEX_HEAD = struct.Struct("<HI")
 """Channel, and length of the entries, of a message index."""
+FOOTER_BYTES = 20
+"""Definition: the content of a footer record (MCAP)."""
 SEARCH_BYTES = 1024 * 1024
+"""Bytes that are searched at once. Basis: a choice; more does not read faster, and a small board has the memory."""
 
 Frame = tuple[bytes, int, bytes]
 """Head, opcode and content of a record."""
@@ -36,6 +39,8 @@ MAX_CHUNK_BYTES = 64_000_000
 MAX_EXPANSION = 200
 """Largest ratio of all chunks of a file to its size, beside one largest chunk. Basis: recordings of a crane at rest reach 12."""
 MAX_WINDOW_BYTES = 1 << 27
+"""Largest window of the decompression. Basis: a choice; the window of zstd's level 22 is as large, and a hostile file asks for no
+more."""
 IN_CHUNKS = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)
 
 

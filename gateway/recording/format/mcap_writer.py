@@ -31,25 +31,28 @@ from mcap.records import (
 )
 from mcap.writer import MCAP0_MAGIC
 
+from gateway.recording.format.frames import FOOTER_BYTES
+
 CHUNK_BYTES = 1024 * 1024
-"""A chunk ends when it is longer than this."""
+"""A chunk ends when it is longer than this. Basis: a sample takes 19 bytes at 125 Hz, and 32 in chunks of a second; a reader
+decompresses a whole chunk."""
 CHUNKS_WITH_DEFINITIONS = 2
 """So many chunks at the beginning have all schemas and channels: one of them may be damaged."""
 MESSAGE = struct.Struct("<BQHIQQ")
 """Opcode, length, channel, sequence, log time, publish time."""
 MESSAGE_FIELDS_BYTES = MESSAGE.size - 9
-"""Bytes of a message record after opcode and length, without its payload."""
+"""Bytes of a message record after opcode and length, without its payload. Definition: opcode and length take nine bytes
+(MCAP)."""
 INDEX = struct.Struct("<BQHI")
 """Opcode, length, channel, bytes of the entries."""
 FOOTER = struct.Struct("<BQQQ")
 """Opcode, length, start of the summary and of the summary offsets: what the summary's checksum contains of the footer."""
-FOOTER_BYTES = 20
-
 
 FAST = zstandard.ZstdCompressionParameters.from_level(1)
 """For chunks of a second, which a higher level does not make smaller."""
 DENSE = zstandard.ZstdCompressionParameters.from_level(9, source_size=CHUNK_BYTES, min_match=7)
-"""For long chunks. Shorter matches are coincidences in the digits of noise, and cost more than the digits."""
+"""For long chunks. Shorter matches are coincidences in the digits of noise, and cost more than the digits. Basis: a choice; lower
+levels leave larger segments, and higher ones take more of a small board's core."""
 
 
 class ByteSink(Protocol):

@@ -11,8 +11,9 @@ from gateway.recording.summary.alert_join import RecordedAlert
 from gateway.recording.summary.segment_summary import CalibrationState, RecordedPeak
 
 LABEL_WIDTH = 15
+"""Characters of the first column. Definition: the longest label and a space."""
 MOST_LINES = 20
-"""Most lines of a list, of which `--json` has all entries; trips are always listed."""
+"""Most lines of a list, of which `--json` has all entries; trips are always listed. Basis: a choice; a screen of a terminal."""
 LEVELS = {3: "warning", 4: "error", 5: "fatal"}
 
 

@@ -31,7 +31,7 @@ from gateway.recording.reading.timeline import (
 PART_BLOCKS = 1024
 """Most blocks of a part; basis: one or two megabytes as arrays."""
 LEAD_NS = 300_000_000_000
-"""Samples before an interval that are read too: ten time constants of the filter of the temperature, `TIME_CONSTANT_S`."""
+"""Samples before an interval that are read too. Basis: ten time constants of the filter of the temperature, `TIME_CONSTANT_S`."""
 FREE_DEVICE_FIELDS = frozenset({"details", "can_wait"})
 """Fields of a device that may differ between files: they do not change the meaning of a sample."""
 

@@ -19,15 +19,16 @@ from mcap.records import Attachment, AttachmentIndex, Metadata, MetadataIndex, S
 from mcap.writer import MCAP0_MAGIC
 
 from devices.errors import RecordingError
-from gateway.recording.format.frames import RECORD_HEAD
+from gateway.recording.format.frames import FOOTER_BYTES, RECORD_HEAD
 from gateway.recording.format.salvage import CHUNK_TIMES, DAMAGED, open_mcap
 from gateway.recording.summary.segment_summary import SUMMARY, SegmentSummary, decode_summary
 
 FOOTER = struct.Struct("<BQQQI")
 """Opcode, length, start of the summary section, start of its offsets, checksum of the summary section."""
-FOOTER_LENGTH = 20
 DATA_END_LENGTH = 4
+"""Definition: the content of a data end record is a checksum (MCAP)."""
 READ_BYTES = 1 << 20
+"""Bytes that are read at once. Basis: a choice; more does not read faster, and a small board has the memory."""
 
 
 @dataclass(slots=True)
@@ -81,7 +82,7 @@ def _from_summary_section(file: BinaryIO, size: int) -> SegmentIndex | None:
     file.seek(end)
     footer = file.read(FOOTER.size)
     opcode, length, start, _, checksum = FOOTER.unpack(footer)
-    if (opcode, length) != (Opcode.FOOTER, FOOTER_LENGTH) or file.read() != MCAP0_MAGIC or not 0 < start <= end:
+    if (opcode, length) != (Opcode.FOOTER, FOOTER_BYTES) or file.read() != MCAP0_MAGIC or not 0 < start <= end:
         return None
     file.seek(start)
     section = file.read(end - start)

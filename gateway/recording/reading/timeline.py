@@ -35,9 +35,11 @@ GATEWAY_KEYS = ("site", "crane", "sensor")
 REPEATED_PATHS = paths_with(lambda topic: topic.repeated)
 SUMMARISED_PATHS = paths_with(lambda topic: topic.summarised)
 LONGEST_BLOCK_NS = 10_000_000_000
-"""A block is recorded at the time of its newest sample, so that samples before an end may be in a message this much later."""
+"""A block is recorded at the time of its newest sample, so that samples before an end may be in a message this much later. Basis:
+a choice; longer than a block of any device that is read, short beside a segment."""
 MESSAGES_PER_REPORT = 20
-"""Progress is reported once in so many messages."""
+"""Progress is reported once in so many messages. Basis: a choice; a report costs more than a message, and a person sees
+progress."""
 
 ReportProgress = Callable[[float], None]
 """Takes the share of the work that is done, 0 to 1."""

@@ -13,10 +13,12 @@ from gateway.recording.reading.recording_file import RecordedMessage
 from gateway.topics import TOPICS
 
 PATIENCE_NS = 5_000_000_000
-"""A message whose counterpart has not come this much later has none."""
+"""A message whose counterpart has not come this much later has none. Basis: a choice; longer than the longest interval of any
+topic but the calibration, and a bound of the memory."""
 PROSE = frozenset({"text", "reasons", "change"})
 """Fields with numbers in words, which are not compared within a tolerance."""
 RELATIVE_TOLERANCE = 1e-6
+"""Relative difference of numbers that count as equal. Basis: a choice; above the rounding of a sum, below any recorded digit."""
 MISSING = "(none)"
 
 
@@ -55,7 +57,8 @@ class Tolerance:
 
 EXACT = Tolerance("byte for byte", ignored=frozenset())
 OTHER_PLATFORM = Tolerance("within two units of the last recorded digit, without texts", steps=2.0)
-"""Another machine or NumPy rounds differently."""
+"""Another machine or NumPy rounds differently. Basis: a last bit of a value may cross the middle between two digits, and a sum
+carries it to the next."""
 AFTER_START = Tolerance(
     "acceleration within 0.00005 g and tilt within 0.005 deg; motion, swing, conditions and alerts, which depend on the "
     "whole run, only in the table",
@@ -65,7 +68,8 @@ AFTER_START = Tolerance(
         "/tilt": frozenset({"pitch_deg", "roll_deg", "axial_deg"}),
     },
 )
-"""The start of the run is missing, and with it what the motion filter had learnt."""
+"""The start of the run is missing, and with it what the motion filter had learnt. Basis: half a digit of the fourth and of the
+second decimal."""
 
 
 @dataclass(frozen=True, slots=True)

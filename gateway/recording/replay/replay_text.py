@@ -12,7 +12,8 @@ from gateway.recording.summary.alert_join import RecordedAlert, join_alerts, unk
 from gateway.recording.summary.segment_summary import RecordedPeak, SegmentSummary
 
 SAME_BEGIN_NS = 5_000_000_000
-"""Alerts of one rule that begin within this time of each other are the same one."""
+"""Alerts of one rule that begin within this time of each other are the same one. Basis: a choice; longer than the hold time that
+a shifted start moves, shorter than two alerts of a rule."""
 
 
 @dataclass(frozen=True, slots=True)

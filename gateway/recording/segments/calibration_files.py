@@ -10,6 +10,7 @@ from gateway.recording.format import header as names
 
 FORBIDDEN_IN_NAME = re.compile(r"[^A-Za-z0-9._-]")
 LONGEST_ID = 80
+"""Characters of an id in a file name. Basis: a choice; an id is shorter, and a file system takes 255 bytes."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from gateway.recording.reading.recording_file import RecordedMessage
 from gateway.recording.summary.segment_summary import SUMMARY
 
 LARGEST_NS = 2**63 - 1
+"""Definition: the largest signed time of 64 bits, in nanoseconds."""
 STATED = frozenset({SIGNATURE, DELETIONS})
 """Metadata that are not copied: the gateway's statements are about the source's bytes."""
 

@@ -18,6 +18,8 @@ UNCOMPACTED = ".live"
 TRIMMED = b"trimmed\n"
 """First line of the marker of a segment that has the time around events only."""
 MOST_REMEMBERED = 128
+"""Ended recordings whose messages may still come. Basis: a choice; more than end before the disk takes them, and a bound of the
+memory."""
 
 
 @dataclass(frozen=True, slots=True, order=True)

@@ -16,13 +16,15 @@ from gateway.recording.chain.statements import DeletionReason
 from gateway.recording.format.header import RecordingHeader
 from gateway.recording.format.schemas import logged_topics, schema_bytes
 from gateway.recording.segments.calibration_files import AttachedFile, CalibrationFiles
+from gateway.recording.segments.copying import LARGEST_NS
 from gateway.recording.segments.events import EventDetector, EventIndex
 from gateway.recording.segments.retention import BYTES_PER_MB, Retention, SegmentNames
 from gateway.recording.segments.segment import Segment
 from gateway.topics import TOPICS
 
 SEGMENTS_IN_QUOTA = 4
-"""A segment ends before it exceeds this part of the quota, because the open segment is never deleted."""
+"""A segment ends before it exceeds this part of the quota, because the open segment is never deleted. Basis: a choice; three
+quarters of the quota are left at worst, and more parts make short segments."""
 REMEDIES = {
     errno.ENOSPC: "free space on the disk, or lower recorder.quota_mb so that old recordings make room",
     errno.EDQUOT: "the user's disk quota is used up; raise it, or lower recorder.quota_mb",
@@ -33,7 +35,6 @@ REMEDIES = {
     errno.EEXIST: "gateway.data_dir is not a folder; choose another",
     errno.EIO: "the disk does not take or keep data; replace it",
 }
-LARGEST_TIME_NS = 2**63 - 1
 
 
 class RecorderError(PlumblineError):
@@ -167,7 +168,7 @@ class Recorder:
     def write(self, encoded: EncodedMessage) -> None:
         """Record a message. Raises `RecorderError` when it cannot, `ValueError` for a time that no recording can hold."""
         topic, message, log_time_ns = TOPICS[encoded.topic], encoded.message, encoded.log_time_ns
-        if not 0 <= log_time_ns <= LARGEST_TIME_NS or not 0 <= encoded.publish_time_ns <= LARGEST_TIME_NS:
+        if not 0 <= log_time_ns <= LARGEST_NS or not 0 <= encoded.publish_time_ns <= LARGEST_NS:
             raise ValueError(f"{topic.path}: times {log_time_ns} and {encoded.publish_time_ns} ns are not after 1970")
         if encoded.sequence % topic.recorded_every:
             return

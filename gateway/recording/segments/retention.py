@@ -15,7 +15,8 @@ from gateway.recording.segments.events import is_trimmed, marker_path, uncompact
 
 BYTES_PER_MB = 1_000_000
 USED_SHARE = 0.95
-"""Share of recordings and free space together that recordings may take; the rest is for compaction and state files."""
+"""Share of recordings and free space together that recordings may take; the rest is for compaction and state files. Basis: a
+choice; a compaction needs a segment's room, and a share of a twentieth is not missed."""
 
 
 class Protection(IntEnum):

@@ -25,7 +25,8 @@ from gateway.recording.summary.summary_builder import SummaryBuilder
 from gateway.topics import TOPICS
 
 CHECKPOINT_NS = 10_000_000_000
-"""Distance of the signatures in a segment that is being written."""
+"""Distance of the signatures in a segment that is being written. Basis: a choice; at a power failure so much is not signed, and
+each signature takes room in the recording."""
 SEQUENCE_MASK = 0xFFFF_FFFF
 """MCAP's sequence numbers have 32 bits."""
 

@@ -19,7 +19,8 @@ from gateway.topics import paths_with
 
 ALWAYS_KEPT = paths_with(lambda topic: topic.always_kept)
 BLOCK_NS = 1_000_000_000
-"""A block of samples has the time of its newest one: whole blocks are kept where they may begin in the interval."""
+"""A block of samples has the time of its newest one: whole blocks are kept where they may begin in the interval. Basis: a choice;
+blocks are shorter than a second at all usual rates."""
 
 
 def trim(path: Path, chain: SegmentChain | None = None) -> SalvageReport:

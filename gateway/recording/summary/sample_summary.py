@@ -8,9 +8,10 @@ import numpy as np
 from gateway.messages import Samples
 
 GAP_PERIODS = 1.5
-"""A longer distance between neighbouring samples, in periods, is a gap."""
+"""A longer distance between neighbouring samples, in periods, is a gap. Basis: a lost sample makes two periods, jitter less than
+one and a half."""
 MOST_GAPS = 200
-"""The longest gaps are listed, all are counted."""
+"""The longest gaps are listed, all are counted. Basis: a choice; more than anybody reads, and some kilobytes."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,11 +20,12 @@ from gateway.recording.summary.segment_summary import (
 )
 
 MOST_ENTRIES = 1000
-"""Most entries of the lists of faults and of lines, so that a fault that returns every second does not fill the disk."""
+"""Most entries of the lists of faults and of lines, so that a fault that returns every second does not fill the disk. Basis: a
+choice; days of rare faults, and some hundred kilobytes."""
 WARNING = 3
-"""Lowest level of the lines of the log that the summary has (`foxglove.Log`)."""
+"""Lowest level of the lines of the log that the summary has. Definition: `foxglove.Log`."""
 LONGEST_STEP_S = 2.0
-"""A verdict counts no longer than this, in case no other condition follows it."""
+"""A verdict counts no longer than this, in case no other condition follows it. Basis: four periods of the conditions."""
 
 
 @dataclass(slots=True)

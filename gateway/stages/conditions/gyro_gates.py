@@ -9,9 +9,11 @@ import numpy as np
 from gateway.numerics.array import Array
 
 ZERO_RATE_RAD_S = np.radians(2.0)
-"""Largest reading of a usual gyroscope at rest."""
+"""Largest reading of a usual gyroscope at rest. Basis: a choice; zero-rate outputs are compensated at rest, and a hand turns a
+housing faster."""
 RATE_MARGIN = 1.2
-"""The housing may turn this many times faster than the rope at its fastest."""
+"""The housing may turn this many times faster than the rope at its fastest. Basis: a choice; the amplitude is an upper 95 % end,
+and the rope's length is stated within some per cent."""
 
 
 def turning_gates(rate_rad_s: Array, phi_max_rad: float | None, period_s: float | None) -> dict[str, bool]:

@@ -9,11 +9,14 @@ import numpy as np
 from gateway.numerics.array import Array
 
 WINDOW_S = 2.0
+"""Length of the window. Basis: a choice; a quarter of a swing of a rope of 16 m, and a verdict that is not late."""
 MEMORY_S = 6.0
-"""Length of the memory, for slow movements that the window is too short to show."""
+"""Length of the memory, for slow movements that the window is too short to show. Basis: a choice; a half swing of a rope of 36 m,
+and few hundred numbers."""
 BIN_S = 0.1
+"""Length of a bin. Basis: the period of the updates of the pipeline."""
 COMPLETE_SHARE = 0.95
-"""A bin is complete from this share of its length on, because sample times jitter."""
+"""A bin is complete from this share of its length on. Basis: sample times jitter."""
 
 
 @dataclass(frozen=True, slots=True)

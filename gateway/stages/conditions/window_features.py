@@ -10,17 +10,24 @@ from gateway.numerics.array import Array
 from gateway.stages.conditions.window import Bin
 
 STILL_SIGMA = 3.0
-"""The smoothed means of a still housing vary by less than this many standard deviations of a bin, plus the floor."""
+"""The smoothed means of a still housing vary by less than this many standard deviations of a bin, plus the floor. Basis: the
+averages in a window of twenty independent bins exceed it by chance once in 2e4."""
 BARE_STILL_SIGMA = 6.5
-"""The same limit for means that are not smoothed."""
+"""The same limit for means that are not smoothed. Basis: twenty independent bins exceed it by chance once in 1300."""
 STILL_FLOOR_G = 0.0005
-"""Largest peak-to-peak value of a still housing: 0.015 degrees of lean in either direction."""
+"""Largest peak-to-peak value of a still housing: 0.015 degrees of lean in either direction. Basis: a choice; below a swing of any
+use, and above the steps of a coarse sensor's mean."""
 LEAKAGE = 0.06
-"""Share of the vibration that passes the smoothing."""
+"""Share of the vibration that passes the smoothing. Basis: the mean over a second passes 0.06 of a line at 5.5 Hz, and less of
+faster ones."""
 SMOOTHED_BINS, ROUGH_SMOOTHED_BINS = 5, 10
+"""Bins of the average, without vibration and with it. Basis: a choice; half a second and a second, short beside the swing."""
 ROUGH_FACTOR = 4.0
-"""A scatter within a bin of more than this many times the noise is vibration."""
+"""A scatter within a bin of more than this many times the noise is vibration. Basis: a choice; noise alone does not scatter so,
+and a running machine does."""
 ROUGH_FLOOR_G = 0.004
+"""Scatter within a bin from which on it is vibration, whatever the noise. Basis: a choice; above the noise of any supported
+sensor, below any machine."""
 
 
 @dataclass(frozen=True, slots=True)
