@@ -192,7 +192,7 @@ ADXL355_KIND = ChipKind(
     usual_rate_hz=125.0,
     ranges_g=tuple(ADXL355.units_per_g),
 )
-"""Basis of its usual rate: a choice; the one next to the 100 Hz of the other chips."""
+"""Basis: of its usual rate a choice, the one next to the 100 Hz of the other chips."""
 ADXL357_KIND = replace(
     ADXL355_KIND,
     part="ADXL357",
