@@ -34,7 +34,8 @@ CUT = "cut"
 """Name of the metadata record on what was cut out of the recordings."""
 NOTHING_READ = "no message of this time could be read"
 LEAD_NS = 15_000_000_000
-"""Calibration and clock are read from so long before the begin. Basis: each is recorded more often than that, the calibration every 10 s."""
+"""Calibration and clock are read from so long before the begin. Basis: each is recorded more often than that, the calibration
+every 10 s."""
 
 
 @dataclass(frozen=True, slots=True)
