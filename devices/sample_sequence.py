@@ -3,11 +3,13 @@
 from dataclasses import dataclass
 
 REPEATED_NS = 500_000_000
-"""Numbers that stay behind for longer are not late frames. Basis: the node has started again."""
+"""Numbers that stay behind for longer are not late frames: the node has started again. Basis: a choice; a frame that is repeated
+comes sooner, and a start takes longer."""
 LATE_S = 10.0
 """A frame is at most this late. Basis: a choice; longer than a base station repeats a frame."""
 JUMP_S, JUMP_SHARE = 2.0, 1.25
-"""Numbers that run ahead of the time since the last frame by more. Basis: the node has started again, or changed its rate."""
+"""Numbers that run ahead of the time since the last frame by more: the node has started again, or changed its rate. Basis: a
+choice; a radio is late by less, and the next rate differs by more."""
 
 
 @dataclass(frozen=True, slots=True)

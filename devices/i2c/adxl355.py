@@ -40,7 +40,7 @@ RANGE_HIGH_SPEED = 0x80
 OVERRUN, NVM_BUSY, STATUS_UNUSED = 0x04, 0x10, 0xE0
 
 RATES_HZ = tuple(4000.0 / (1 << k) for k in range(11))
-"""Output data rates by their code in the FILTER register. Basis: Data sheet."""
+"""Output data rates by their code in the FILTER register. Basis: data sheet."""
 RATE_CODES = {rate_hz: code for code, rate_hz in enumerate(RATES_HZ)}
 LONGEST_BLOCK = 16
 """Samples of a block at most. Basis: half of the FIFO, so that a late read loses none."""

@@ -27,7 +27,7 @@ VOLTS_PER_COUNT = 1e-5
 """Of the output at the nominal supply, counted from half of it. Basis: a choice; a twelfth of a step of the converter, so that
 rounding adds nothing."""
 LONGEST_WAIT_NS = 500_000_000
-"""Basis: as long as a thread is waited for at the end, less a margin (`JOIN_S`)."""
+"""Longest read. Basis: a thread that reads ends within it (`JOIN_S`)."""
 SUPPLY = 3
 """Definition: the input of the supply."""
 BAD_CYCLES = 10

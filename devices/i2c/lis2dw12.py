@@ -44,10 +44,10 @@ RESET_POLLS, RESET_POLL_S = 20, 0.005
 
 SELF_TEST_FORCE = 0x40
 SELF_TEST_LIMITS_G = ((0.07, 1.5),) * 3
-"""Of CTRL3, at 50 Hz and 4 g (Table 3). Basis: Data sheet."""
+"""Of CTRL3, at 50 Hz and 4 g (Table 3). Basis: data sheet."""
 
 RATE_CODES = {1600.0: 9, 800.0: 8, 400.0: 7, 200.0: 6, 100.0: 5, 50.0: 4, 25.0: 3, 12.5: 2}
-"""Section 8.4, CTRL1, in high-performance mode. Basis: Data sheet."""
+"""Section 8.4, CTRL1, in high-performance mode. Basis: data sheet."""
 RANGE_CODES = {2: 0, 4: 1, 8: 2, 16: 3}
 """Codes of the ranges in g (data sheet, section 8)."""
 UNITS_PER_G = {2: 4096.0, 4: 2048.0, 8: 1024.0, 16: 512.0}

@@ -27,7 +27,7 @@ EXACT_UNITS_PER_G = {
     "mpu9255": (16384.0, 8192.0, 4096.0, 2048.0),
 }
 """Counts per g of parts whose driver rounds the scale (adxl355_core.c: 3.9 instead of 3.90625 ug, 0.16 %; adxl345_core.c: 0.0383,
-0.02 %; inv_mpu_core.c: 0.000598, 0.09 %). Basis: Data sheets."""
+0.02 %; inv_mpu_core.c: 0.000598, 0.09 %). Basis: data sheets."""
 SCALE_ROUNDING = 5e-3
 """Relative difference within which a scale is taken for a rounded one. Basis: a choice; three times the worst rounding known
 (0.16 %), far below the step to the next range."""

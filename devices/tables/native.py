@@ -39,10 +39,10 @@ HEADER_LINES = 64
 lines."""
 BINARY = re.compile(rb"[\x00-\x08\x0e-\x1a]")
 TIME_LIMIT_S = 4e9
-"""A larger number . Basis: beyond the year 2096 in Unix seconds) is not a time in seconds; differences still fit int64
+"""A larger number is not a time in seconds. Basis: beyond the year 2096 in Unix seconds; differences still fit int64
 nanoseconds."""
 READING_LIMIT = 2.0**31
-"""Range of the widest sensor. Basis: a larger number is a damaged row."""
+"""A larger number is a damaged row. Definition: the range of the widest sensor, 32 bits."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,8 @@ from gateway.documents.text import printable_text
 MOST_POINTS = 160
 """Points of a series that are drawn; a longer series is thinned. Basis: a choice; neighbours touch at the figure's width."""
 X_MARGIN, Y_MARGIN = 1.06, 1.35
-"""Half ranges of the scales relative to those of the values. Basis: the legend stands above the points, the unit below."""
+"""Half ranges of the scales relative to those of the values. Basis: a choice of taste; the legend stands above the points, the
+unit below."""
 SMALLEST_SHARE, SMALLEST_HALF = 1e-6, 1e-9
 """Least half range of a scale, relative to its values and absolute. Basis: below it the labels could not tell the ticks apart."""
 

@@ -13,7 +13,8 @@ from gateway.swing.detection.rope_length import rope_length_by_period
 from gateway.swing.offline import estimate_swing
 
 NOMINAL_RATIO, LARGEST_U_REL = 3.0, 0.2
-"""Standard uncertainty of the nominal length over that by the period, and the largest. Basis: the fit finds the length itself."""
+"""Standard uncertainty of the nominal length over that by the period, and the largest. Basis: a choice; the fit finds the length
+itself, and a rope a fifth longer starts in its reach."""
 AGREEMENT_SIGMA = 3.0
 """Standard uncertainties within which a fitted length agrees with that by the period. Basis: a choice; 0.3 % by chance."""
 

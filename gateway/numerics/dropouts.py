@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from gateway.numerics.array import Array
 
 MAX_DROPOUT_SHARE = 0.05
-"""Largest share of the rows. Basis: more zeros are a sensor that does not work, which is told as such."""
+"""Largest share of the rows. Basis: a choice; more zeros are a sensor that does not work, which is told as such."""
 MIN_NEIGHBOUR_SHARE = 0.5
 """Norm of the rows around zeros over the median norm. Basis: a load in free fall reads little before it reads zero."""
 

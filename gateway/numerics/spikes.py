@@ -10,7 +10,7 @@ MIN_SPIKE_SIGMA = 8.0
 """Distance of a spike from its neighbours, in standard deviations of that distance. Basis: noise alone exceeds it once in some
 10^14 samples of three axes."""
 MAX_SPIKE_SHARE = 0.01
-"""Largest share of the samples that can be spikes. Basis: more are a real event."""
+"""Largest share of the samples that can be spikes. Basis: a choice; more are a real event."""
 MIN_SAMPLES = 8
 """Fewest samples in which a spike can be told from a motion. Basis: the stencils need six."""
 STENCIL_REACH = 3

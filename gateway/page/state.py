@@ -25,7 +25,8 @@ from gateway.topics import adapter
 MEASURED = ("tilt", "motion", "swing", "condition")
 """A message of these topics is new only if it describes a newer sample; a repeated one must not look fresh."""
 PATIENCE_S = 2.0
-"""The gateway has hung if the next message of any topic is overdue by this time. Basis: its health comes every second."""
+"""The gateway has hung if the next message of any topic is overdue by this time. Basis: a choice; its health comes every second,
+so that three are missing."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,11 +25,11 @@ from gateway.twin.model import TwinRig
 from gateway.twin.simulation import Simulated
 
 START_NS = 1_735_689_600_000_000_000
-"""2025-01-01T00:00:00Z, the time of the first sample of every simulated recording."""
+"""The time of the first sample of every simulated recording. Definition: 2025-01-01T00:00:00Z."""
 BLOCK_SAMPLES = 32
-"""Samples in a block, as of a device."""
+"""Samples in a block. Basis: as a device's, `device_factory.LONGEST_BLOCK`."""
 ONE_SEGMENT_S, QUOTA_MB = 1e7, 1e6
-"""Limits of the recorder that are never reached, so that it writes one file."""
+"""Limits of the recorder that are never reached. Basis: a choice; it then writes one file."""
 CLOCK = ClockState("replayed", 0)
 BOOT_ID = "simulated"
 

@@ -23,7 +23,7 @@ DEFAULT_AXIS_RATIO = 0.2
 DEFAULT_STRETCH_M = 5e-3
 """Initial stretch of an elastic rope."""
 FAST_MODE_SHARE = 1.5
-"""Initial tilt of the rigging over that in the slow mode; 1 would leave the fast mode at rest."""
+"""Initial tilt of the rigging over that in the slow mode. Basis: 1 would leave the fast mode at rest."""
 TEMPERATURE_RISE_C, TEMPERATURE_TIME_S = 20.0, 30.0
 """Rise of the sensor's temperature after it is switched on, and its time constant."""
 DEFAULT_RATE_HZ = 50.0

@@ -20,7 +20,7 @@ UNKNOWN_RELATIVE_U = 0.03
 LARGEST_ROTATION_RAD = math.radians(5.0)
 """Largest rotation for which small-angle bending holds (Zhu et al. 2020, sec. 2.2)."""
 OFF_CENTRE_LIMIT = 0.1
-"""Distance of the load from mid-span over the span. Basis: which eq. 25 errs by more than 2 %."""
+"""Largest distance of the load from mid-span over the span. Basis: beyond it eq. 25 errs by more than 2 %."""
 ASYMMETRY_PER_OFF_CENTRE = 2 / 3
 """Difference over sum of both rotations, per distance of the load from mid-span over the span, for a single load. Definition: of
 a beam on two supports."""

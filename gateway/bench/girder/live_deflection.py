@@ -25,7 +25,8 @@ times as many bound the memory."""
 MIN_TILTS = 5
 """Fewest tilts of an average. Basis: a choice; half of what comes in `AVERAGE_S`."""
 MAX_APART_S = 1.0
-"""Largest difference between the newest tilts of both ends, s. Basis: beyond it one of them is stale, or the clocks differ."""
+"""Largest difference between the newest tilts of both ends, s; beyond it one of them is stale, or the clocks differ. Basis: a
+choice; ten tilts, and one average."""
 
 
 @dataclass(frozen=True, slots=True)

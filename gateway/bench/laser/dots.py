@@ -36,7 +36,8 @@ RING = 1.5
 CORE = 0.6
 """Radius of the area that gives a dot's black, radii. Basis: a choice; inside the blurred edge of the smallest dot."""
 SMOOTHING_PX = 1.0
-"""Smoothing before edges and spot are measured, standard deviation. Basis: it makes the blur Gaussian and the noise small."""
+"""Smoothing before edges and spot are measured, standard deviation. Basis: a choice; it makes the blur Gaussian and the noise
+small, and a dot of seven pixels remains."""
 SIGMAS_10_TO_90 = 2.563
 """Width of a blurred edge between 10 and 90 %, standard deviations. Definition: two quantiles of a normal distribution."""
 

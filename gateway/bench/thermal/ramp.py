@@ -31,7 +31,8 @@ MIN_RANGE_C = 10.0
 MIN_BINS = 8
 """Least number of bins of a ramp. Basis: a curvature and the scatter show."""
 MAX_MOTION_G = 0.025
-"""Largest deviation of an average from the curve of its bins, g. Basis: beyond it the sensor was moved."""
+"""Largest deviation of an average from the curve of its bins, g; beyond it the sensor was moved. Basis: the scatter at which a
+pose is not at rest, `windows.STILL_LIMIT_G`."""
 QUADRATIC_LEVEL = 0.995
 """One-sided probability of the test of a square. Basis: one straight line in a hundred gets a square by chance."""
 

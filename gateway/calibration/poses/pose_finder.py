@@ -33,7 +33,7 @@ MIN_TURN_G = 0.087
 against a face and is then laid down on it has taken another pose (`face_angles.MAX_FACE_ANGLE_DEG`). Basis: 5 degrees,
 `face_angles.MAX_FACE_ANGLE_DEG`."""
 SETTLING_WINDOWS = 1
-"""Number of windows that are discarded at the start of a rest. Basis: the end of the movement."""
+"""Number of windows that are discarded at the start of a rest. Basis: the movement ends within the first one."""
 PLACE_SENSOR = "lay the sensor down and let it rest"
 TURN_SENSOR = "this pose is taken; turn the sensor to the next one"
 

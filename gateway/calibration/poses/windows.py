@@ -15,7 +15,8 @@ MIN_WINDOW_READINGS = 8
 """Least number of readings in a window; at low sample rates a window lasts longer for it. Basis: a choice; a scatter is then good
 to a quarter."""
 MAX_GAP_S = 1.0
-"""Readings further apart, s, belong to different poses. Basis: the motion in between is not known."""
+"""Readings further apart, s, belong to different poses: the motion in between is not known. Basis: a choice; a hand takes a
+second to turn a housing, and lost readings leave shorter gaps."""
 MAX_KEPT_WINDOWS = 400
 """Number of windows whose scatter is kept: 100 s. Basis: a choice; 100 s, in which any session has a rest, and a bound of the
 memory."""

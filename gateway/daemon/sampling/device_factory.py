@@ -22,8 +22,7 @@ BLOCK_S = 0.1
 LONGEST_BLOCK = 32
 """Largest number of samples of a block. Basis: a choice; as many as the FIFOs of ADXL345 and ADXL355 hold (data sheets)."""
 HOOK_S = 5.0
-"""Longest time of a recovery command: shorter than the period of the watchdog. Basis: the watchdog of the service has 10 s
-(WatchdogSec)."""
+"""Longest time of a recovery command. Basis: half the period of the watchdog of the service (WatchdogSec, 10 s)."""
 
 
 def block_samples(device: DeviceSection) -> int:

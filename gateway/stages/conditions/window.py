@@ -16,7 +16,7 @@ and few hundred numbers."""
 BIN_S = 0.1
 """Length of a bin. Basis: the period of the updates of the pipeline."""
 COMPLETE_SHARE = 0.95
-"""A bin is complete from this share of its length on. Basis: sample times jitter."""
+"""A bin is complete from this share of its length on. Basis: a choice; sample times jitter by less than 5 ms."""
 
 
 @dataclass(frozen=True, slots=True)

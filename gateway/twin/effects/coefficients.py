@@ -16,7 +16,8 @@ from gateway.twin.effects.term import coefficient, number
 HIGHEST_FREQUENCY_HZ = 3.0
 LOWEST_FREQUENCY_HZ = 0.005
 STEPS_PER_PERIOD = 16
-"""Integration steps in a period of a periodic coefficient."""
+"""Integration steps in a period of a periodic coefficient. Basis: a choice; the integration of order six errs by far less than a
+sensor shows."""
 
 
 class Coefficients(Protocol):

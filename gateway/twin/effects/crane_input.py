@@ -16,10 +16,12 @@ from gateway.twin.effects.rope import add_length
 
 Array = NDArray[np.float64]
 HARMONIC_S = 1.5
-"""Half period of the highest harmonic of a profile. What it leaves out changes the swing by little, and is in the corrections."""
+"""Half period of the highest harmonic of a profile. Basis: a choice; what it leaves out changes the swing by little, and is in
+the corrections."""
 FEWEST_HARMONICS, MOST_HARMONICS = 4, 16
 LARGEST_CORRECTION_M_S, LARGEST_LENGTH_CORRECTION = 2.0, 0.1
-"""Bounds of the corrections; that of the length relative to the nominal one."""
+"""Bounds of the corrections; that of the length relative to the nominal one. Basis: a choice; a crane moves no faster, and a drum
+is known to a tenth."""
 LENGTH_CORRECTION = "length_correction_m"
 REFERENCE = "smoothed estimate of the motion (Rauch et al. 1965)"
 

@@ -9,9 +9,9 @@ from gateway.twin.effects.parameter import Parameter, Symbols, Values
 from gateway.twin.effects.term import HORIZONTAL, Term, coefficient, number, smoothed_length
 
 SMOOTHING_G = 1e-6
-"""Amplitude of a reading that counts as none."""
+"""Amplitude of a reading that counts as none. Basis: a choice; below the noise of a mean, above rounding."""
 SMOOTHING_M = 1e-3
-"""Displacement that counts as none."""
+"""Displacement that counts as none. Basis: a choice; below a displacement that a reading shows, above rounding."""
 
 
 class ForceWithDeadZone(Term):

@@ -63,7 +63,7 @@ ADDED_STATES: Mapping[ModelStructure, tuple[int, int]] = MappingProxyType(
         ModelStructure.HEAVY_ROPE: (6, 4),
     }
 )
-"""What a structure adds to the state and to the initial state of a rope."""
+"""What a structure adds to the state and to the initial state of a rope. Definition: of the equations of each structure."""
 
 
 class Effect:

@@ -9,15 +9,15 @@ from gateway.twin.effects.parameter import Values
 from gateway.twin.effects.pulse_shape import SHARPEST
 
 GUST_WIDENING = 1.5
-"""Duration of a gust over that of the window in which the scan finds it: the ramps are too weak to be found."""
+"""Duration of a gust over that of the window in which the scan finds it. Basis: the ramps are too weak to be found."""
 GUST_RAMP_FRACTION = 0.5
-"""Initial fraction of a gust in which it rises and falls: between a smooth gust (1) and a pull with sharp edges (0)."""
+"""Initial fraction of a gust in which it rises and falls. Basis: between a smooth gust (1) and a pull with sharp edges (0)."""
 RAMP_SHARES_BETWEEN_CHANGEPOINTS = (0.2, 0.28, 0.36)
 """Initial durations of each of the two ramps of a drive, over the time between the changepoints."""
 RAMP_SHARE_IN_WINDOW = 0.25
 """The same for a scanned window."""
 IMPACT_INTERVAL_S = 1.5
-"""Longest time between the changepoints of an impact: each side needs half a second of samples."""
+"""Longest time between the changepoints of an impact. Basis: each side needs half a second of samples."""
 IMPACT_SPACING_S = 0.15
 """Spacing of the instants from which a fit finds an impact."""
 OFF_GRID_S = 0.013

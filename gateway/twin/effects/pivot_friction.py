@@ -11,11 +11,13 @@ from gateway.twin.effects.guess_context import GuessContext
 from gateway.twin.effects.parameter import Parameter, Symbols, Values
 
 MIN_REVERSAL_RAD = 0.04
-"""Phase of a small swing that a reversal of the friction takes at least: a contact that follows faster needs shorter steps."""
+"""Phase of a small swing that a reversal of the friction takes at least. Basis: a contact that follows faster needs shorter
+steps."""
 SMOOTHING_RAD = 1e-6
 """Angle whose rate, over the swing's, smooths the speed where it vanishes."""
 MAX_REMAINING_AMPLITUDE = 0.95
-"""Amplitude in the last fifth over that in the first, above which the swing hardly leaves the range of one amplitude."""
+"""Amplitude in the last fifth over that in the first. Basis: a choice; above it the swing hardly leaves the range of one
+amplitude."""
 PRESLIDING_GUESSES_RAD = (0.02, 0.1)
 
 

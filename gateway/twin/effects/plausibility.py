@@ -15,7 +15,7 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Parameter, Value
 
 TAIL_SHARE = 0.25
-"""Standard deviation of the density beyond the usual limit over that limit: at twice the limit odds of 3000 to 1."""
+"""Standard deviation of the density beyond the usual limit over that limit. Basis: at twice the limit odds of 3000 to 1."""
 
 
 class StatedLimits(Protocol):

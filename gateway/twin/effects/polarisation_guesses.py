@@ -20,7 +20,8 @@ MIN_WINDOWS = 4
 BAND = (0.6, 1.5)
 """Range of the swing's frequency over that of the nominal rope."""
 MIN_TURN_RAD = 0.1
-"""Least turn of the Stokes vector in the recording beyond the model's: a compliance of 0.2 % of the rope in twenty swings."""
+"""Least turn of the Stokes vector in the recording beyond the model's. Basis: a compliance of 0.2 % of the rope in twenty
+swings."""
 MAX_UNEXPLAINED = 0.25
 """Share of the departure from the model's shape that a constant difference of two periods may leave unexplained."""
 

@@ -15,7 +15,7 @@ from gateway.twin.effects.pulse import PulseEffect, duration, ramp_fraction, sta
 from gateway.twin.effects.spectral_guesses import guess_bounce, guess_double_pendulum
 
 MAX_RIGGING_SHARE = 0.95
-"""Longest rigging over the nominal length: the upper rope needs some length, too."""
+"""Longest rigging over the nominal length. Basis: a choice; the upper rope needs some length, too."""
 MAX_FAST_MODE_STEP_RAD = 0.1
 """Phase of the fast mode of a double pendulum in one integration step; the mode may go on for long."""
 MAX_BOUNCE_STEP_RAD = 0.125

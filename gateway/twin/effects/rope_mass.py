@@ -13,7 +13,8 @@ from gateway.twin.effects.rope import RopeLength
 from gateway.twin.effects.string_guesses import guess_mass_ratio
 
 MAX_SHORTENING = -1 / 3
-"""Change of the equivalent length with a rope alone, without a load."""
+"""Change of the equivalent length with a rope alone, without a load. Definition: a uniform rope swings like a pendulum of two
+thirds of its length."""
 MAX_STRING_STEP_RAD = 0.25
 """Phase of the string mode in one integration step; the mode dies away in some seconds."""
 

@@ -13,7 +13,7 @@ from gateway.twin.effects.spectral_guesses import guess_vibration
 
 AXES = ("x", "y", "z")
 MIN_GUESSED_MOUNT_DEG = 5.0
-"""Smallest angle between the mean reading and the z axis that needs a guess; a fit finds smaller ones from zero."""
+"""Smallest angle between the mean reading and the z axis that needs a guess. Basis: a fit finds smaller ones from zero."""
 
 
 def guess_mount(context: GuessContext) -> list[Values]:

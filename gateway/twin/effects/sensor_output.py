@@ -12,11 +12,12 @@ from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Va
 from gateway.twin.effects.sensor import AXES
 
 SAME_READING_G = 1e-6
-"""Readings that differ by less are the same: recordings are written with six or seven digits."""
+"""Readings that differ by less are the same. Basis: recordings are written with six or seven digits."""
 ROUNDING = 1e-9
-"""Rounding of the quotient of whole numbers."""
+"""Rounding of the quotient of whole numbers. Basis: above that of 64 bits (1e-16), below a step."""
 MIN_SATURATED_SAMPLES = 3
-"""Samples that stand exactly at a limit: several, since noise comes before the limit; noise alone puts one at the extreme."""
+"""Samples that stand exactly at a limit. Basis: several, since noise comes before the limit; noise alone puts one at the
+extreme."""
 
 
 class LowpassLag(Effect):

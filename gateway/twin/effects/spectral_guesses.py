@@ -13,7 +13,8 @@ Array = NDArray[np.float64]
 BOUNCE_HZ = (0.5, 8.0)
 """Band of the oscillation of loads along their ropes."""
 MIN_BOUNCE_POWER = 30.0
-"""Power of an oscillation along the rope over the noise floor around it: it decays, so its line is broad and low."""
+"""Power of an oscillation along the rope over the noise floor around it. Basis: a choice; it decays, so its line is broad and
+low, and a third of that of an evident line."""
 RIGGING_SHARES = (0.08, 0.13, 0.2, 0.27, 0.35, 0.45, 0.6)
 """Initial lengths of the rigging over the nominal length."""
 HOOK_MASS_RATIOS = (0.01, 3.0)
@@ -21,23 +22,23 @@ HOOK_MASS_RATIOS = (0.01, 3.0)
 AMPLITUDE_CORRECTION = 1.01
 """Frequency of the fast mode of a small swing over the measured one: a large swing is slower."""
 MODE_RATIO = (1.5, 12.0)
-"""Range of the fast mode's frequency over the slow one's; closer lines belong to one swing whose amplitude changes."""
+"""Range of the fast mode's frequency over the slow one's. Basis: closer lines belong to one swing whose amplitude changes."""
 MIN_FAST_AMPLITUDE = 0.05
-"""Smallest amplitude of the fast mode's line over the slow one's; overtones of a decaying swing are weaker."""
+"""Smallest amplitude of the fast mode's line over the slow one's. Basis: overtones of a decaying swing are weaker."""
 SWING_BAND_HZ = (0.03, 2.0)
-"""Band of the swings of loads on ropes of 0.1 to 200 m."""
+"""Band of the swings of loads. Basis: ropes of 0.1 to 200 m."""
 FIGURE_BAND_HZ = (0.025, 0.975)
 """Band, on both sides of zero, of the lines of the swing's figure x + i y."""
 MIN_YAW_RATE_DEG_S = 0.3
-"""Slowest rotation that needs a guess; a fit finds slower ones from zero."""
+"""Slowest rotation that needs a guess. Basis: a fit finds slower ones from zero."""
 MIN_LINE_POWER = 100.0
 """Smallest power of an evident line over the noise floor around it."""
 SECOND_MODE_FROM_HZ = 0.4
 """Lower end of the band of a main line that has overtones among the vibrations."""
 OVERTONES = (2, 3, 4, 5)
-"""Multiples of the main line in the spectrum of large swings."""
+"""Definition: multiples of the main line in the spectrum of large swings."""
 OVERTONE_CYCLES = 3.0
-"""Largest deviation of an overtone from the multiple, in cycles per recording: the main line moves as the swing decays."""
+"""Largest deviation of an overtone from the multiple, in cycles per recording. Basis: the main line moves as the swing decays."""
 MAX_MAIN_LINE_RATIO = 10.0
 """Residual of the main line over that of a line below its last overtone, above which the line is no vibration."""
 

@@ -8,14 +8,15 @@ from gateway.numerics.spectrum import find_strongest_line, fit_sine_phasors
 from gateway.twin.effects.guess_context import GuessContext
 
 STRING_BAND = (4.5, 40.0)
-"""Range of the string mode over the swing, above its strong harmonics: ropes of 0.6 and 0.007 of the load's mass."""
+"""Range of the string mode over the swing, above its strong harmonics. Basis: ropes of 0.6 and 0.007 of the load's mass."""
 MAX_STRING_HZ = 8.0
 RINGING_S = 20.0
-"""Part of the recording in which the string mode is searched: it dies away."""
+"""Part of the recording in which the string mode is searched. Basis: a choice; it dies away in some seconds."""
 MIN_STRING_POWER = 60.0
 """Power of the string mode's line over the noise floor around it."""
 MAX_REMAINING = 0.6
-"""Amplitude of the line in the last part of the recording over that in the first, above which it is no free vibration."""
+"""Amplitude of the line in the last part of the recording over that in the first. Basis: a choice; above it is no free
+vibration."""
 MAX_MASS_RATIO = 1.5
 
 

@@ -16,7 +16,7 @@ from gateway.twin.effects.parameter import Parameter, Value, Values
 HORIZONTAL = ("x", "y")
 AXES = ("x", "y", "z")
 LARGEST = 100.0
-"""Bound of a coefficient in typical sizes: a fit that reaches it describes nothing."""
+"""Bound of a coefficient in typical sizes. Basis: a fit that reaches it describes nothing."""
 REFERENCE = "sparse regression over a library of terms (Brunton et al. 2016), in weak form (Messenger and Bortz 2021)"
 
 

@@ -3,7 +3,7 @@
 from gateway.twin.experiment_design.experiment import Experiment, Run
 
 TURN_DEG_S = 3.0
-"""Rotation of the housing: one turn in the two minutes of a recording, 0.05 rad/s."""
+"""Rotation of the housing. Basis: one turn in the two minutes of a recording, 0.05 rad/s."""
 FREE_SWING = Experiment((Run(),))
 """An ordinary recording, in which the operator does nothing to separate effects."""
 AT_REST_DEG = 0.3

@@ -15,23 +15,23 @@ MIN_POSITION_CHANGE = 0.15
 CLEARANCE = 1.1
 """Smallest distance of the housing from the pivot before hoisting, over the height by which it is hoisted."""
 DRIVE_START_SHARE = 1 / 3
-"""Share of a recording before the hoist starts: a free swing."""
+"""Share of a recording before the hoist starts. Basis: a free swing."""
 MIN_DRIVE_S = 20.0
 """Shortest time in which an operator hoists."""
 MAX_DRIVE_M_S = 1.0
 """Highest speed of hoisting."""
 TURNING_EFFORT_S = 60.0
-"""Manual effort of turning the housing, as waiting time in s: a judgement, to rank experiments that separate alike."""
+"""Manual effort of turning the housing, as waiting time in s. Basis: a judgement, to rank experiments that separate alike."""
 HOISTING_EFFORT_S = 120.0
-"""The same for hoisting."""
+"""The same for hoisting. Basis: a choice; twice the turning of a housing."""
 LARGE_SWING_EFFORT_S = 120.0
-"""The same for starting a large swing."""
+"""The same for starting a large swing. Basis: a choice; some drives in step."""
 ROUND_SWING_EFFORT_S = 180.0
-"""The same for starting a round swing, which needs two drives, a quarter of a period apart."""
+"""The same for starting a round swing. Basis: a choice; it needs two drives, a quarter of a period apart."""
 CLAMPING_EFFORT_S = 600.0
-"""The same for clamping the housing again."""
+"""The same for clamping the housing again. Basis: a choice; a person climbs or lowers the hook."""
 NEXT_RECORDING_EFFORT_S = 60.0
-"""The same for starting another recording."""
+"""The same for starting another recording. Basis: a choice; the wait until the load hangs calm."""
 LARGE_SWING_DEG = 8.0
 """Amplitude above which a swing needs that effort."""
 ROUND_SWING_AXIS_RATIO = 0.5

@@ -16,7 +16,7 @@ from gateway.twin.experiment_design.signatures import linearise_experiment
 from gateway.twin.model import EffectValues, TwinRig
 
 ENOUGH_SIGMA = 20.0
-"""Separation beyond which more is worth no effort."""
+"""Separation beyond which more is worth no effort. Basis: a choice; four times the separation that is asked for."""
 AMONG_CANDIDATES = frozenset({TURN_HOUSING, LARGER_SWING, Effect.discriminating_experiment})
 """Discriminating experiments that the candidates contain: where they leave a pair, another measurement must help."""
 CALIBRATE = (

@@ -10,9 +10,10 @@ from gateway.twin.reconcile.residual.isolability import orthonormal, smallest_an
 
 Array = NDArray[np.float64]
 MIN_SEPARATION_SIGMA = 5.0
-"""Smallest residual that separates two hypotheses, in standard deviations of the noise: 1 in 10^6 by chance."""
+"""Smallest residual that separates two hypotheses, in standard deviations of the noise. Basis: 1 in 10^6 by chance."""
 MAX_COSINE = 0.9995
-"""Largest cosine that separates: above it less than 3 % of a signature is specific, and no model of a crane is that accurate."""
+"""Largest cosine that separates. Basis: above it less than 3 % of a signature is specific, and no model of a crane is that
+accurate."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from gateway.twin.report.rope_angle import MIN_TRANSVERSE_SENSITIVITY, transvers
 
 LABEL_IN, LABEL_LETTERS = 1.45, 22
 NARROW_IN = 5.0
-"""Fits a phone without scrolling."""
+"""Width of the narrow figure. Basis: it fits a phone without scrolling."""
 LEAST_SHOWN = 0.05
 SAME = 0.01
 """Relative: the last step's gap is the final one."""

@@ -15,7 +15,8 @@ from gateway.twin.model import TwinRig
 
 Array = NDArray[np.float64]
 MIN_TRANSVERSE_SENSITIVITY = 0.1
-"""Least |1 - p/L|, in g per radian: there a position that is known to 5 % of the length makes the angle uncertain by half."""
+"""Least |1 - p/L|, in g per radian. Basis: there a position that is known to 5 % of the length makes the angle uncertain by
+half."""
 NOISE_DEVIATIONS = 2.0
 """A residual variance within so many standard deviations of the noise's own is no more than an upper bound."""
 

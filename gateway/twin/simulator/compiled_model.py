@@ -20,12 +20,12 @@ Array = NDArray[np.float64]
 STEPS_AT_ONCE = 64
 """Integration steps in one call of the compiled function."""
 MAX_PHASE_STEP_RAD = 0.12
-"""Phase of the swing in one integration step: at 80 degrees the error adds up to 2e-5 rad in 36 periods, and interpolation inside
-the step is good to 1e-6 rad."""
+"""Phase of the swing in one integration step. Basis: at 80 degrees the error adds up to 2e-5 rad in 36 periods, and interpolation
+inside the step is good to 1e-6 rad."""
 MAX_STEP_S = 0.1
 """Longest integration step."""
 STEPS_PER_OCTAVE = 4
-"""Step lengths per octave, so that small changes of the parameters keep the grid."""
+"""Step lengths per octave. Basis: small changes of the parameters keep the grid."""
 CACHED_MODELS = 64
 """Compiled models that are kept."""
 

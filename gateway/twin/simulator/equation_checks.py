@@ -24,7 +24,7 @@ EVENT_START_S = 1.013
 """Time at which an event starts in the trial."""
 TILTS_RAD, RATES_RAD_S = (0.1, -0.04), (0.02, 0.05)
 MAX_NEUTRAL_CHANGE_G = 1e-7
-"""Largest change of a sample by an effect at its neutral values: the error of the integration."""
+"""Largest change of a sample by an effect at its neutral values. Basis: the error of the integration."""
 MAX_MESSAGE_LENGTH = 200
 
 

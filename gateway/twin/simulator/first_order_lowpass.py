@@ -12,7 +12,7 @@ from scipy.linalg import solve_banded
 
 Array = NDArray[np.float64]
 START_S = 1.5
-"""Length of the start to which a polynomial is fitted, in s: part of a swing, and many periods of a machine."""
+"""Length of the start to which a polynomial is fitted, in s. Basis: part of a swing, and many periods of a machine."""
 DEGREE = 4
 """Degree of this polynomial."""
 

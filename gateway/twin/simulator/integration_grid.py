@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 MIN_SPACING_S = 1e-6
-"""A regular node closer than this to a discontinuity is left out."""
+"""A regular node closer than this to a discontinuity is left out. Basis: a choice; above rounding, far below a step."""
 RAMP_STEPS = 8
-"""Least steps between two discontinuities: a force may rise from one to the next."""
+"""Least steps between two discontinuities. Basis: a force may rise from one to the next."""
 ROUNDING_STEPS = 1e-9
-"""Excess over a whole number of steps that is a rounding error."""
+"""Excess over a whole number of steps that is a rounding error. Basis: above rounding (1e-16) of some million steps."""
 
 
 @dataclass(frozen=True, slots=True)

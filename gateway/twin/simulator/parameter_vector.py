@@ -12,7 +12,7 @@ TILTS = (
     ("rate_x_rad_s", "rad/s", 50.0),
     ("rate_y_rad_s", "rad/s", 50.0),
 )
-"""Name, unit and limit of each coordinate; the tilt toward y is an arc sine, so it must stay below 90 degrees."""
+"""Name, unit and limit of each coordinate. Basis: the tilt toward y is an arc sine, so it must stay below 90 degrees."""
 HEADING = ("heading_rad", "rad", 7.0)
 """The same for the heading of the housing."""
 STRETCH = (("stretch_m", "m", 0.5), ("stretch_rate_m_s", "m/s", 5.0))
@@ -22,7 +22,7 @@ CONTACT = (("contact_x_rad", "rad", 0.2), ("contact_y_rad", "rad", 0.2))
 BOW = (("bow_x_m", "m", 5.0), ("bow_y_m", "m", 5.0), ("bow_rate_x_m_s", "m/s", 50.0), ("bow_rate_y_m_s", "m/s", 50.0))
 """The same for the bow of a heavy rope."""
 INITIAL_STATE_SCALE = 1e-3
-"""A change of an initial state that an operator would call small."""
+"""A change of an initial state that an operator would call small. Basis: a choice; a milliradian or millimetre."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from gateway.twin.simulator.state import Expression
 
 NODES = (0.0, 1 / 3, 2 / 3, 1 / 3, 1 / 2, 1 / 2, 1.0)
-"""Time of each stage, as a part of the step."""
+"""Time of each stage, as a part of the step (Butcher 1964)."""
 STAGES = (
     (),
     (1 / 3,),
@@ -15,9 +15,9 @@ STAGES = (
     (0.0, 9 / 8, -3 / 8, -3 / 4, 1 / 2),
     (9 / 44, -9 / 11, 63 / 44, 18 / 11, 0.0, -16 / 11),
 )
-"""Weights of the earlier rates in the state of each stage."""
+"""Weights of the earlier rates in the state of each stage (Butcher 1964)."""
 WEIGHTS = (11 / 120, 0.0, 27 / 40, 27 / 40, -4 / 15, -4 / 15, 11 / 120)
-"""Weights of the rates in the state at the end of the step."""
+"""Weights of the rates in the state at the end of the step (Butcher 1964)."""
 
 
 def runge_kutta_step(

@@ -18,9 +18,9 @@ Array = NDArray[np.float64]
 Visit = Callable[[slice, Array], None]
 """Takes steps and the sensitivities inside them, cubics of the share of a step that has passed (steps, 4, states, values)."""
 STEPS_AT_ONCE = 512
-"""Steps that are visited together: their matrices stay in the processor's cache, however long the recording is."""
+"""Steps that are visited together. Basis: their matrices stay in the processor's cache, however long the recording is."""
 STEPS_IN_BLOCK = 16
-"""Steps that are combined: as many as make a block's own work small beside the call of numpy."""
+"""Steps that are combined. Basis: as many as make a block's own work small beside the call of numpy."""
 
 
 def visit_sensitivities(

@@ -22,9 +22,10 @@ Array = NDArray[np.float64]
 
 
 SAMPLES_AT_ONCE = 1024
-"""Samples whose intermediate results stay in the processor's cache."""
+"""Samples whose intermediate results are computed together. Basis: a choice; they stay in the processor's cache."""
 LARGEST_NUMBER = 1e100
-"""Value from which on a prediction or a derivative has diverged."""
+"""Value from which on a prediction or a derivative has diverged. Basis: a choice; far above any result, and its square is still a
+float."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,13 +25,13 @@ Expression = Any
 ROPE_TILTS, ROPE_RATES = slice(0, 2), slice(2, 4)
 """Positions in z of the rope's tilts (x, y), and of their rates."""
 HEADING = 4
-"""Position in z of the housing's heading."""
+"""Position in z of the housing's heading. Definition: of the layout of z."""
 N_ROPE_STATES = 5
-"""Length of z for a rope alone; what a structure adds follows."""
+"""Length of z for a rope alone; what a structure adds follows. Definition: of the layout of z."""
 RIGGING_TILTS, RIGGING_RATES = slice(5, 7), slice(7, 9)
 """Positions in z of the rigging's tilts (x, y), and of their rates."""
 STRETCH, STRETCH_RATE = 5, 6
-"""Positions in z of the stretch of an elastic rope, and of its rate."""
+"""Positions in z of the stretch of an elastic rope, and of its rate. Definition: of the layout of z."""
 PRESLIDING = slice(5, 7)
 """Positions in z of the rotation of the contact (about x, about y)."""
 BOW, BOW_RATE = slice(5, 7), slice(7, 9)

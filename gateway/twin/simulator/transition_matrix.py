@@ -14,7 +14,8 @@ from gateway.twin.simulator.integrate import Trajectory
 
 Array = NDArray[np.float64]
 EXPONENTIAL_ORDER = 6
-"""Terms of the exponential series: with a quarter of a radian a step, the longest of any effect, the rest is below 1e-7."""
+"""Terms of the exponential series. Basis: with a quarter of a radian a step, the longest of any effect, the rest is below
+1e-7."""
 
 
 @dataclass(frozen=True, slots=True)

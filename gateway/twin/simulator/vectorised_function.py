@@ -16,7 +16,7 @@ from scipy import special
 Array = NDArray[np.float64]
 Operation = Callable[..., Any]
 COLUMNS_AT_ONCE = 4096
-"""Columns that are evaluated together, so that intermediate results stay in the processor's cache."""
+"""Columns that are evaluated together. Basis: a choice; intermediate results stay in the processor's cache."""
 
 
 class UnsupportedOperationError(ValueError):
