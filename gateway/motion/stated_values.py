@@ -44,9 +44,8 @@ LN_LENGTH_SIGMA, LN_LENGTH_TIME_S = 0.5, 30.0
 """The same of the logarithm of the rope's length against what was stated: hoists change it, but not to anything."""
 HOIST_SPEED_M_S, HOIST_SPEED_TIME_S = 0.5, 25.0
 """The same of the speed of a winch that runs. Basis: cranes hoist at up to 1.2 m/s."""
-RESTING_SPEED_M_S = 0.05
-"""Standard deviation of the speed of a winch that rests, at each update: what ends must have come to rest. Basis: a tenth of a
-hoist's speed, which is how well its integral is known."""
+RESTING_SPEED_M_S = 0.02
+"""Standard deviation of the speed of a winch that rests, at each update: what ends must have come to rest."""
 OBSERVED = [*indices(PIVOT_VELOCITY), LN_LENGTH, HOIST_SPEED]
 """States of which something is stated as an observation."""
 N_STATED = len(OBSERVED)
