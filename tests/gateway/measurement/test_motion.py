@@ -92,13 +92,23 @@ def test_the_phases_cover_the_recording_in_order(measured: Measurement) -> None:
     assert all(one.largest is not None for one in phases)
 
 
-def test_the_largest_angle_says_whether_the_crane_moved(working: tuple[Source, float], measured: Measurement) -> None:
-    motion = present(measured.motion)
+def test_the_largest_angle_is_where_the_rope_was_farthest(working: tuple[Source, float], measured: Measurement) -> None:
     truth = crane(WORK, 2.0).truth(working[0].recording.time_s)
-    at = round(present(motion.largest).time_s * RATE_HZ)
+    at = round(present(present(measured.motion).largest).time_s * RATE_HZ)
     assert truth.rope_angle_rad[at] > truth.rope_angle_rad.max() - math.radians(0.05)
-    moved = (truth.trolley | truth.hoisting)[at - 25 : at + 26]  # the ramp ends where the angle is largest
-    assert moved.any() if motion.crane_moved_at_largest else not moved.all()
+
+
+def test_the_motion_says_when_the_crane_moved(working: tuple[Source, float], measured: Measurement) -> None:
+    """Wherever it did or did not for 0.8 s before and after: the beginning and the end of a ramp are gentle."""
+    time_s, history = working[0].recording.time_s, present(measured.motion).history
+    truth = crane(WORK, 2.0).truth(time_s)
+    moved, judged = truth.trolley | truth.hoisting, 0
+    for bin_s, state in zip(history.time_s, history.state, strict=True):
+        around = moved[np.abs(time_s - bin_s) <= 0.8]
+        if around.all() or not around.any():
+            assert (state in {"driven", "hoisting"}) == around.all(), bin_s
+            judged += 1
+    assert judged > 0.8 * len(history.time_s)
 
 
 def test_the_text_has_a_line_for_each_phase(working: tuple[Source, float], measured: Measurement) -> None:
