@@ -61,13 +61,19 @@ function alarmSentence(alarm, motion) {
   return `${doing(motion)} ${swing} ${clears}`.trim();
 }
 
-// Return the larger of the two predictions of the next peak; null where it is not known.
+// Return the next peak as alerts judge it (MotionEstimate.expected_peak): halfway between a pivot that keeps its acceleration and
+// one that coasts, at the time of the larger of both; null where it is not known.
 export function comingPeak(motion) {
   const peaks = [
     {angleDeg: motion?.predicted_phi_max_deg, inS: motion?.time_to_peak_s},
     {angleDeg: motion?.coasting_phi_max_deg, inS: motion?.coasting_time_to_peak_s},
   ].filter((peak) => isKnown(peak.angleDeg) && isKnown(peak.inS));
-  return peaks.reduce((most, peak) => (most === null || peak.angleDeg > most.angleDeg ? peak : most), null);
+  if (peaks.length < 2) return peaks[0] ?? null;
+  const [kept, coasting] = peaks;
+  return {
+    angleDeg: (kept.angleDeg + coasting.angleDeg) / 2,
+    inS: kept.angleDeg >= coasting.angleDeg ? kept.inS : coasting.inS,
+  };
 }
 
 const isActive = (session) => session?.phase === "collecting" || session?.phase === "review";

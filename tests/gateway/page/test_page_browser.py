@@ -6,6 +6,8 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from gateway.motion.estimate import MotionEstimate, PeakEstimate
+from gateway.units import degrees
 from tests.gateway.page.conftest import FakeGateway, PageUnderTest
 
 pytestmark = pytest.mark.slow
@@ -114,6 +116,25 @@ def test_numbers_are_rounded_outwards(page: PageUnderTest, browser: Browser) -> 
             function,
             argument,
         )
+
+
+def test_the_coming_peak_is_the_one_that_alerts_judge(page: PageUnderTest, browser: Browser) -> None:
+    screen = Screen(browser, page.url)
+    kept, coasting = (
+        PeakEstimate(angle_rad=0.10, u_rad=0.0, in_s=1.5),
+        PeakEstimate(angle_rad=0.04, u_rad=0.0, in_s=1.0),
+    )
+    for first, second in ((kept, coasting), (coasting, kept), (kept, None), (None, coasting), (None, None)):
+        judged = MotionEstimate(time_s=0.0, state="driven", next_peak=first, next_peak_if_coasting=second).expected_peak
+        motion = {
+            "predicted_phi_max_deg": first and degrees(first.angle_rad),
+            "time_to_peak_s": first and first.in_s,
+            "coasting_phi_max_deg": second and degrees(second.angle_rad),
+            "coasting_time_to_peak_s": second and second.in_s,
+        }
+        shown = screen.page.evaluate("motion => import('/sentence.js').then(each => each.comingPeak(motion))", motion)
+        expected = judged and {"angleDeg": pytest.approx(degrees(judged.angle_rad)), "inS": judged.in_s}
+        assert shown == expected
 
 
 LATE = """() => import('/link.js').then(({Link}) => {
