@@ -154,7 +154,8 @@ def compose(
         prepare=lambda: dispatcher.use(make_authoriser(boot_id, section.data_dir, configuration.bus.tls, certificates)),
     )
     duplicates = DuplicateWatch(section.key, boot_id, faults)
-    users = duplicates.attach, publisher.attach, alerts.attach, rpc.attach
+    # Calls first: who hears or sees the gateway may ask it at once.
+    users = rpc.attach, duplicates.attach, publisher.attach, alerts.attach
     bus = BusConnection(partial(open_gateway_session, configuration.bus, section.key), users, faults)
     page_channel = PageChannel(
         PageRequests({"acknowledge": acknowledgements.requests.submit}).answer,
