@@ -17,8 +17,6 @@ from gateway.twin.simulator.symbolic_model import NominalRig, SymbolicModel
 from gateway.twin.simulator.vectorised_function import VectorisedFunction, VectorisedJacobian
 
 Array = NDArray[np.float64]
-STEPS_AT_ONCE = 64
-"""Integration steps in one call of the compiled function."""
 MAX_PHASE_STEP_RAD = 0.12
 """Phase of the swing in one integration step. Basis: at 80 degrees the error adds up to 2e-5 rad in 36 periods, and interpolation
 inside the step is good to 1e-6 rad."""
@@ -115,21 +113,18 @@ class CompiledModel:
 
     def steps(self, state: Array, time_s: Array, step_s: Array, p: Array) -> Array:
         """Return the states at the ends of n steps, shape (n, states)."""
-        count = len(time_s)
-        padded = np.zeros((2, -(-count // STEPS_AT_ONCE) * STEPS_AT_ONCE))
-        padded[0, :count], padded[1, :count] = time_s, step_s
-        repeated = np.repeat(p[:, None], STEPS_AT_ONCE, axis=1)
-        states = []
-        for first in range(0, len(padded[0]), STEPS_AT_ONCE):
-            ends = self._many_steps(state, padded[:, first : first + STEPS_AT_ONCE], repeated).full()
-            states.append(ends.T)
-            state = ends[:, -1]
-        return np.concatenate(states)[:count]
-
-    @cached_property
-    def _many_steps(self) -> Any:
-        inputs = [self._x, ca.vertcat(self._t, self._h), self._p]
-        return ca.Function("step", inputs, [self._step], {"cse": True}).mapaccum("steps", STEPS_AT_ONCE)
+        # CasADi reads and writes these arrays themselves; converting them would take as long as the step.
+        begin, time_and_length, end = state.copy(), np.empty(2), np.empty(len(state))
+        step, compute = self._step.buffer()
+        for place, given in enumerate((begin, time_and_length, np.ascontiguousarray(p))):
+            step.set_arg(place, given.data)
+        step.set_res(0, end.data)
+        states = np.empty((len(time_s), len(state)))
+        for i, instant in enumerate(zip(time_s.tolist(), step_s.tolist(), strict=True)):
+            time_and_length[:] = instant
+            compute()
+            states[i] = begin[:] = end
+        return states
 
     @cached_property
     def rate(self) -> VectorisedFunction:
@@ -145,9 +140,14 @@ class CompiledModel:
     def _rate_inputs(self) -> Sequence[Expression]:
         return [self._x, self._t, self._middle]
 
-    @property
+    @cached_property
     def _rate(self) -> Expression:
         return self.symbolic.rate(self._x, self.symbolic.context(self._t, self._middle))
+
+    @cached_property
+    def _rate_function(self) -> Any:
+        # A step inserts it four times, which is quicker than building the equations four times.
+        return ca.Function("rate", [*self._rate_inputs, self._p], [self._rate])
 
     @cached_property
     def constraint_jacobian(self) -> VectorisedJacobian:
@@ -155,13 +155,15 @@ class CompiledModel:
         return VectorisedJacobian([self._x], self._p, on_constraints(self._x, self.structure), self._x)
 
     @cached_property
-    def _step(self) -> Expression:
+    def _step(self) -> Any:
+        """The state at the end of a step, a function of (x, [time, length], p)."""
         middle = self._t + self._h / 2
 
         def rate(state: Expression, time_s: Expression) -> Expression:
-            return self.symbolic.rate(state, self.symbolic.context(time_s, middle))
+            return self._rate_function(state, time_s, middle, self._p)
 
-        return on_constraints(runge_kutta_step(rate, self._x, self._t, self._h), self.structure)
+        end = on_constraints(runge_kutta_step(rate, self._x, self._t, self._h), self.structure)
+        return ca.Function("step", [self._x, ca.vertcat(self._t, self._h), self._p], [end], {"cse": True})
 
     @cached_property
     def reading(self) -> VectorisedFunction:
@@ -177,7 +179,7 @@ class CompiledModel:
     def _reading_inputs(self) -> Sequence[Expression]:
         return [self._x, self._recorded, self._middle, self._temperature_c]
 
-    @property
+    @cached_property
     def _reading_of_state(self) -> Expression:
         true = self.symbolic.true_time(self._recorded)
         temperature_rise_c = self._temperature_c - self.symbolic.rig.reference_temperature_c
