@@ -244,10 +244,10 @@ class Services:
 
 
 class FakeGateway:
-    """Sends a scene at 20 Hz, every topic each time."""
+    """Sends a scene at 20 Hz unless told otherwise, every topic each time."""
 
-    def __init__(self, channel: PageChannel) -> None:
-        self._channel = channel
+    def __init__(self, channel: PageChannel, tick_s: float = TICK_S) -> None:
+        self._channel, self._tick_s = channel, tick_s
         self.scene = Scene()
         self.speaking = threading.Event()
         self.speaking.set()
@@ -264,7 +264,7 @@ class FakeGateway:
 
     def _speak(self) -> None:
         sequence = 0
-        while not self._ended.wait(TICK_S):
+        while not self._ended.wait(self._tick_s):
             if self.speaking.is_set():
                 for message in self.scene.messages(sequence, time.time_ns()):
                     self.put(TOPIC_OF[type(message)].name, encode(message))

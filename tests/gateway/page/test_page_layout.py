@@ -1,8 +1,8 @@
 """The layout of every screen in every state, size and language: nothing is cut, nothing overlaps, nothing is too small."""
 
 import re
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, expect
 
+from gateway.daemon.commands.page_requests import PageRequests
 from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.languages import LANGUAGES, read_texts
 from gateway.messages import NO_SESSION, SessionPose
@@ -19,6 +20,8 @@ from tests.gateway.page.conftest import FakeGateway, PageUnderTest, Scene
 pytestmark = pytest.mark.slow
 
 PANEL, DESKTOP, PHONE = (800, 480), (1280, 800), (390, 844)
+LAYOUT_TICK_S = 0.1
+"""Time between two messages of a topic, of which at least two come before a screen is looked at."""
 SMALLEST_TEXT_PX = 15.9  # 16, with a rounding error of the unit
 DIRECTIONS = {
     "en": CraneDirections(plus_x="trolley out", minus_x="trolley in", plus_y="bridge right", minus_y="bridge left"),
@@ -123,23 +126,49 @@ def _open(browser: Browser, url: str, size: tuple[int, int]) -> Page:
     return opened
 
 
-@pytest.mark.parametrize("state", STATES)
-def test_no_text_is_cut_in_any_state(
-    gateway: FakeGateway, page_in_language: PageUnderTest, browser: Browser, state: str, language: str
-) -> None:
-    STATES[state](gateway.scene)
-    window = _open(browser, page_in_language.url, PANEL)
-    expect(window.locator("body")).to_have_attribute("data-word", state.split(maxsplit=1)[0])
+@dataclass(frozen=True, slots=True)
+class ShownPage:
+    """A page in one window that goes from state to state, as that of a crane does."""
+
+    gateway: FakeGateway
+    window: Page
+
+    def show(self, state: str) -> None:
+        scene = Scene()
+        STATES[state](scene)
+        self.gateway.scene = scene
+        expect(self.window.locator("body")).to_have_attribute("data-word", state.split(maxsplit=1)[0])
+
+
+@pytest.fixture(scope="module", params=LANGUAGES)
+def shown_page(request: pytest.FixtureRequest, browser: Browser) -> Iterator[ShownPage]:
+    """One for all states: a process of the page and a window for each take longer than what is looked at."""
+    language = str(request.param)
+    channel = PageChannel(PageRequests({}).answer)
+    gateway = FakeGateway(channel, LAYOUT_TICK_S)
+    page = PageUnderTest(channel, language=language, directions=DIRECTIONS.get(language, DIRECTIONS["en"]))
+    window = _open(browser, page.url, PANEL)
     expect(window.locator("html")).to_have_attribute("lang", language)
+    yield ShownPage(gateway, window)
+    window.close()
+    page.close()
+    gateway.close()
+    channel.close()
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_no_text_is_cut_in_any_state(shown_page: ShownPage, state: str) -> None:
+    shown_page.show(state)
+    window = shown_page.window
     for size in (PANEL, DESKTOP, PHONE):
         window.set_viewport_size({"width": size[0], "height": size[1]})
         for screen in ("", "#alerts", "#service"):
-            window.goto(page_in_language.url + "/" + screen)
+            window.evaluate("(hash) => { location.hash = hash; }", screen)
+            expect(window.locator(f"#to-{screen[1:] or 'swing'}")).to_have_attribute("aria-current", "page")
             window.wait_for_timeout(250)
             assert window.evaluate("layout.cut()") == [], (size, screen)
             scrolls = size == PHONE or screen == "#service"  # a phone and the service screen scroll
             assert window.evaluate("(acrossOnly) => layout.outside(acrossOnly)", scrolls) == [], (size, screen)
-    window.close()
 
 
 def test_the_dialog_fits_every_size(
