@@ -37,3 +37,16 @@ def browser() -> Iterator[Browser]:
         launched = playwright.chromium.launch(executable_path=str(CHROMIUM), args=ARGUMENTS)
         yield launched
         launched.close()
+
+
+@pytest.fixture(autouse=True)
+def _closed_windows(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Close the windows that a test leaves open: they would go on drawing until the browser ends."""
+    if "browser" not in request.fixturenames:
+        yield
+        return
+    shared = request.getfixturevalue("browser").contexts
+    yield
+    for context in request.getfixturevalue("browser").contexts:
+        if context not in shared:
+            context.close()

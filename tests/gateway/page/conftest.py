@@ -40,7 +40,8 @@ from tests.waiting import PATIENCE_S
 
 KEY = "plumbline/v1/north-yard/crane-3/hook"
 SAMPLE_TIME_NS = 1_760_000_000_000_000_000
-TICK_S = 0.05
+TICK_S = 0.1
+"""Time between two messages of a topic, as from a gateway."""
 PIN = "31415926"
 
 
@@ -244,10 +245,10 @@ class Services:
 
 
 class FakeGateway:
-    """Sends a scene at 20 Hz unless told otherwise, every topic each time."""
+    """Sends a scene at 10 Hz, every topic each time."""
 
-    def __init__(self, channel: PageChannel, tick_s: float = TICK_S) -> None:
-        self._channel, self._tick_s = channel, tick_s
+    def __init__(self, channel: PageChannel) -> None:
+        self._channel = channel
         self.scene = Scene()
         self.speaking = threading.Event()
         self.speaking.set()
@@ -264,7 +265,7 @@ class FakeGateway:
 
     def _speak(self) -> None:
         sequence = 0
-        while not self._ended.wait(self._tick_s):
+        while not self._ended.wait(TICK_S):
             if self.speaking.is_set():
                 for message in self.scene.messages(sequence, time.time_ns()):
                     self.put(TOPIC_OF[type(message)].name, encode(message))

@@ -20,8 +20,6 @@ from tests.gateway.page.conftest import FakeGateway, PageUnderTest, Scene
 pytestmark = pytest.mark.slow
 
 PANEL, DESKTOP, PHONE = (800, 480), (1280, 800), (390, 844)
-LAYOUT_TICK_S = 0.1
-"""Time between two messages of a topic, of which at least two come before a screen is looked at."""
 SMALLEST_TEXT_PX = 15.9  # 16, with a rounding error of the unit
 DIRECTIONS = {
     "en": CraneDirections(plus_x="trolley out", minus_x="trolley in", plus_y="bridge right", minus_y="bridge left"),
@@ -145,7 +143,7 @@ def shown_page(request: pytest.FixtureRequest, browser: Browser) -> Iterator[Sho
     """One for all states: a process of the page and a window for each take longer than what is looked at."""
     language = str(request.param)
     channel = PageChannel(PageRequests({}).answer)
-    gateway = FakeGateway(channel, LAYOUT_TICK_S)
+    gateway = FakeGateway(channel)
     page = PageUnderTest(channel, language=language, directions=DIRECTIONS.get(language, DIRECTIONS["en"]))
     window = _open(browser, page.url, PANEL)
     expect(window.locator("html")).to_have_attribute("lang", language)
