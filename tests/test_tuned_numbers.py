@@ -17,7 +17,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 CHECKED_ELSEWHERE = ("gateway/motion/", "gateway/swing/", "gateway/twin/reconcile/")
 """Folders whose numbers the benchmarks move."""
-WITHOUT_BASIS = 83
+WITHOUT_BASIS = 82
 """Tuned numbers without a basis. Lower it with every basis; never raise it."""
 
 CONSTANT = re.compile(r"_?[A-Z][A-Z0-9_]*")
