@@ -6,8 +6,9 @@ from pathlib import Path
 
 from devices.tables.foreign import NOTHING_STATED, TableOptions
 from gateway.errors import InputError
-from gateway.measurement.rig import Rig, read_rig, rig_without_length
+from gateway.measurement.rig_file import read_rig, rig_without_length
 from gateway.measurement.source import Source, read_source
+from gateway.pipeline.rig import Rig
 from gateway.recording.reading.interval import WHOLE_RECORDING, RecordingInterval
 from gateway.swing.detection.rope_length import rope_length_by_period
 from gateway.swing.offline import estimate_swing

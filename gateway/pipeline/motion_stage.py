@@ -17,7 +17,7 @@ from gateway.pipeline.angular_rate import device_gyro
 from gateway.pipeline.header import Header
 from gateway.pipeline.motion_context import motion_context
 from gateway.pipeline.motion_messages import motion_message, swing_message
-from gateway.pipeline.mounting import mounted_housing, with_sensor
+from gateway.pipeline.rig import configured_housing, with_sensor
 from gateway.stages.conditions.gates import MotionContext
 from gateway.swing.data.recent_extremes import RecentExtremes
 from gateway.swing.formulas import as_published
@@ -44,7 +44,7 @@ class MotionStage:
     """Keeps the motion of the rope at the newest sample."""
 
     def __init__(self, configuration: Configuration, info: DeviceInfo, correction: Correction) -> None:
-        rig = mounted_housing(configuration, correction, info.bandwidth_hz)
+        rig = configured_housing(configuration, correction, info.bandwidth_hz)
         self._rig, self._correction, self._bandwidth_hz = rig, correction, info.bandwidth_hz
         self._monitor = None
         if rig is not None:

@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 
 from gateway.cli.main import main
 from gateway.measurement.measure import measure
-from gateway.measurement.rig import read_rig
+from gateway.measurement.rig_file import read_rig
 from gateway.measurement.source import read_source
 from gateway.recording.export import tables
 from gateway.recording.export.tables import samples_table
