@@ -11,7 +11,7 @@ from devices.serial_port import SerialPort
 
 RATE_WINDOW_S = 10.0
 """Basis: a choice; the rate is known to a per cent at 10 Hz, and a change is told soon."""
-RATE_TOLERANCE = 0.15
+MAX_RATE_DIFFERENCE = 0.15
 """Relative difference from the rate as stated. Basis: larger than the deviation of a sensor's clock, smaller than the distance to
 the next rate that can be set."""
 FRAMELESS_LIMIT_BYTES = 2048
@@ -44,7 +44,7 @@ class RateCheck:
             return
         rate_hz = self._count / elapsed_s
         self._start_ns, self._count = read_ns, 0
-        if abs(rate_hz / self._odr_hz - 1) > RATE_TOLERANCE:
+        if abs(rate_hz / self._odr_hz - 1) > MAX_RATE_DIFFERENCE:
             came = f"{rate_hz:.1f} samples/s arrive, but odr_hz is {self._odr_hz:g}"
             raise DeviceError(f"{came}; set odr_hz to the sensor's rate, or bring the radio nearer")
 

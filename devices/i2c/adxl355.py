@@ -42,7 +42,7 @@ OVERRUN, NVM_BUSY, STATUS_UNUSED = 0x04, 0x10, 0xE0
 RATES_HZ = tuple(4000.0 / (1 << k) for k in range(11))
 """Output data rates by their code in the FILTER register. Basis: data sheet."""
 RATE_CODES = {rate_hz: code for code, rate_hz in enumerate(RATES_HZ)}
-LONGEST_BLOCK = 16
+MAX_READ_SAMPLES = 16
 """Samples of a block at most. Basis: half of the FIFO, so that a late read loses none."""
 ENTRIES_MARGIN = 3
 """The FIFO level may exceed the FIFO's size by this many entries; a higher one is a transfer error. Basis: one sample, which may
@@ -124,7 +124,7 @@ class Adxl355:
             scale_factor_per_k=SCALE_FACTOR_PER_K,
             bandwidth_hz=rate_hz / 4,
             saturation_counts=code_limits(20),
-            longest_block=LONGEST_BLOCK,
+            longest_block=MAX_READ_SAMPLES,
         )
         self.self_test = variant.self_test
         self.configuration: tuple[Setting, ...] = (

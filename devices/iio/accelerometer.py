@@ -26,7 +26,7 @@ SILENCE_NS = 2_000_000_000
 """Time without a sample after which a part is told as silent. Basis: a choice; as for a part on a bus."""
 TEMPERATURE_NS = 1_000_000_000
 """Period of the temperature. Basis: a choice; a housing warms up within minutes."""
-EARLIEST_NS, LATEST_NS = -10_000_000_000, 100_000_000
+MIN_LATENESS_NS, MAX_LATENESS_NS = -10_000_000_000, 100_000_000
 """A timestamp farther from the moment of its reading belongs to bytes that are out of step. Basis: a choice; a buffer holds 2 s,
 and clocks of one host agree to less than 0.1 s."""
 CLOCK_ATTRIBUTE, MONOTONIC = "current_timestamp_clock", "monotonic"
@@ -149,9 +149,9 @@ class IioAccelerometer:
                 self._sample_clock.restart()
             return self._sample_clock.stamp(len(table[ACCELERATION[0]]), now_ns)
         time_ns = table[TIMESTAMP] + self._offset_ns
-        before_ns = now_ns + EARLIEST_NS if self._last_ns is None else self._last_ns
+        before_ns = now_ns + MIN_LATENESS_NS if self._last_ns is None else self._last_ns
         ascending = bool(np.all(np.diff(time_ns, prepend=before_ns) > 0))
-        plausible = int(time_ns[0]) > now_ns + EARLIEST_NS and int(time_ns[-1]) < now_ns + LATEST_NS
+        plausible = int(time_ns[0]) > now_ns + MIN_LATENESS_NS and int(time_ns[-1]) < now_ns + MAX_LATENESS_NS
         return time_ns if ascending and plausible else None
 
     @property

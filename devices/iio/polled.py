@@ -21,7 +21,7 @@ LONGEST_WAIT_NS = 500_000_000
 """Longest read. Basis: a thread that reads ends within it (`JOIN_S`)."""
 TEMPERATURE_NS = 1_000_000_000
 """Period of the temperature. Basis: a choice; a housing warms up within minutes."""
-FASTEST_HZ = 200.0
+MAX_POLLED_HZ = 200.0
 """Each attribute is a system call and a transfer of its own. Basis: a choice; 5 ms for four of them, at a bus of 100 kHz."""
 FRESH_READINGS = 2.0
 """The part must sample at least so much faster than it is read. Basis: readings repeat."""
@@ -42,9 +42,9 @@ class PolledIioAccelerometer:
         root: Path = Path("/"),
     ) -> None:
         """`name`: name or label of the device; `root`: of the file system with `sys`. Raises `ValueError`."""
-        if not 0 < odr_hz <= FASTEST_HZ:
+        if not 0 < odr_hz <= MAX_POLLED_HZ:
             raise ValueError(
-                f"attributes cannot be read at {odr_hz:g} Hz; give at most {FASTEST_HZ:g}, or mode = 'buffer'"
+                f"attributes cannot be read at {odr_hz:g} Hz; give at most {MAX_POLLED_HZ:g}, or mode = 'buffer'"
             )
         self._name, self._serial, self._root = name, serial, root
         self._odr_hz, self._range_g = odr_hz, range_g

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-LARGEST_COUNT = 2**19 - 1
+MAX_COUNT = 2**19 - 1
 """Largest value of 20 bits in two's complement. Definition: of the part."""
 UNITS_PER_G_AT_2_G = 256000.0
 """Data sheet of the ADXL355."""
@@ -102,12 +102,12 @@ class Accelerometer:
     @property
     def full_scale_g(self) -> float:
         """The largest reading; at or beyond it the sensor has clipped."""
-        return LARGEST_COUNT / self.units_per_g
+        return MAX_COUNT / self.units_per_g
 
     @property
     def saturation_counts(self) -> tuple[int, int]:
         """Lowest and highest reading."""
-        return -LARGEST_COUNT - 1, LARGEST_COUNT
+        return -MAX_COUNT - 1, MAX_COUNT
 
     @property
     def noise_g(self) -> float:
@@ -122,5 +122,5 @@ class Accelerometer:
         reading_g = reading_g + errors.zero_g_offset_g + errors.zero_g_offset_g_per_c * warmer_c
         reading_g = reading_g + self.noise_g * random.standard_normal(force_g.shape)
         reading = np.rint(reading_g * self.units_per_g)
-        counts: NDArray[np.int32] = np.clip(reading, -LARGEST_COUNT - 1, LARGEST_COUNT).astype(np.int32)
+        counts: NDArray[np.int32] = np.clip(reading, -MAX_COUNT - 1, MAX_COUNT).astype(np.int32)
         return counts

@@ -30,10 +30,10 @@ from devices.simulated.rigger import Rigger
 log = logging.getLogger("plumbline.device")
 LONGEST_WAIT_S: Final = 0.5
 """Longest read. Basis: a thread that reads ends within it (`JOIN_S`)."""
-LONGEST_LAG_S: Final = 1.0
+MAX_LAG_S: Final = 1.0
 """After a longer delay (the host was suspended or overloaded) the device skips to the present, like a FIFO that overflows. Basis:
 a choice; some FIFOs, and no jump by a busy core."""
-LONGEST_CATCH_UP_S: Final = 30.0
+MAX_CATCH_UP_S: Final = 30.0
 """Longest time by which the crane advances when samples are skipped; it stands still during the rest of the absence. Basis: a
 choice; two swings of a long rope, computed in less than a second."""
 REST_S: Final = 90.0
@@ -121,7 +121,7 @@ class SimulatedCrane:
             self._ready.extend(self._simulate(self._opened_ns))
         now_ns = self._clock.now_ns()
         wait_s = (int(self._ready[0].time_ns[-1]) - now_ns) / 1e9
-        if wait_s < -LONGEST_LAG_S:
+        if wait_s < -MAX_LAG_S:
             self._drop_samples(self._opened_ns, now_ns)
             wait_s = 0.0
         if wait_s > LONGEST_WAIT_S:
@@ -221,4 +221,4 @@ class SimulatedCrane:
 
     def _shift_own_time(self, absent_ns: int) -> None:
         """Shift the crane's own time by all but the last part of a long absence, which need not be simulated."""
-        self._crane_start_ns += max(0, absent_ns - round(LONGEST_CATCH_UP_S * 1e9))
+        self._crane_start_ns += max(0, absent_ns - round(MAX_CATCH_UP_S * 1e9))

@@ -33,7 +33,7 @@ from devices.tables.layout import NATIVE, UNITS_PER_G, TableLayout, TableUnit, s
 from devices.tables.native import read_table
 from devices.tables.notation import TableHead, is_number, read_head
 
-SLOWEST_HZ, FASTEST_HZ = 5.0, 5000.0
+MIN_RATE_HZ, MAX_RATE_HZ = 5.0, 5000.0
 """Sample rates of accelerometers. Basis: A table of time stamps has one unit among s, ms, µs and ns that gives such a rate."""
 
 
@@ -272,7 +272,7 @@ def _time(path: Path, head: TableHead, names: Sequence[str], place: int, per_s: 
 
 
 def _is_rate(per_s: float, interval: float) -> bool:
-    return interval > 0 and SLOWEST_HZ <= per_s / interval <= FASTEST_HZ
+    return interval > 0 and MIN_RATE_HZ <= per_s / interval <= MAX_RATE_HZ
 
 
 def _increases(head: TableHead, place: int) -> bool:

@@ -5,17 +5,17 @@ import math
 from gateway.calibration.record import BudgetEntry, CalibrationRecord
 from gateway.documents.format import format_short
 
-MOST_ROWS = 7
+MAX_BUDGET_ROWS = 7
 """Basis: a choice; the table stays on one page."""
-NEGLIGIBLE = 1e-6
+NEGLIGIBLE_CONTRIBUTION = 1e-6
 """mg or degrees: digits below say nothing. Basis: a choice; no sensor is good to a millionth."""
 
 
 def largest_contributions(record: CalibrationRecord) -> list[BudgetEntry]:
     """Return the contributions in the order of the record; where there are more than fit, the largest first."""
-    if len(record.budget) <= MOST_ROWS:
+    if len(record.budget) <= MAX_BUDGET_ROWS:
         return record.budget
-    return sorted(record.budget, key=lambda entry: entry.u_g, reverse=True)[:MOST_ROWS]
+    return sorted(record.budget, key=lambda entry: entry.u_g, reverse=True)[:MAX_BUDGET_ROWS]
 
 
 def combined_uncertainty(record: CalibrationRecord) -> tuple[float, float]:
@@ -25,4 +25,4 @@ def combined_uncertainty(record: CalibrationRecord) -> tuple[float, float]:
 
 def format_contribution(value: float) -> str:
     """Return an uncertainty in mg or degrees."""
-    return f"< {NEGLIGIBLE:g}" if 0 < value < NEGLIGIBLE else format_short(value)
+    return f"< {NEGLIGIBLE_CONTRIBUTION:g}" if 0 < value < NEGLIGIBLE_CONTRIBUTION else format_short(value)

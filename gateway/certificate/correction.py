@@ -8,7 +8,7 @@ from gateway.documents.format import UNKNOWN, format_fixed, format_with_uncertai
 from gateway.documents.text import printable_text
 
 Array = NDArray[np.float64]
-LARGEST_EXPONENT = 300
+MAX_EXPONENT = 300
 """Basis: a larger power of ten is no float of 64 bits."""
 
 
@@ -58,4 +58,4 @@ def _exponent(matrix: Array) -> int:
     largest = float(np.max(np.abs(matrix)))
     if largest <= 0 or 0.1 <= largest < 1000:
         return 0
-    return int(np.clip(np.floor(np.log10(largest)), -LARGEST_EXPONENT, LARGEST_EXPONENT))
+    return int(np.clip(np.floor(np.log10(largest)), -MAX_EXPONENT, MAX_EXPONENT))

@@ -4,7 +4,7 @@ from gateway.calibration.record import CalibrationRecord
 from gateway.documents.format import UNKNOWN, format_short
 from gateway.documents.text import printable_text
 
-FIELD = 40
+MAX_FIELD_CHARACTERS = 40
 """Characters of a field. Basis: a choice; one line of its column."""
 
 
@@ -22,7 +22,7 @@ def identity_facts(record: CalibrationRecord) -> tuple[tuple[str, str], ...]:
         ("Reason", _reason(record)),
         ("Poses used", _poses(record)),
     )
-    return tuple((name, printable_text(value, FIELD)) for name, value in facts)
+    return tuple((name, printable_text(value, MAX_FIELD_CHARACTERS)) for name, value in facts)
 
 
 def _poses(record: CalibrationRecord) -> str:

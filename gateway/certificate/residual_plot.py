@@ -9,9 +9,9 @@ from gateway.certificate.residuals import PoseResidual, residuals
 from gateway.documents.format import format_short
 from gateway.documents.text import printable_text
 
-MOST_POSES = 160
+MAX_SHOWN_POSES = 160
 """Basis: a choice; neighbours touch at the figure's width."""
-MOST_LABELS = 14
+MAX_POSE_LABELS = 14
 """Basis: a choice; labels do not touch."""
 BAND_SHOWN = 4.0
 """The prediction interval is drawn where it is at most so many times the residuals. Basis: else it would hide them."""
@@ -61,7 +61,7 @@ class PoseResiduals:
 
 def pose_residuals(record: CalibrationRecord) -> PoseResiduals | None:
     """Return the residuals of a record; None where it holds no pose that can be shown."""
-    found = residuals(record)[:MOST_POSES]
+    found = residuals(record)[:MAX_SHOWN_POSES]
     if not found:
         return None
     used = [residual for residual in found if residual.used]
@@ -95,7 +95,7 @@ def _x(place: int, count: int) -> float:
 
 def _pose_labels(found: tuple[PoseResidual, ...]) -> tuple[Tick, ...]:
     """Return the numbers of the poses and their faces, as many as fit."""
-    every = math.ceil(len(found) / MOST_LABELS)
+    every = math.ceil(len(found) / MAX_POSE_LABELS)
     return tuple(
         Tick(
             _x(place, len(found)),

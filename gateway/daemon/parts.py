@@ -51,7 +51,7 @@ from gateway.recalibration.recalibration import Recalibration
 from gateway.recording.chain.segment_chain import SegmentChain
 
 log = logging.getLogger("plumbline")
-BLOCKS = 256
+MAX_WAITING_BLOCKS = 256
 """Blocks that may wait for the processor; more are dropped and counted. Basis: a choice; 25 s of blocks of 0.1 s, longer than a
 load of the host lasts, and a bound of the memory."""
 RECALL_PATIENCE_S = 0.5
@@ -163,7 +163,7 @@ def compose(
     )
     page = PageProcess(configuration, page_channel, faults) if configuration.page.enabled else None
     drift_store = DriftStateStore(section.data_dir, commands.write_soon)
-    blocks: BoundedQueue[SamplerItem] = BoundedQueue(BLOCKS)
+    blocks: BoundedQueue[SamplerItem] = BoundedQueue(MAX_WAITING_BLOCKS)
     counters = SampleCounters()
     sampler = Sampler(device, info, blocks, faults)
     health = HealthReporter(

@@ -45,7 +45,7 @@ OUTBOX_PATIENCE_S = 1.0
 meanwhile."""
 CALIBRATION_PATIENCE_S = 10.0
 """Longest wait at start for the record in force and the session; the device is uncalibrated until they are read. Basis: a choice;
-a slow card reads some kilobytes in less, and samples wait meanwhile in `parts.BLOCKS`."""
+a slow card reads some kilobytes in less, and samples wait meanwhile in `parts.MAX_WAITING_BLOCKS`."""
 SINK_PATIENCE_S = 0.5
 """Longest wait for a sink with a full queue, where the source of the samples can wait. Basis: a choice; short beside the period
 of the watchdog, long beside a write."""

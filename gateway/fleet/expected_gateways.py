@@ -6,7 +6,7 @@ from gateway.bus.untrusted import GATEWAY_KEY
 from gateway.errors import InputError
 
 PREFIX = "plumbline/v1/"
-LONGEST_LINE_WORDS = 2
+MAX_LINE_WORDS = 2
 
 
 def read_expected(path: Path) -> dict[str, str]:
@@ -25,7 +25,7 @@ def read_expected(path: Path) -> dict[str, str]:
         if not words:
             continue
         key = words[0] if words[0].startswith(PREFIX) else PREFIX + words[0]
-        if GATEWAY_KEY.fullmatch(key) is None or len(words) > LONGEST_LINE_WORDS:
+        if GATEWAY_KEY.fullmatch(key) is None or len(words) > MAX_LINE_WORDS:
             raise InputError(f"{path}, line {number}: {line.strip()!r} is no gateway; write <site>/<crane>/<sensor>")
         gateways[key] = words[1] if len(words) > 1 else key.split("/")[-2]
     if not gateways:

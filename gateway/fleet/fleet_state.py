@@ -16,7 +16,7 @@ JUDGED = ("swing", "condition", "alert")
 """The topics on whose freshness a state depends."""
 HEARTBEAT = "alert"
 """Sent each second whatever is measured; a message of another topic is new only if it describes a newer sample."""
-PATIENCE_S = 2.0
+FLEET_PATIENCE_S = 2.0
 """A topic is stale when its next message is overdue by this time. Basis: twice the default of a gateway's own page."""
 DUPLICATE_S = 10.0
 """A boot id that comes back after another one within this time belongs to a second gateway of the same name. Basis: a choice; two
@@ -76,7 +76,7 @@ class _GatewayMessages:
         """Return everything on which the verdict depends; a message of unknown age is no evidence."""
         ages = {topic: age for topic in self.latest if (age := self.age_s(topic, now_s)) is not None}
         known = {topic: message for topic, message in self.latest.items() if topic in ages or topic not in JUDGED}
-        return PageEvidence(self.alive, known, ages, PATIENCE_S, JUDGED)
+        return PageEvidence(self.alive, known, ages, FLEET_PATIENCE_S, JUDGED)
 
     def is_duplicate(self, now_s: float) -> bool:
         """Return whether two gateways sent under this name lately."""

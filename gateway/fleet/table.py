@@ -7,9 +7,9 @@ from gateway.documents.text import printable_text
 from gateway.fleet.gateway_status import LABELS, GatewayStatus
 
 HEADER = ("gateway", "state", "level", "swing", "battery", "signal", "calibrated", "seen", "software", "why")
-LONGEST_CELL = 48
+MAX_COLUMN_CHARACTERS = 48
 """Basis: a choice; columns stay side by side in a terminal."""
-LONGEST_REASON = 160
+MAX_REASON_CHARACTERS = 160
 """Basis: a choice; a sentence, in the last column."""
 UNKNOWN = "-"
 MINUTE_S, HOUR_S, DAY_S = 60, 3600, 86400
@@ -35,7 +35,7 @@ def format_table(statuses: Sequence[GatewayStatus]) -> list[str]:
 
 def _row(status: GatewayStatus) -> tuple[str, ...]:
     return (
-        printable_text(status.name, LONGEST_CELL),
+        printable_text(status.name, MAX_COLUMN_CHARACTERS),
         status.label,
         status.level,
         _swing(status),
@@ -43,8 +43,8 @@ def _row(status: GatewayStatus) -> tuple[str, ...]:
         UNKNOWN if status.signal_dbm is None else f"{status.signal_dbm:.0f} dBm",
         _calibration(status),
         UNKNOWN if status.seen_s is None else format_age(status.seen_s),
-        UNKNOWN if status.software is None else printable_text(status.software, LONGEST_CELL),
-        printable_text("; ".join(status.reasons), LONGEST_REASON),
+        UNKNOWN if status.software is None else printable_text(status.software, MAX_COLUMN_CHARACTERS),
+        printable_text("; ".join(status.reasons), MAX_REASON_CHARACTERS),
     )
 
 

@@ -33,7 +33,7 @@ CERTIFICATE_NAME = re.compile(names.CERTIFICATE.format(id=r"[A-Za-z0-9._-]+"))
 CUT = "cut"
 """Name of the metadata record on what was cut out of the recordings."""
 NOTHING_READ = "no message of this time could be read"
-LEAD_NS = 15_000_000_000
+CONTEXT_LEAD_NS = 15_000_000_000
 """Calibration and clock are read from so long before the begin. Basis: both are recorded more often, calibrations every 10 s."""
 
 
@@ -81,7 +81,7 @@ def read_evidence(
     builder = CourseBuilder(window.origin_ns)
     samples = CalibratedReader(timeline, Selection(window.begin_ns, window.end_ns + 1))
     files: dict[Path, RecordingFile] = {}
-    wanted = Selection(window.begin_ns - LEAD_NS, window.end_ns + 1)
+    wanted = Selection(window.begin_ns - CONTEXT_LEAD_NS, window.end_ns + 1)
     for message in timeline.messages(wanted, report):
         files[message.segment.path] = message.file
         recorded = message.recorded

@@ -18,7 +18,7 @@ from gateway.recording.reading.interval import iso_utc
 CAUSE_BEFORE_S = 20.0
 """What moved within this time before the peak is stated as what went before it. Basis: three periods of a rope of 10 m."""
 MOVES = ("driven", "hoisting", "wind")
-SHORTEST_MOVE_S = 0.5
+MIN_MOVE_S = 0.5
 """A shorter state is left out of the sentences. Basis: five updates."""
 
 
@@ -134,14 +134,14 @@ def _moves(course: Course, peak_s: float) -> tuple[CraneMove, ...]:
     motion = course.motion
     spans: list[tuple[float, float, str]] = []
     for from_s, to_s, state in motion.states.spans(course.end_s):
-        if spans and spans[-1][2] == state and from_s - spans[-1][1] < SHORTEST_MOVE_S:
+        if spans and spans[-1][2] == state and from_s - spans[-1][1] < MIN_MOVE_S:
             spans[-1] = (spans[-1][0], to_s, state)
         elif state in MOVES:
             spans.append((from_s, to_s, state))
     found = []
     for from_s, to_s, state in spans:
         begin_s, end_s = max(from_s, peak_s - CAUSE_BEFORE_S), min(to_s, peak_s)
-        if end_s - begin_s >= SHORTEST_MOVE_S:
+        if end_s - begin_s >= MIN_MOVE_S:
             inside = (motion.time_s >= begin_s) & (motion.time_s <= end_s)
             pivot_m_s2 = np.hypot(*motion.pivot_m_s2[inside].T)
             hoist_m_s = motion.hoist_m_s[inside]

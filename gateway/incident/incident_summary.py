@@ -9,9 +9,9 @@ from gateway.incident.facts import CraneMove, IncidentFacts, PeakAngle
 from gateway.incident.report_clock import ReportClock
 from gateway.pipeline.alert_rules import SWING
 
-MOST_MARKS = 3
+MAX_SUMMARY_MARKS = 3
 """Of the summary; the events have all of them. Basis: a choice; the summary stays on one page, the events have all of them."""
-LATE_S = 5.0
+MAX_ALERT_SILENCE_S = 5.0
 """An alert is stated each second. Basis: after a longer silence the gateway has ended."""
 LEVELS = {"warn": "warning", "trip": "trip"}
 CLOCKS = {
@@ -109,12 +109,14 @@ def _when_it_ended(
     if incident is None or facts.raised_s is None:
         return
     if facts.cleared_s is None:
-        ended = "the gateway was stopped or restarted" if course.end_s - facts.end_s > LATE_S else "they end"
+        ended = (
+            "the gateway was stopped or restarted" if course.end_s - facts.end_s > MAX_ALERT_SILENCE_S else "they end"
+        )
         yield f"The recordings state no end of it: it stood at {clock.both(facts.end_s)}, after which {ended}."
     else:
         yield f"It cleared at {clock.both(facts.cleared_s)}, {facts.cleared_s - facts.raised_s:.1f} s after it began."
     yield _acknowledgement(course, clock, incident)
-    for mark in course.marks[:MOST_MARKS]:
+    for mark in course.marks[:MAX_SUMMARY_MARKS]:
         yield f"Mark at {clock.both(mark.time_s)}, by {mark.text}."
 
 

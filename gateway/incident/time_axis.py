@@ -9,7 +9,7 @@ from gateway.incident.report_clock import ReportClock
 
 STEPS_S = (0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 43200, 86400)
 """Distances of ticks. Definition: round steps of seconds, minutes and hours."""
-MOST_TICKS = 8
+MAX_TICKS = 8
 """Basis: a choice; labels of the time do not touch."""
 TICK_ERROR_S = 1e-3
 """Basis: a choice; above the rounding of the times, below the smallest step."""
@@ -18,8 +18,8 @@ EDGE_SHARE = 0.03
 
 
 def tick_times(clock: ReportClock, begin_s: float, end_s: float) -> list[float]:
-    """Return times of the course at which UTC is a round time, at most MOST_TICKS."""
-    step_s = next((step for step in STEPS_S if (end_s - begin_s) / step <= MOST_TICKS), STEPS_S[-1])
+    """Return times of the course at which UTC is a round time, at most MAX_TICKS."""
+    step_s = next((step for step in STEPS_S if (end_s - begin_s) / step <= MAX_TICKS), STEPS_S[-1])
     step_ns, begin_ns = round(step_s * 1e9), clock.course.utc_ns(begin_s)
     first_s = begin_s + (-begin_ns % step_ns) / 1e9
     last_s = end_s - EDGE_SHARE * (end_s - begin_s)
@@ -49,6 +49,6 @@ def label_local_times(axes: Axes, clock: ReportClock, begin_s: float, end_s: flo
 def tick_label(clock: ReportClock, time_s: float, span_s: float, *, is_local: bool = False) -> str:
     """Return the time of a tick on an axis of `span_s`."""
     tick_s = time_s + TICK_ERROR_S  # a tick a nanosecond early has the label of its round time
-    if span_s < MOST_TICKS:
+    if span_s < MAX_TICKS:
         return clock.time(tick_s, is_local=is_local)
     return f"{clock.moment(tick_s, is_local=is_local):%H:%M:%S}"

@@ -21,7 +21,7 @@ from gateway.pipeline.alert_rules import SWING
 
 HEIGHT_IN = 8.4
 """Basis: a choice; the figure and its caption fill one page of A4."""
-PANELS = (3.4, 1.5, 1.2, 1.2, 2.6)
+PANEL_HEIGHTS = (3.4, 1.5, 1.2, 1.2, 2.6)
 """Relative heights: angle, pivot, hoist, lean, states. Basis: a choice of taste; the angle is what is asked for, and states need
 a line each."""
 COLOURS = {
@@ -50,7 +50,7 @@ HALF_HEIGHT = 0.36
 """Half the height of a bar of a state. Basis: a choice of taste; rows are one apart."""
 LABEL_BOX = {"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.6}
 """Box around a label. Basis: a choice of taste; the curve shows through."""
-LEAST_ANGLE_DEG, LEAST_HOIST_M_S = 0.5, 0.1
+MIN_REACH_DEG, MIN_REACH_M_S = 0.5, 0.1
 """Reach of a scale at least. Basis: a wide interval of a moment does not stretch it."""
 
 
@@ -60,7 +60,9 @@ def timeline_figure(course: Course, incident: AlertIncident | None, facts: Incid
 
     def draw(canvas: Canvas) -> None:
         margins = {"left": 0.15, "right": 0.985, "bottom": 0.06, "top": 0.94, "hspace": 0.12}
-        panels = canvas.subplots(len(PANELS), 1, sharex=True, gridspec_kw={"height_ratios": PANELS, **margins})
+        panels = canvas.subplots(
+            len(PANEL_HEIGHTS), 1, sharex=True, gridspec_kw={"height_ratios": PANEL_HEIGHTS, **margins}
+        )
         _draw_angle(panels[0], course, incident, facts)
         _draw_motion(panels[1:4], course)
         _draw_states(panels[4], course)
@@ -85,7 +87,7 @@ def _draw_angle(axes: Axes, course: Course, incident: AlertIncident | None, fact
     _draw_band(axes, motion.time_s, motion.angle_deg, motion.u_deg)
     axes.set_ylabel("angle, °")
     limit_deg = 0.0 if incident is None else incident.highest.limit_deg or 0.0
-    axes.set_ylim(0, max(LEAST_ANGLE_DEG, 1.15 * max(limit_deg, _largest(motion.angle_deg))))
+    axes.set_ylim(0, max(MIN_REACH_DEG, 1.15 * max(limit_deg, _largest(motion.angle_deg))))
     if incident is None or incident.rule != SWING.name:
         return
     levels: dict[str, float | None] = {
@@ -130,7 +132,7 @@ def _draw_motion(panels: Sequence[Axes], course: Course) -> None:
     pivot.legend(loc="upper right", ncols=2, handlelength=1.2)
     _draw_band(hoist, motion.time_s, motion.hoist_m_s, motion.hoist_u_m_s)
     hoist.set_ylabel("hoist, m/s")
-    reach_m_s = max(LEAST_HOIST_M_S, 1.3 * _largest(motion.hoist_m_s))
+    reach_m_s = max(MIN_REACH_M_S, 1.3 * _largest(motion.hoist_m_s))
     hoist.set_ylim(-reach_m_s, reach_m_s)
     for axes in (pivot, hoist):
         axes.axhline(0, color=FAINT, linewidth=0.5)

@@ -10,7 +10,7 @@ from gateway.motion.history import LargestAngle, MotionHistory
 from gateway.motion.hypotheses import IS_DRIVEN, IS_FREE, IS_GUST, IS_HOISTING
 from gateway.units import degrees
 
-MOST_PHASES = 12
+MAX_SHOWN_PHASES = 12
 """Phases in the text for the terminal. Basis: a choice; half a screen."""
 GYRO_TEXT = {True: "used", False: "left out: its rates contradict the accelerometer", None: None}
 STATE_TEXT: dict[MotionState, str] = {
@@ -65,10 +65,10 @@ def motion_rows(motion: RecordingMotion) -> list[tuple[str, str]]:
     rows = [("motion", _largest_text(motion))]
     if (gyroscope := GYRO_TEXT[motion.uses_gyro]) is not None:
         rows.append(("", f"gyroscope {gyroscope}"))
-    for phase in motion.phases[:MOST_PHASES]:
+    for phase in motion.phases[:MAX_SHOWN_PHASES]:
         angle = "" if phase.largest is None else f", up to {_angle_text(phase.largest)}"
         rows.append(("", f"{phase.from_s:.1f}-{phase.to_s:.1f} s {STATE_TEXT[phase.state]}{angle}"))
-    if (others := len(motion.phases) - MOST_PHASES) > 0:
+    if (others := len(motion.phases) - MAX_SHOWN_PHASES) > 0:
         rows.append(("", f"and {others} more phases; --json has all of them"))
     return rows
 

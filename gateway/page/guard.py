@@ -11,7 +11,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from gateway.page.hosts import AllowedHosts, is_same_origin
 
-LARGEST_BODY = 2048
+MAX_BODY_BYTES = 2048
 """Largest body of a request, bytes. Basis: a choice; an acknowledgement has some hundred bytes."""
 BODY_S = 5.0
 """Longest time for a body. Basis: as for the head, `http_protocol.REQUEST_S`."""
@@ -60,7 +60,7 @@ async def read_body(request: Request) -> bytes:
         async with asyncio.timeout(BODY_S):
             async for chunk in stream:
                 body += chunk
-                if len(body) > LARGEST_BODY:
+                if len(body) > MAX_BODY_BYTES:
                     raise BodyError("the request is too large")
     except (TimeoutError, ClientDisconnect):
         raise BodyError("the request is not complete") from None

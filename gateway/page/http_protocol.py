@@ -7,20 +7,20 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from gateway.page.admission import Admission
 
-MOST_CONNECTIONS = 192
-"""Basis: a choice; two for each of the `hub.MOST_CLIENTS` streams, and a bound of the files."""
-MOST_PER_ADDRESS = 96
+MAX_CONNECTIONS = 192
+"""Basis: a choice; two for each of the `hub.MAX_STREAMS` streams, and a bound of the files."""
+MAX_CONNECTIONS_PER_ADDRESS = 96
 """Basis: half of all, so that one address does not lock others out."""
 REQUEST_S = 5.0
 """Longest time from the connection, or from the last response, until the head of a request is complete. Basis: a choice; a slow
 link needs less, and an idle connection holds its place no longer."""
-LARGEST_HEAD = 16384
+MAX_HEAD_BYTES = 16384
 """Largest head of a request, bytes. Basis: a choice; browsers with cookies send a few kilobytes."""
 
 
 def make_protocol() -> type[H11Protocol]:
     """Return the protocol for `uvicorn.Config(http=...)`; its connections share one limit."""
-    admission: Admission[LimitedProtocol] = Admission(MOST_CONNECTIONS, MOST_PER_ADDRESS)
+    admission: Admission[LimitedProtocol] = Admission(MAX_CONNECTIONS, MAX_CONNECTIONS_PER_ADDRESS)
 
     class Protocol(LimitedProtocol):
         def __init__(self, *arguments: Any, **options: Any) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import uvicorn
 from starlette.types import ASGIApp
 
-from gateway.page.http_protocol import LARGEST_HEAD, make_protocol
+from gateway.page.http_protocol import MAX_HEAD_BYTES, make_protocol
 from gateway.page.hub import EventStream
 from gateway.page.log_limit import LogLimit
 
@@ -71,7 +71,7 @@ def _settings(application: ASGIApp) -> uvicorn.Config:
         application,
         loop="asyncio",
         http=make_protocol(),
-        h11_max_incomplete_event_size=LARGEST_HEAD,
+        h11_max_incomplete_event_size=MAX_HEAD_BYTES,
         ws="none",
         lifespan="off",
         log_config=None,

@@ -6,13 +6,13 @@ from collections.abc import Callable
 
 INTERVAL_S = 10.0
 """Basis: a choice; a person who looks at a fault waits no longer."""
-MOST_LINES = 5
+MAX_LINES_PER_INTERVAL = 5
 """Lines in an interval; the first of the next one says how many were left out. Basis: a choice; five show a pattern, and a flood
 of requests fills no disk."""
 
 
 class LogLimit(logging.Filter):
-    """Passes `MOST_LINES` lines in each interval and counts the others."""
+    """Passes `MAX_LINES_PER_INTERVAL` lines in each interval and counts the others."""
 
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
         super().__init__()
@@ -24,9 +24,9 @@ class LogLimit(logging.Filter):
         """Return whether a line is written."""
         now_s = self._now_s()
         if now_s - self._begin_s >= INTERVAL_S:
-            left_out = max(self._lines - MOST_LINES, 0)
+            left_out = max(self._lines - MAX_LINES_PER_INTERVAL, 0)
             self._begin_s, self._lines = now_s, 0
             if left_out:
                 record.msg, record.args = f"{record.getMessage()} ({left_out} lines were left out)", ()
         self._lines += 1
-        return self._lines <= MOST_LINES
+        return self._lines <= MAX_LINES_PER_INTERVAL

@@ -24,7 +24,7 @@ from gateway.topics import adapter
 
 MEASURED = ("tilt", "motion", "swing", "condition")
 """A message of these topics is new only if it describes a newer sample; a repeated one must not look fresh."""
-PATIENCE_S = 2.0
+GATEWAY_PATIENCE_S = 2.0
 """The gateway has hung if the next message of any topic is overdue by this time. Basis: a choice; its health comes every second,
 so that three are missing."""
 
@@ -109,7 +109,7 @@ class PageState:
     def evidence(self, now_s: float) -> PageEvidence:
         """Return everything on which the verdict and the metrics depend."""
         age_s = {topic: max(now_s - at_s, 0.0) for topic, at_s in self._newest_s.items()}
-        is_heard = not is_overdue(now_s - self._heard_s, PATIENCE_S)
+        is_heard = not is_overdue(now_s - self._heard_s, GATEWAY_PATIENCE_S)
         return PageEvidence(is_heard, dict(self._latest), age_s, self.parameters.stale_s)
 
     def verdict(self, now_s: float) -> PageVerdict:

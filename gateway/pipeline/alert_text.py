@@ -7,7 +7,7 @@ from gateway.pipeline.incidents import Acknowledgement, Incident
 from gateway.stages.alerts import Event, Reading
 from gateway.units import degrees
 
-SHORTEST_LEAD_S = 0.05
+MIN_LEAD_S = 0.05
 """A peak that comes sooner is the present angle. Definition: the resolution of the text."""
 
 
@@ -16,7 +16,7 @@ def reading_text(reading: Reading | None, limit_rad: float) -> str:
     value_deg = None if reading is None else degrees(reading.value_rad)
     if reading is None or value_deg is None:
         return "not known now"
-    when = "now" if reading.expected_in_s < SHORTEST_LEAD_S else f"expected in {reading.expected_in_s:.1f} s"
+    when = "now" if reading.expected_in_s < MIN_LEAD_S else f"expected in {reading.expected_in_s:.1f} s"
     text = f"up to {value_deg:.1f} deg {when}"
     if reading.value_rad >= limit_rad and reading.is_bound(limit_rad):
         text += f", an upper bound, angle now {math.degrees(reading.now.best_rad):.1f} deg"

@@ -14,7 +14,7 @@ from gateway.numerics.array import Array
 from gateway.swing.model.mount import rotation
 from gateway.swing.rig import NOMINAL_LENGTH_U_REL, MountedHousing
 
-LARGEST_RHO = 2.0
+MAX_RHO = 2.0
 """Largest position of the housing relative to the nominal length. Basis: the hook may hang lower than the nominal length says."""
 BESIDE_U_M = 0.015
 """Standard uncertainty of the sensor's place across the rope, per axis. Basis: a housing is clamped beside a rope, not in it."""
@@ -22,7 +22,7 @@ MOUNT_U_RAD = 0.01
 """Standard uncertainty of the angle between the housing's z axis and the rope, clamped by eye, for the offline fit. Basis: by eye
 an edge is parallel to a rope within one degree, uniformly distributed."""
 
-SHORTEST_ROPE = 1.02
+MIN_LENGTH_OVER_ABOVE_LOAD = 1.02
 """Shortest rope over the housing's distance above the load: the distance is measured, the rope's length is a belief. Basis: a
 choice; above the error of the tape on a long rope, and below any rope that hangs above its housing."""
 Positive = Annotated[float, Field(gt=0)]
@@ -113,7 +113,7 @@ class Rig(RigTable):
         if (position_m is None) == (self.housing.above_load_m is None):
             raise ValueError("[housing] wants either position_m or above_load_m")
         # The nominal length may be outdated by hoisting, whereas the position of the housing was measured.
-        if position_m is not None and position_m > LARGEST_RHO * length_m:
+        if position_m is not None and position_m > MAX_RHO * length_m:
             raise ValueError(f"housing.position_m {position_m:g} is far beyond rope.length_m {length_m:g}")
         return self
 
@@ -163,7 +163,7 @@ def configured_housing(
         return None
     above_m = configuration.housing_above_load_m
     rig = Rig(
-        rope=RigRope(length_m=max(configuration.rope.length_m, SHORTEST_ROPE * (above_m or 0.0))),
+        rope=RigRope(length_m=max(configuration.rope.length_m, MIN_LENGTH_OVER_ABOVE_LOAD * (above_m or 0.0))),
         housing=RigHousing(
             position_m=configuration.housing_position_m if above_m is None else None,
             above_load_m=above_m,

@@ -17,7 +17,7 @@ from gateway.numerics.array import Array
 UNKNOWN_RELATIVE_U = 0.03
 """Relative standard uncertainty of an angle of a sensor without a calibration. Basis: the sensitivity of an uncalibrated sensor,
 `correction.UNCALIBRATED_SCALE_FACTOR_U`."""
-LARGEST_ROTATION_RAD = math.radians(5.0)
+MAX_ROTATION_RAD = math.radians(5.0)
 """Largest rotation for which small-angle bending holds (Zhu et al. 2020, sec. 2.2)."""
 OFF_CENTRE_LIMIT = 0.1
 """Largest distance of the load from mid-span over the span. Basis: beyond it eq. 25 errs by more than 2 %."""
@@ -123,7 +123,7 @@ def _off_centre(left: EndRotation, right: EndRotation) -> tuple[float, float]:
 def _warnings(left: EndRotation, right: EndRotation, off_centre: float) -> list[str]:
     texts = []
     largest_rad = max(abs(left.rotation_rad), abs(right.rotation_rad))
-    if largest_rad > LARGEST_ROTATION_RAD:
+    if largest_rad > MAX_ROTATION_RAD:
         texts.append(
             f"an end turned by {math.degrees(largest_rad):.1f} deg: no small bending; check the axes and the zero"
         )

@@ -10,7 +10,7 @@ from gateway.calibration.poses.pose_finder import NORM_TOLERANCE
 from gateway.calibration.record import NotDeterminedError
 from gateway.numerics.array import Array
 
-BLOCK_READINGS = 16
+AVERAGED_READINGS = 16
 """Number of readings that are averaged before their extremes are taken, so that noise and knocks do not count. Basis: a choice;
 noise falls to a quarter, and a turned sensor stays for longer."""
 EXTREME_QUANTILE = 0.01
@@ -44,8 +44,8 @@ def estimate_sensitivity(files: Sequence[FileReadings], units_per_g: float | Non
 
 
 def _block_means(raw: Array) -> Array:
-    n_used = len(raw) // BLOCK_READINGS * BLOCK_READINGS
-    return raw[:n_used].reshape(-1, BLOCK_READINGS, 3).mean(axis=1) if n_used else raw
+    n_used = len(raw) // AVERAGED_READINGS * AVERAGED_READINGS
+    return raw[:n_used].reshape(-1, AVERAGED_READINGS, 3).mean(axis=1) if n_used else raw
 
 
 def _estimate_from_extremes(means: Array, units_per_g: float | None) -> NominalSensitivity | None:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 DEFAULT_LISTEN = "127.0.0.1:9321"
 LOOPBACK = ("127.0.0.1", "localhost")
-MOST_CONNECTIONS = 32
+MAX_COLLECTOR_CONNECTIONS = 32
 """Basis: a choice; collectors are a few, and each costs a file."""
 
 
@@ -53,7 +53,7 @@ def _run(arguments: argparse.Namespace) -> int:
                 lifespan="off",
                 access_log=False,
                 log_level="warning",
-                limit_concurrency=MOST_CONNECTIONS,
+                limit_concurrency=MAX_COLLECTOR_CONNECTIONS,
             )
         )
         print(f"serving the metrics of all gateways at http://{host}:{port}/metrics", flush=True)

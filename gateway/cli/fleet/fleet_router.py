@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from gateway.bus.session import TlsFiles
 
 DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
-LOOK_S = 0.5
+LINK_POLL_S = 0.5
 """Time between two looks at the links. Basis: a choice; a person sees a change at once, and it costs little."""
 CLOSE_S = 2.0
 """Longest wait for the links to close at the end. Basis: a choice; a link closes in milliseconds, and an end waits no longer for
@@ -108,7 +108,7 @@ def _serve(configuration: dict[str, Any], listen: str, *, encrypted: bool) -> No
     states = LatestStates(session)
     states.start()
     print(f"routing at {listen}, {'mutual TLS' if encrypted else 'not encrypted'}", flush=True)
-    while not stopping.wait(LOOK_S):  # a signal that another thread receives does not end a wait without a limit
+    while not stopping.wait(LINK_POLL_S):  # a signal that another thread receives does not end a wait without a limit
         pass
     closing = threading.Thread(target=_close, args=(states, session), daemon=True)
     closing.start()

@@ -16,7 +16,7 @@ SILENCE_S = 1.5
 the session."""
 MAX_QUEUED_MESSAGES = 256
 """Messages that may wait. Basis: a choice; minutes of a session, and a bound of the memory."""
-BAR = 24
+HOLD_BAR_CHARACTERS = 24
 """Width of the bar, characters. Basis: a choice; a third of a line."""
 NO_ANSWER = "no answer from the gateway; waiting for it"
 CONTINUES = "the session continues: plumbline remote recalibrate --follow shows it, plumbline remote cancel ends it"
@@ -107,7 +107,7 @@ class SessionDisplay:
         text = f"{taken} of {wanted} poses; {session['text']}"
         if self._line.is_terminal:
             fraction = min((taken + session["pose_fraction"]) / wanted, 1.0)
-            bar = ("#" * round(fraction * BAR)).ljust(BAR, "-")
+            bar = ("#" * round(fraction * HOLD_BAR_CHARACTERS)).ljust(HOLD_BAR_CHARACTERS, "-")
             progress = f"{taken}/{wanted} [{bar}] {_stillness(session):14} {_next_face(session)}{session['text']}"
             self._line.update(progress, text)
         else:

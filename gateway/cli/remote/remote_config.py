@@ -19,7 +19,7 @@ waits."""
 TRIAL_S = 240.0
 """Longest wait for the end of a trial: some starts of a gateway that does not become healthy. Basis: a trial has three starts of
 60 s."""
-POLL_S = 1.0
+TRIAL_POLL_S = 1.0
 """Time between two questions. Basis: a choice; a trial takes seconds to minutes."""
 
 
@@ -112,7 +112,7 @@ def _wait_for_end(client: "GatewayClient", arguments: argparse.Namespace, reques
     """Wait until a change is confirmed or rolled back; return the exit code."""
     end_s = time.monotonic() + TRIAL_S
     while time.monotonic() < end_s:
-        time.sleep(POLL_S)
+        time.sleep(TRIAL_POLL_S)
         reply = client.ask("config_get", _request(arguments, {}), 0.0)
         if reply is None:
             client.reconnect()

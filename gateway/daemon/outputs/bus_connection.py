@@ -10,7 +10,7 @@ from gateway.bus.session import BusError
 from gateway.daemon.runtime.faults import Backoff, FaultRegister
 
 log = logging.getLogger("plumbline.bus")
-FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 5.0
+MIN_OPENING_PAUSE_S, MAX_OPENING_PAUSE_S = 0.5, 5.0
 """Pauses between two attempts to open the bus, the first and the longest. Basis: a choice; a restart of the router is over soon,
 and a missing one costs little."""
 PART = "bus"
@@ -40,7 +40,7 @@ class BusConnection(threading.Thread):
 
     def run(self) -> None:
         """Open the session, pass it on, and close it when told to stop."""
-        backoff = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
+        backoff = Backoff(MIN_OPENING_PAUSE_S, MAX_OPENING_PAUSE_S)
         while not self._stopping.is_set():
             session = self._try_open()
             self.tried.set()

@@ -6,10 +6,10 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable
 
-from gateway.daemon.storage.outbox_writer import RECENT
+from gateway.daemon.storage.outbox_writer import RECENT_CHANGES
 from gateway.page.channel import (
     ANSWER,
-    LARGEST_FRAME,
+    MAX_FRAME_BYTES,
     PAST_ALERT,
     REQUEST,
     Frame,
@@ -21,10 +21,10 @@ from gateway.topics import TOPICS
 
 SHOWN = frozenset(topic.name for topic in TOPICS.values() if topic.published and topic.name not in ("samples", "mark"))
 """The topics that the page shows."""
-MOST_WAITING = {"alert": 64, PAST_ALERT: RECENT, ANSWER: 16}
+MAX_WAITING_FRAMES = {"alert": 64, PAST_ALERT: RECENT_CHANGES, ANSWER: 16}
 """Frames of one kind that may wait for the page, where each counts; of other kinds the newest alone. Basis: a choice; more than
 the page asks for or alerts change at once, and a bound of the memory."""
-HEADROOM = 128
+FRAME_HEADROOM_BYTES = 128
 """Bytes of a packet beside its payload. Basis: a choice; kind, topic and times are short, and it is a five-hundredth of a
 packet."""
 
@@ -42,7 +42,7 @@ class Outbox:
         """Add a frame."""
         with self._ready:
             waiting = [other for other in self._frames if other.kind == frame.kind]
-            if len(waiting) >= MOST_WAITING.get(frame.kind, 1):
+            if len(waiting) >= MAX_WAITING_FRAMES.get(frame.kind, 1):
                 self._frames.remove(waiting[0])
                 self.replaced += 1
             self._frames.append(frame)
@@ -162,4 +162,4 @@ class PageChannel:
 
 
 def _fits(payload: bytes) -> bool:
-    return len(payload) <= LARGEST_FRAME - HEADROOM
+    return len(payload) <= MAX_FRAME_BYTES - FRAME_HEADROOM_BYTES

@@ -15,10 +15,10 @@ from gateway.page.parameters import CraneDirections, Parameters
 from gateway.page.pin import PIN_NAME, make_pin
 
 PAGE_MODULES = ("starlette", "uvicorn")
-FIRST_PAUSE_S = 1.0
+MIN_PAGE_START_PAUSE_S = 1.0
 """Pause before the page is started again. Basis: a choice; a browser is without the page for a moment, and a fault at its start
 costs no core."""
-LONGEST_PAUSE_S = 60.0
+MAX_PAGE_START_PAUSE_S = 60.0
 """Longest of these pauses. Basis: a choice; who mends the cause waits no longer than a minute."""
 BIND_PAUSE_S = 2.0
 """Pause between two attempts to take the address. Basis: a choice; a page that ends frees its address within seconds."""
@@ -41,7 +41,7 @@ class PageProcess:
         self._faults = faults
         self._socket: socket.socket | None = None
         self._process: subprocess.Popen[bytes] | None = None
-        self._backoff = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
+        self._backoff = Backoff(MIN_PAGE_START_PAUSE_S, MAX_PAGE_START_PAUSE_S)
         self._next_start_s = 0.0
 
     def supervise(self) -> None:

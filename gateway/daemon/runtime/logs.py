@@ -9,7 +9,7 @@ from collections.abc import Callable
 from gateway.daemon.runtime.bounded_queue import BoundedQueue
 from gateway.messages import FoxgloveTime, Log
 
-LINES = 1024
+MAX_WAITING_LINES = 1024
 """Lines that may wait. Basis: a choice; more than a start writes, and a bound of the memory where nobody reads the output."""
 WAIT_S = 0.1
 """Time between two looks for the end. Basis: a choice; an end is not delayed visibly, and ten wakings per second cost nothing."""
@@ -25,7 +25,7 @@ class LineWriter(threading.Thread):
     def __init__(self, descriptor: int) -> None:
         super().__init__(name=f"output-{descriptor}", daemon=True)
         self._descriptor = descriptor
-        self._texts: BoundedQueue[str] = BoundedQueue(LINES)
+        self._texts: BoundedQueue[str] = BoundedQueue(MAX_WAITING_LINES)
         self._reported = 0
         self._finishing = threading.Event()
 

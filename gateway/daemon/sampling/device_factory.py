@@ -19,7 +19,7 @@ from gateway.configuration.single_axis_device import SingleAxisDevice
 log = logging.getLogger("plumbline.device")
 BLOCK_S = 0.1
 """Length of a block where it is not configured. Basis: the tilt is published at 10 Hz, with each block at most."""
-LONGEST_BLOCK = 32
+MAX_BLOCK_SAMPLES = 32
 """Largest number of samples of a block. Basis: a choice; as many as the FIFOs of ADXL345 and ADXL355 hold (data sheets)."""
 HOOK_S = 5.0
 """Longest time of a recovery command. Basis: half the period of the watchdog of the service (WatchdogSec, 10 s)."""
@@ -30,7 +30,7 @@ def block_samples(device: DeviceSection) -> int:
     if device.block_samples is not None:
         return device.block_samples
     rate_hz = getattr(device, "odr_hz", None)
-    return LONGEST_BLOCK if rate_hz is None else max(1, min(LONGEST_BLOCK, math.ceil(rate_hz * BLOCK_S)))
+    return MAX_BLOCK_SAMPLES if rate_hz is None else max(1, min(MAX_BLOCK_SAMPLES, math.ceil(rate_hz * BLOCK_S)))
 
 
 def make_device(configuration: Configuration, clock: Clock) -> Device:

@@ -29,7 +29,7 @@ from gateway.recording.segments.recorder import Recorder, RecorderError
 from gateway.recording.segments.trimming import trim
 
 log = logging.getLogger("plumbline.recorder")
-INBOX = 4096
+MAX_WAITING_RECORDS = 4096
 """Messages that may wait. Basis: a choice; a slow card may stop for a minute at some fifty messages per second, and the memory is
 bounded."""
 RETRY_S = 5.0
@@ -76,7 +76,7 @@ class RecordingWorker(Worker[RecordingItem]):
 
         `claim_folder` is called before each start and raises `InstanceError` or `FolderError` while the folder is not ours.
         """
-        super().__init__("recorder", BoundedQueue(INBOX))
+        super().__init__("recorder", BoundedQueue(MAX_WAITING_RECORDS))
         self._rewrite = rewrite
         self._recorder = recorder
         self._now_ns = now_ns

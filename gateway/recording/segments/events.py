@@ -17,7 +17,7 @@ MARKER = ".event"
 UNCOMPACTED = ".live"
 TRIMMED = b"trimmed\n"
 """First line of the marker of a segment that has the time around events only."""
-MOST_REMEMBERED = 128
+MAX_ENDED_RECORDINGS = 128
 """Ended recordings whose messages may still come. Basis: a choice; more than end before the disk takes them, and a bound of the
 memory."""
 
@@ -108,7 +108,7 @@ class EventIndex:
         self._post_ns = round(post_event_s * 1e9)
         self._newest: EventInterval | None = None
         self._open: Path | None = None
-        self._ended: deque[tuple[Path, int]] = deque(maxlen=MOST_REMEMBERED)
+        self._ended: deque[tuple[Path, int]] = deque(maxlen=MAX_ENDED_RECORDINGS)
 
     def begin_segment(self, path: Path, now_ns: int) -> None:
         """Note that a segment begins, which ends the one before. Raises `OSError`."""

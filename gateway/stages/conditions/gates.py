@@ -14,7 +14,7 @@ from gateway.stages.conditions.gyro_gates import turning_gates
 from gateway.stages.conditions.window import Bin, ConditionWindow
 from gateway.stages.conditions.window_features import STILL_FLOOR_G, WindowFeatures
 
-FEWEST_BINS = 10
+MIN_VERDICT_BINS = 10
 """Bins without which there is no verdict. Basis: a choice; a second, half of the window."""
 STEADY_BINS = 40
 """While it is not known whether the load swings, "steady" needs this many bins: a swing is still near its turning point. Basis: a
@@ -25,19 +25,19 @@ degrees."""
 IMPACT_G = 0.05
 """Smallest distance of a sample from the mean of its bin that is an impact. Basis: a choice; far above the noise of any sensor,
 and below what a knock on a load gives."""
-CREST = 8.0
+MIN_IMPACT_CREST = 8.0
 """The distance of an impact also exceeds this many times the usual scatter of the window, or vibration would be one. Basis: a
 choice; vibration has crests of 3 to 4, and impacts have more."""
 LOST_SHARE = 0.1
 """Share of lost samples up to which a window is complete. Basis: a choice; single losses do not matter, and a gap of a bin
 shows."""
-WIDEST_RAD = np.radians(30.0)
+MAX_UNKNOWN_SWING_RAD = np.radians(30.0)
 """Largest swing of a hanging load while the swing is not known. Basis: a choice; a crane swings its load by less, and a sensor
 off its rope leans by more."""
-LARGEST_DRIVE_G = 0.1
+MAX_DRIVE_G = 0.1
 """Largest contribution of a drive or a hoist to the magnitude of the force; also after it, while the window holds it. Basis: a
 choice; a hoist that reaches 0.5 m/s in one second adds 0.05 g."""
-LARGEST_U_RAD = np.radians(1.5)
+MAX_TRUSTED_U_RAD = np.radians(1.5)
 """Largest standard uncertainty of an angle that can be trusted. Basis: a choice; with an interval of 3 degrees on either side an
 angle says no more."""
 DRIVEN: tuple[MotionState, ...] = ("driven", "hoisting", "wind")
@@ -66,7 +66,7 @@ class MotionContext:
     @property
     def is_known(self) -> bool:
         """The angle is known well enough to be trusted."""
-        return self.u_rad is not None and bool(self.u_rad < LARGEST_U_RAD)
+        return self.u_rad is not None and bool(self.u_rad < MAX_TRUSTED_U_RAD)
 
     @property
     def is_below_stillness(self) -> bool:
@@ -124,7 +124,7 @@ def _motion_gates(
     lowest_g, highest_g = _norm_limits_g(motion, permissible_norm_error_g)
     return {
         "still": features.still,
-        "steady": enough and len(calm) >= FEWEST_BINS and WindowFeatures.at(calm, noise_g).still,
+        "steady": enough and len(calm) >= MIN_VERDICT_BINS and WindowFeatures.at(calm, noise_g).still,
         "norm_static": bool(np.all(np.abs(norms - 1) < permissible_norm_error_g)),
         "norm_hanging": bool(np.all(norms > lowest_g) and np.all(norms < highest_g)),
         "explained": motion.is_explained,
@@ -135,9 +135,9 @@ def _motion_gates(
 
 def _norm_limits_g(motion: MotionContext, permissible_norm_error_g: float) -> tuple[float, float]:
     """Return the limits of the magnitude of the force on a hanging load."""
-    widest_rad = WIDEST_RAD if motion.phi_max_rad is None else motion.phi_max_rad
+    widest_rad = MAX_UNKNOWN_SWING_RAD if motion.phi_max_rad is None else motion.phi_max_rad
     span = 1 - np.cos(widest_rad)
-    margin_g = permissible_norm_error_g + LARGEST_DRIVE_G
+    margin_g = permissible_norm_error_g + MAX_DRIVE_G
     rho = 1.0 if motion.rho is None else motion.rho
     return 1 - span - margin_g, 1 + 2 * rho * span + margin_g
 
@@ -152,4 +152,4 @@ def _rotation_gates(bins: list[Bin], motion: MotionContext) -> dict[str, bool]:
 
 
 def _impact_g(features: WindowFeatures) -> float:
-    return max(IMPACT_G, CREST * features.scatter_g) + 6 * features.noise_g
+    return max(IMPACT_G, MIN_IMPACT_CREST * features.scatter_g) + 6 * features.noise_g

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gateway.messages import Cause, MotionState, Verdict
-from gateway.stages.conditions.gates import FEWEST_BINS, MotionContext, evaluate_gates
+from gateway.stages.conditions.gates import MIN_VERDICT_BINS, MotionContext, evaluate_gates
 from gateway.stages.conditions.window import ConditionWindow
 from gateway.stages.conditions.window_features import WindowFeatures
 
@@ -48,7 +48,7 @@ def judge_condition(
 ) -> ConditionResult:
     """Judge the window; `noise_g` is that of the device, None where it is not known."""
     bins = window.bins
-    if len(bins) < FEWEST_BINS:
+    if len(bins) < MIN_VERDICT_BINS:
         return ConditionResult("unknown", None, False, ("less than a second of data",), {"enough_data": False}, None)
     features = WindowFeatures.at(bins, noise_g)
     gates = evaluate_gates(features, window, motion, noise_g, permissible_norm_error_g)

@@ -13,7 +13,7 @@ DIFFERENCE_ORDER = 6
 noise."""
 DIFFERENCE_GAIN = float(np.sqrt(comb(2 * DIFFERENCE_ORDER, DIFFERENCE_ORDER)))
 """Definition: standard deviation of a difference over that of a sample, the root of the sum of the squared binomials."""
-MIN_SAMPLES = 24
+MIN_NOISE_SAMPLES = 24
 """Fewest samples from which noise is measured. Basis: 18 differences, whose standard deviation is known to 20 %."""
 OUTLIER_SIGMA = 6.0
 """Differences beyond this are left out. Basis: noise exceeds it once in 5e8 samples."""
@@ -30,7 +30,7 @@ def measured_noise_g(force_g: Array) -> Array | None:
     Sixth differences contain the white noise and nothing of a swing. Their median resists spikes. Where quantisation makes most
     of them equal, their rms is used instead.
     """
-    if len(force_g) < MIN_SAMPLES:
+    if len(force_g) < MIN_NOISE_SAMPLES:
         return None
     differences = np.diff(force_g, n=DIFFERENCE_ORDER, axis=0) / DIFFERENCE_GAIN
     noise_g = robust_sigma(differences)

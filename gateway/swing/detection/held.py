@@ -10,7 +10,7 @@ import numpy as np
 
 from gateway.numerics.array import Array
 
-LARGEST_ACCELERATION_G = 0.22
+MAX_PIVOT_ACCELERATION_G = 0.22
 """Acceleration of a pivot that is no crane's, over g. Basis: drives reach 0.06; what the integration adds reaches 0.20 on
 simulated work of cranes, where a gust or drive begins unnoticed."""
 REACH_PERIODS = 0.75

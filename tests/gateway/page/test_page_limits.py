@@ -11,8 +11,8 @@ import pytest
 
 from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.page.admission import Admission
-from gateway.page.http_protocol import MOST_PER_ADDRESS, REQUEST_S
-from gateway.page.hub import MOST_PER_ADDRESS as MOST_STREAMS
+from gateway.page.http_protocol import MAX_CONNECTIONS_PER_ADDRESS, REQUEST_S
+from gateway.page.hub import MAX_STREAMS_PER_ADDRESS
 from tests.gateway.page.conftest import FakeGateway, PageUnderTest
 from tests.waiting import PATIENCE_S, wait_until
 
@@ -103,11 +103,11 @@ def test_a_request_that_is_not_complete_in_time_is_ended(page: PageUnderTest) ->
 def test_event_streams_that_are_held_do_not_keep_others_out(gateway: FakeGateway, page: PageUnderTest) -> None:
     wait_until(lambda: page.word() == "OK", "OK")
     request = b"GET /api/events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
-    with _connections(page, request, count=MOST_STREAMS + 20):
+    with _connections(page, request, count=MAX_STREAMS_PER_ADDRESS + 20):
         for _ in range(3):
             with urllib.request.urlopen(page.url + "/api/events", timeout=PATIENCE_S) as stream:
                 assert stream.readline() == b"retry: 500\n"
-    assert MOST_STREAMS < MOST_PER_ADDRESS
+    assert MAX_STREAMS_PER_ADDRESS < MAX_CONNECTIONS_PER_ADDRESS
 
 
 @pytest.mark.slow

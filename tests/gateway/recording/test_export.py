@@ -181,7 +181,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(
 
 
 def test_samples_are_read_as_they_are_written(recorded: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tables, "ROWS", 500)
+    monkeypatch.setattr(tables, "BATCH_ROWS", 500)
     timeline = open_timeline([recorded])
     shares: list[float] = []
     table = samples_table(CalibratedReader(timeline, EVERYTHING), START_NS, with_utc=False, report=shares.append)
