@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from devices.clock_protocol import Clock
+from devices.clock import Clock
 from devices.i2c.bus import I2cPart
 
 MAX_LISTED_RATES = 16

@@ -7,7 +7,7 @@ the limits of the self-test (a warning only), noise, zero-g offset and temperatu
 
 import math
 
-from devices.clock_protocol import Clock
+from devices.clock import Clock
 from devices.i2c.accelerometer_chip import (
     SAMPLE_BYTES,
     ChipKind,

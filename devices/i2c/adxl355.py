@@ -10,7 +10,7 @@ import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from devices.clock_protocol import Clock
+from devices.clock import Clock
 from devices.errors import TransferError
 from devices.i2c.accelerometer_chip import (
     ChipKind,

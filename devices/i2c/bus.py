@@ -12,7 +12,7 @@ from typing import Protocol
 
 from smbus2 import SMBus, i2c_msg
 
-from devices.clock_protocol import Clock
+from devices.clock import Clock
 from devices.errors import (
     ConfigurationReadBackError,
     DeviceAccessError,

@@ -7,7 +7,7 @@ Not confirmed by a second source: noise, zero-g offset and temperature coefficie
 
 import math
 
-from devices.clock_protocol import Clock
+from devices.clock import Clock
 from devices.errors import TransferError
 from devices.i2c.accelerometer_chip import (
     SAMPLE_BYTES,

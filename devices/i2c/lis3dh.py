@@ -8,7 +8,7 @@ second source: the rate of 1344 Hz, noise, zero-g offset and temperature coeffic
 
 import math
 
-from devices.clock_protocol import Clock
+from devices.clock import Clock
 from devices.i2c.accelerometer_chip import (
     SAMPLE_BYTES,
     ChipKind,

@@ -8,8 +8,8 @@ from functools import partial
 from typing import Any
 
 from devices.block import DeviceInfo
-from devices.clock import HostClock
 from devices.device import Device
+from devices.host_clock import HostClock
 from gateway import __version__
 from gateway.bus.session import open_gateway_session
 from gateway.configuration.model import Configuration
