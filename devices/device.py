@@ -5,6 +5,10 @@ from typing import Protocol
 
 from devices.block import DeviceInfo, SampleBlock
 
+MAX_READ_S = 0.5
+"""Longest read of any device. Basis: a thread that reads ends within it (`JOIN_S`)."""
+MAX_READ_NS = round(MAX_READ_S * 1e9)
+
 
 class EndOfRecording(Exception):  # noqa: N818  (not an error: a replayed recording has been read to its end)
     """The recording has been read to its end."""

@@ -6,6 +6,7 @@ from typing import Protocol
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.clock import Clock
+from devices.device import MAX_READ_S
 from devices.errors import DeviceError, TransferError
 from devices.serial_port import SerialPort
 
@@ -17,8 +18,6 @@ the next rate that can be set."""
 FRAMELESS_LIMIT_BYTES = 2048
 """This many bytes without a frame are more than a disturbance. Basis: a choice; a disturbance spoils some frames, a wrong baud
 rate all."""
-LONGEST_WAIT_S = 0.5
-"""Longest read. Basis: a thread that reads ends within it (`JOIN_S`)."""
 
 
 class RateCheck:
@@ -113,7 +112,7 @@ class SerialSensor:
 
     def open(self) -> DeviceInfo:
         """Open the port, without waiting for a frame: a radio may still be asleep."""
-        self._port.open(LONGEST_WAIT_S)
+        self._port.open(MAX_READ_S)
         self._part.reset()
         self._blocks.clear()
         self._rate_check.restart()

@@ -14,6 +14,7 @@ from smbus2 import SMBus
 from devices.block import DeviceInfo, SampleBlock
 from devices.channel_cycles import ChannelCycles
 from devices.clock import Clock
+from devices.device import MAX_READ_NS
 from devices.errors import ConfigurationReadBackError, DeviceError
 from devices.i2c import ads1115
 from devices.i2c.bus import BusOpener, I2cPart
@@ -26,8 +27,6 @@ MAX_CYCLE_HZ = 125.0
 VOLTS_PER_COUNT = 1e-5
 """Of the output at the nominal supply, counted from half of it. Basis: a choice; a twelfth of a step of the converter, so that
 rounding adds nothing."""
-LONGEST_WAIT_NS = 500_000_000
-"""Longest read. Basis: a thread that reads ends within it (`JOIN_S`)."""
 SUPPLY_INPUT = 3
 """Definition: the input of the supply."""
 BAD_CYCLES = 10
@@ -140,7 +139,7 @@ class AnalogueAccelerometer:
 
         Raises `ConfigurationReadBackError`, `TransferError`, and `DeviceError` when the supply of the sensor is missing.
         """
-        deadline_ns = self._clock.now_ns() + LONGEST_WAIT_NS
+        deadline_ns = self._clock.now_ns() + MAX_READ_NS
         while len(self._cycles) <= self._block_samples + 1 and self._clock.now_ns() < deadline_ns:
             self._convert_cycle()
         return self._take_block()

@@ -10,6 +10,7 @@ from smbus2 import SMBus
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.clock import Clock
+from devices.device import MAX_READ_NS
 from devices.errors import ConfigurationReadBackError, DeviceError, TransferError
 from devices.i2c.accelerometer_chip import (
     AccelerometerChip,
@@ -23,8 +24,6 @@ from devices.i2c.identity import identify
 from devices.sample_clock import SampleClock
 from devices.saturation import mark_saturated
 
-LONGEST_WAIT_NS = 500_000_000
-"""Longest read. Basis: a thread that reads ends within it (`JOIN_S`)."""
 SILENCE_NS = 2_000_000_000
 """Time without a sample after which a part is told as silent. Basis: a choice; two periods of the slowest rate of any chip."""
 CHECK_NS = 1_000_000_000
@@ -160,7 +159,7 @@ class FifoAccelerometer:
             self._check_due_ns = start_ns + CHECK_NS
             probing = True
         early_ns = self._probe_ns if probing else 0
-        deadline_ns = start_ns + LONGEST_WAIT_NS
+        deadline_ns = start_ns + MAX_READ_NS
         while not self._blocks:
             level = self._await_level(deadline_ns, early_ns)
             self._blocks.extend(self._drain_fifo(level))

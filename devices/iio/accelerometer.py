@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.clock import Clock
+from devices.device import MAX_READ_S
 from devices.errors import DeviceError, TransferError
 from devices.iio.buffer import ACCELERATION, ANGULAR_RATE, TIMESTAMP, IioBuffer
 from devices.iio.sysfs import IioAttributes, find_iio_device
 from devices.sample_clock import SampleClock
 from devices.saturation import mark_saturated
 
-LONGEST_WAIT_S = 0.5
-"""Longest read. Basis: a thread that reads ends within it (`JOIN_S`)."""
 SILENCE_NS = 2_000_000_000
 """Time without a sample after which a part is told as silent. Basis: a choice; as for a part on a bus."""
 TEMPERATURE_NS = 1_000_000_000
@@ -121,7 +120,7 @@ class IioAccelerometer:
     def _receive(self) -> None:
         if self._buffer is None:
             raise TransferError(f"{self._name}: the device is not open; open it first")
-        scans = self._buffer.read(LONGEST_WAIT_S)
+        scans = self._buffer.read(MAX_READ_S)
         now_ns = self._clock.now_ns()
         if not scans:
             if now_ns - self._last_read_ns > SILENCE_NS:

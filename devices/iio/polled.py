@@ -12,13 +12,12 @@ import numpy as np
 from devices.block import DeviceInfo, SampleBlock
 from devices.channel_cycles import ChannelCycles
 from devices.clock import Clock
+from devices.device import MAX_READ_NS
 from devices.errors import DeviceError
 from devices.iio.scan import ScanType
 from devices.iio.sysfs import IioAttributes, find_iio_device
 from devices.saturation import mark_saturated
 
-LONGEST_WAIT_NS = 500_000_000
-"""Longest read. Basis: a thread that reads ends within it (`JOIN_S`)."""
 TEMPERATURE_NS = 1_000_000_000
 """Period of the temperature. Basis: a choice; a housing warms up within minutes."""
 MAX_POLLED_HZ = 200.0
@@ -82,7 +81,7 @@ class PolledIioAccelerometer:
 
     def read(self) -> SampleBlock | None:
         """Return the next block. Raises `TransferError`, `DeviceNotFoundError` when the device has gone."""
-        deadline_ns = self._clock.now_ns() + LONGEST_WAIT_NS
+        deadline_ns = self._clock.now_ns() + MAX_READ_NS
         while len(self._cycles) <= self._block_samples + 1 and self._clock.now_ns() < deadline_ns:
             self._read_cycle()
         instants = self._cycles.take()

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.clock import Clock
+from devices.device import MAX_READ_S
 from devices.errors import DeviceError
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.saturation import mark_saturated
@@ -28,8 +29,6 @@ from devices.simulated.factory import factory_calibration
 from devices.simulated.rigger import Rigger
 
 log = logging.getLogger("plumbline.device")
-LONGEST_WAIT_S: Final = 0.5
-"""Longest read. Basis: a thread that reads ends within it (`JOIN_S`)."""
 MAX_LAG_S: Final = 1.0
 """After a longer delay (the host was suspended or overloaded) the device skips to the present, like a FIFO that overflows. Basis:
 a choice; some FIFOs, and no jump by a busy core."""
@@ -124,8 +123,8 @@ class SimulatedCrane:
         if wait_s < -MAX_LAG_S:
             self._drop_samples(self._opened_ns, now_ns)
             wait_s = 0.0
-        if wait_s > LONGEST_WAIT_S:
-            self._clock.sleep_s(LONGEST_WAIT_S)
+        if wait_s > MAX_READ_S:
+            self._clock.sleep_s(MAX_READ_S)
             return None
         if len(self._ready) == 1:
             wait_s = self._simulate_while_waiting(self._opened_ns, wait_s)
