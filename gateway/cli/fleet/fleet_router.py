@@ -8,13 +8,14 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from gateway.cli.options.bus_link import LOCAL_ENDPOINT
+
 if TYPE_CHECKING:
     import zenoh
 
     from gateway.bus.latest_states import LatestStates
     from gateway.bus.session import TlsFiles
 
-DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
 LINK_POLL_S = 0.5
 """Time between two looks at the links. Basis: a choice; a person sees a change at once, and it costs little."""
 CLOSE_S = 2.0
@@ -37,7 +38,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         "--listen",
         action="append",
         metavar="ENDPOINT",
-        help=f"where gateways and clients connect; may be repeated (default {DEFAULT_LISTEN}: only this machine)",
+        help=f"where gateways and clients connect; may be repeated (default {LOCAL_ENDPOINT}: only this machine)",
     )
     for name, what in (
         ("ca", "certificate of the site's CA"),
@@ -78,7 +79,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from gateway.bus.router_settings import router_configuration, with_storage
     from gateway.fleet.expected_gateways import read_expected
 
-    listen = arguments.listen or [DEFAULT_LISTEN]
+    listen = arguments.listen or [LOCAL_ENDPOINT]
     tls = _tls(arguments)
     _check_exposure(listen, tls is not None, arguments.allow_unencrypted)
     gateways = {} if arguments.gateways is None else read_expected(arguments.gateways)
