@@ -8,6 +8,7 @@ from gateway.fleet.status_causes import StatusCauses, status_causes
 from gateway.messages import Alert, Calibration, Health, Level, Swing
 from gateway.page.calibration_time import created_utc
 from gateway.page.verdict import STYLES, PageEvidence, Word, is_fresh, is_swing_known, verdict
+from gateway.units import DAY_S
 
 FleetWord = Literal["MISSING", "GONE", "DUPLICATE", "FAULT", "BATTERY LOW"] | Word
 """The words of the operator's page, and five that only a list of gateways needs."""
@@ -21,7 +22,6 @@ LABELS: dict[FleetWord, str] = {
     "OK": STYLES["OK"].label,
 }
 """In the order of urgency, the labels that people read."""
-DAY_S = 86400.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from gateway.documents.text import printable_text
 from gateway.fleet.gateway_status import LABELS, GatewayStatus
+from gateway.units import DAY_S, HOUR_S, MINUTE_S
 
 HEADER = ("gateway", "state", "level", "swing", "battery", "signal", "calibrated", "seen", "software", "why")
 MAX_COLUMN_CHARACTERS = 48
@@ -12,8 +13,6 @@ MAX_COLUMN_CHARACTERS = 48
 MAX_REASON_CHARACTERS = 160
 """Basis: a choice; a sentence, in the last column."""
 UNKNOWN = "-"
-MINUTE_S, HOUR_S, DAY_S = 60, 3600, 86400
-"""Definition: seconds."""
 
 
 def summary_line(statuses: Sequence[GatewayStatus], failing: Sequence[GatewayStatus]) -> str:

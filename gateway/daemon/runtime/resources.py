@@ -6,8 +6,9 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from gateway.units import BYTES_PER_MB
+
 PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
-BYTES_PER_MB = 1_000_000
 
 
 def resident_mb() -> float:

@@ -18,9 +18,10 @@ from gateway.recording.format.schemas import logged_topics, schema_bytes
 from gateway.recording.segments.calibration_files import AttachedFile, CalibrationFiles
 from gateway.recording.segments.copying import MAX_TIME_NS
 from gateway.recording.segments.events import EventDetector, EventIndex
-from gateway.recording.segments.retention import BYTES_PER_MB, Retention, SegmentNames
+from gateway.recording.segments.retention import Retention, SegmentNames
 from gateway.recording.segments.segment import Segment
 from gateway.topics import TOPICS
+from gateway.units import BYTES_PER_MB
 
 SEGMENTS_IN_QUOTA = 4
 """A segment ends before it exceeds this part of the quota, because the open segment is never deleted. Basis: a choice; three
