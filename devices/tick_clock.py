@@ -8,12 +8,10 @@ between the last one of the frame before and their own last one, whose time the 
 import numpy as np
 from numpy.typing import NDArray
 
-from devices.sample_clock import SampleClock
+from devices.sample_clock import RADIO_MISFIT_DELAY_S, SampleClock
 
 TICK_HZ = 1e6
 """Definition: microseconds."""
-MISFIT_DELAY_S = 1.0
-"""The node's clock is certain. Basis: a radio may be late."""
 MAX_TICK_DIFFERENCE = 0.2
 """Relative deviation of the sample period from the nominal one, beyond which, and one period, the node has paused. Basis: a
 choice; crystals differ by far less, and a pause by far more."""
@@ -24,7 +22,7 @@ class TickClock:
 
     def __init__(self, odr_hz: float) -> None:
         self._nominal_us = 1e6 / odr_hz
-        self._clock = SampleClock(TICK_HZ, misfit_delay_s=MISFIT_DELAY_S)
+        self._clock = SampleClock(TICK_HZ, misfit_delay_s=RADIO_MISFIT_DELAY_S)
         self._period_ns = 1e9 / odr_hz
         self._last: tuple[int, int] | None = None  # (tick in us, gateway time in ns) of the newest sample
 

@@ -14,17 +14,13 @@ from numpy.typing import NDArray
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.clock import Clock
-from devices.device import MAX_READ_S
+from devices.device import MAX_READ_S, MAX_SILENCE_NS
 from devices.errors import DeviceError, TransferError
 from devices.iio.buffer import ACCELERATION, ANGULAR_RATE, TIMESTAMP, IioBuffer
-from devices.iio.sysfs import IioAttributes, find_iio_device
+from devices.iio.sysfs import TEMPERATURE_PERIOD_NS, IioAttributes, find_iio_device
 from devices.sample_clock import SampleClock
 from devices.saturation import mark_saturated
 
-SILENCE_NS = 2_000_000_000
-"""Time without a sample after which a part is told as silent. Basis: a choice; as for a part on a bus."""
-TEMPERATURE_NS = 1_000_000_000
-"""Period of the temperature. Basis: a choice; a housing warms up within minutes."""
 MIN_LATENESS_NS, MAX_LATENESS_NS = -10_000_000_000, 100_000_000
 """A timestamp farther from the moment of its reading belongs to bytes that are out of step. Basis: a choice; a buffer holds 2 s,
 and clocks of one host agree to less than 0.1 s."""
@@ -123,13 +119,13 @@ class IioAccelerometer:
         scans = self._buffer.read(MAX_READ_S)
         now_ns = self._clock.now_ns()
         if not scans:
-            if now_ns - self._last_read_ns > SILENCE_NS:
+            if now_ns - self._last_read_ns > MAX_SILENCE_NS:
                 raise TransferError(
-                    f"{self._device.folder}: no samples for {SILENCE_NS / 1e9:g} s; check bus and trigger"
+                    f"{self._device.folder}: no samples for {MAX_SILENCE_NS / 1e9:g} s; check bus and trigger"
                 )
             return
         if now_ns >= self._temperature_due_ns:
-            self._temperature_due_ns = now_ns + TEMPERATURE_NS
+            self._temperature_due_ns = now_ns + TEMPERATURE_PERIOD_NS
             self._temperature_c = self._device.temperature_c()
         table = self._buffer.layout.decode(scans)
         time_ns = self._sample_times(table, now_ns)

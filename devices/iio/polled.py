@@ -15,11 +15,9 @@ from devices.clock import Clock
 from devices.device import MAX_READ_NS
 from devices.errors import DeviceError
 from devices.iio.scan import ScanType
-from devices.iio.sysfs import IioAttributes, find_iio_device
+from devices.iio.sysfs import TEMPERATURE_PERIOD_NS, IioAttributes, find_iio_device
 from devices.saturation import mark_saturated
 
-TEMPERATURE_NS = 1_000_000_000
-"""Period of the temperature. Basis: a choice; a housing warms up within minutes."""
 MAX_POLLED_HZ = 200.0
 """Each attribute is a system call and a transfer of its own. Basis: a choice; 5 ms for four of them, at a bus of 100 kHz."""
 FRESH_READINGS = 2.0
@@ -120,7 +118,7 @@ class PolledIioAccelerometer:
         is_saturated = self._limits is not None and bool(mark_saturated(np.array([values]), *self._limits)[0])
         self._cycles.add(times_ns, values, is_saturated=is_saturated)
         if now_ns >= self._temperature_due_ns:
-            self._temperature_due_ns = now_ns + TEMPERATURE_NS
+            self._temperature_due_ns = now_ns + TEMPERATURE_PERIOD_NS
             self._temperature_c = self._device.temperature_c()
 
 

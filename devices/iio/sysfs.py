@@ -16,6 +16,8 @@ from devices.errors import (
 )
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 
+TEMPERATURE_PERIOD_NS = 1_000_000_000
+"""Period of the temperature. Basis: a choice; a housing warms up within minutes."""
 DEVICES = Path("sys/bus/iio/devices")
 EXACT_UNITS_PER_G = {
     "adxl345": (256.0,),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from devices.block import DeviceInfo, RadioStatus, SampleBlock
 from devices.clock import Clock
 from devices.errors import DeviceError
-from devices.sample_clock import SampleClock
+from devices.sample_clock import RADIO_MISFIT_DELAY_S, SampleClock
 from devices.sample_sequence import SampleSequence
 from devices.saturation import mark_saturated
 from devices.serial.aspp_frames import MIN_PACKET_BYTES, AsppDecoder, AsppPacket
@@ -22,8 +22,6 @@ from devices.usb_ports import SYSTEM_FOLDERS, PortFolders
 
 TICK_BITS = 16
 """Definition: of a sweep's number."""
-MISFIT_DELAY_S = 1.0
-"""The number of each sweep is certain. Basis: a radio may be late."""
 MAX_SWEEP_RATE_DIFFERENCE = 0.01
 """Relative difference from the rate as stated. Basis: a choice; crystals differ by 1e-4, and the next rate by a factor."""
 REMEMBERED_LENGTHS = 16
@@ -87,7 +85,7 @@ class AsppPart:
         self._decoder = AsppDecoder()
         self._heard = HeardNodes(node)
         self._sequence = SampleSequence(TICK_BITS, odr_hz)
-        self._sample_clock = SampleClock(odr_hz, misfit_delay_s=MISFIT_DELAY_S)
+        self._sample_clock = SampleClock(odr_hz, misfit_delay_s=RADIO_MISFIT_DELAY_S)
         self._lengths = deque[int]([MIN_PACKET_BYTES], maxlen=REMEMBERED_LENGTHS)
         self._last_ns: int | None = None
         self._lost = self._invalid = 0  # before the next block

@@ -15,9 +15,9 @@ NOISE_DENSITY_G_PER_RT_HZ = 25e-6
 """Basis: a tenth more than the data sheet of an ADXL355 states (22.5e-6)."""
 ZERO_G_OFFSET_LIMIT_G = 0.075
 """Data sheet of the ADXL355."""
-ZERO_G_OFFSET_LIMIT_G_PER_K = 0.15e-3
+DATASHEET_ZERO_G_OFFSET_G_PER_K = 0.15e-3
 """Data sheet of the ADXL355."""
-SCALE_FACTOR_LIMIT_PER_K = 1e-4
+DATASHEET_SCALE_FACTOR_PER_K = 1e-4
 """Data sheet of the ADXL355."""
 
 

@@ -15,9 +15,9 @@ from devices.errors import DeviceError
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.saturation import mark_saturated
 from devices.simulated.accelerometer import (
-    SCALE_FACTOR_LIMIT_PER_K,
+    DATASHEET_SCALE_FACTOR_PER_K,
+    DATASHEET_ZERO_G_OFFSET_G_PER_K,
     ZERO_G_OFFSET_LIMIT_G,
-    ZERO_G_OFFSET_LIMIT_G_PER_K,
     Accelerometer,
     InjectedErrors,
     typical_ambient,
@@ -106,8 +106,8 @@ class SimulatedCrane:
             full_scale_g=self.part.full_scale_g,
             noise_g=self.part.noise_g,
             zero_g_offset_g=ZERO_G_OFFSET_LIMIT_G,
-            zero_g_offset_g_per_k=ZERO_G_OFFSET_LIMIT_G_PER_K,
-            scale_factor_per_k=SCALE_FACTOR_LIMIT_PER_K,
+            zero_g_offset_g_per_k=DATASHEET_ZERO_G_OFFSET_G_PER_K,
+            scale_factor_per_k=DATASHEET_SCALE_FACTOR_PER_K,
             factory_calibration=self._factory_record,
             details={"simulated": "nothing here was measured"},
         )

@@ -12,7 +12,7 @@ from gateway.units import DAY_S
 
 FleetWord = Literal["MISSING", "GONE", "DUPLICATE", "FAULT", "BATTERY LOW"] | Word
 """The words of the operator's page, and five that only a list of gateways needs."""
-LABELS: dict[FleetWord, str] = {
+STATE_LABELS: dict[FleetWord, str] = {
     "MISSING": "MISSING",
     "GONE": "GONE",
     "DUPLICATE": "DUPLICATE",
@@ -75,7 +75,7 @@ class GatewayStatus:
     @property
     def label(self) -> str:
         """The state as people read it."""
-        return LABELS[self.state]
+        return STATE_LABELS[self.state]
 
 
 def gateway_status(

@@ -32,10 +32,10 @@ from gateway.pipeline.alert_rules import RULE_NAMES
 from gateway.recording.reading.sample_calibration import CalibratedBlock
 from gateway.recording.summary.sample_summary import MIN_GAP_PERIODS
 
-TOPICS = frozenset({"/motion", "/condition", "/alert", "/health", "/calibration", "/mark", "/clock", "/log"})
+COURSE_TOPICS = frozenset({"/motion", "/condition", "/alert", "/health", "/calibration", "/mark", "/clock", "/log"})
 """The topics of which a course is made, beside the samples."""
 MOTION_NUMBERS = ("angle_deg", "u_deg", "azimuth_deg", "hoist_m_s", "hoist_u_m_s", "length_m", "lean_deg", "lean_u_deg")
-TRUSTED = "trusted"
+TRUSTED_TEXT = "trusted"
 
 
 @dataclass(slots=True)
@@ -113,7 +113,7 @@ class CourseBuilder:
         match content:
             case Condition():
                 self._add_state("condition", time_s, content.verdict)
-                self._add_state("trusted", time_s, TRUSTED if content.trusted else "; ".join(content.reasons))
+                self._add_state("trusted", time_s, TRUSTED_TEXT if content.trusted else "; ".join(content.reasons))
             case Alert():
                 levels = {active.rule: active.level for active in content.active}
                 for rule in RULE_NAMES:

@@ -16,7 +16,7 @@ AROUND_PEAK_S = 5.0
 """Time shown on either side of the peak. Basis: a choice; a swing of a long rope, and single blows still show."""
 MAX_AXIS_POINTS = 4000
 """Of each axis around the peak. Basis: every sample up to 400 Hz."""
-AXES = (("x", AFTER), ("y", BEFORE), ("z", "#009e73"))
+AXIS_COLOURS = (("x", AFTER), ("y", BEFORE), ("z", "#009e73"))
 STEP_PARTS = 10
 """Points of the polar plot from one message to the next. Basis: a choice; a curve without corners, at some messages per
 second."""
@@ -42,7 +42,7 @@ def acceleration_figure(course: Course, facts: IncidentFacts) -> Figure | None:
 
     def draw(canvas: Canvas) -> None:
         panels = add_panels(canvas, gap=0.15, top_margin_in=0.1)[:, 0]
-        for column, (axes, (name, colour)) in enumerate(zip(panels, AXES, strict=True)):
+        for column, (axes, (name, colour)) in enumerate(zip(panels, AXIS_COLOURS, strict=True)):
             plot_curve(axes, part.time_s, part.force_g[:, column], colour, points=MAX_AXIS_POINTS)
             axes.set_ylabel(f"{name}, g")
             axes.axvline(middle_s, color=EVENT, linewidth=0.9, linestyle=":")
@@ -70,7 +70,7 @@ def spectrum_figure(course: Course, facts: IncidentFacts) -> Figure | None:
 
     def draw(canvas: Canvas) -> None:
         axes = canvas.subplots(gridspec_kw={"left": 0.11, "right": 0.985, "bottom": 0.17, "top": 0.97})
-        for column, (name, colour) in enumerate(AXES):
+        for column, (name, colour) in enumerate(AXIS_COLOURS):
             axes.plot(frequency_hz, amplitude_mg[:, column], color=colour, linewidth=0.8, label=name)
         axes.set_xscale("log")
         axes.set_yscale("log")

@@ -7,7 +7,7 @@ import numpy as np
 
 from gateway.incident.alert_incidents import AlertIncident
 from gateway.incident.course import Course
-from gateway.incident.course_builder import TRUSTED
+from gateway.incident.course_builder import TRUSTED_TEXT
 from gateway.incident.evidence import IncidentEvidence
 from gateway.incident.recording_verdict import RecordVerdict
 from gateway.messages import SCHEMA_VERSION
@@ -105,7 +105,7 @@ def incident_facts(course: Course, incident: AlertIncident | None) -> IncidentFa
         lean_deg=None if at_peak is None else _finite(motion.lean_deg[at_peak]),
         length_m=None if at_peak is None else _finite(motion.length_m[at_peak]),
         force=_extremes(course, begin_s, end_s),
-        trusted_share=course.trusted.share_of(TRUSTED, course.end_s),
+        trusted_share=course.trusted.share_of(TRUSTED_TEXT, course.end_s),
         known_share=float(np.isfinite(motion.angle_deg).mean()) if len(motion.time_s) else None,
     )
 

@@ -13,7 +13,7 @@ MAX_SUMMARY_MARKS = 3
 """Of the summary; the events have all of them. Basis: a choice; the summary stays on one page, the events have all of them."""
 MAX_ALERT_SILENCE_S = 5.0
 """An alert is stated each second. Basis: after a longer silence the gateway has ended."""
-LEVELS = {"warn": "warning", "trip": "trip"}
+LEVEL_WORDS = {"warn": "warning", "trip": "trip"}
 CLOCKS = {
     "synchronised": "The gateway's clock was synchronised.",
     "free_running": "The gateway's clock was not synchronised: UTC is only as good as when it was last set.",
@@ -47,13 +47,13 @@ def _what_was_raised(
     highest = incident.highest
     highest_s = (highest.time_ns - course.origin_ns) / 1e9
     limit = "" if highest.limit_deg is None else f" (limit {highest.limit_deg:.1f}°)"
-    level = LEVELS.get(highest.level, highest.level)
+    level = LEVEL_WORDS.get(highest.level, highest.level)
     if highest.event == STANDING:
         yield f"The {incident.rule} alert stood at {level}{limit} when the recordings begin, {clock.both(highest_s)}."
     else:
         yield f"The {incident.rule} alert was raised to {level}{limit} at {clock.both(highest_s)}."
     if highest_s - facts.raised_s > 0.05:
-        first = LEVELS.get(incident.changes[0].level, incident.changes[0].level)
+        first = LEVEL_WORDS.get(incident.changes[0].level, incident.changes[0].level)
         yield f"The incident began {highest_s - facts.raised_s:.1f} s before, with a {first}."
     if highest.is_bound and highest.value_deg is not None:
         yield (

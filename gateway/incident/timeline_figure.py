@@ -11,7 +11,7 @@ from gateway.documents.palette import AFTER, ALARM, BEFORE, EVENT, FAINT, INK, L
 from gateway.documents.plots import WIDTH_IN, plot_curve, render_svg
 from gateway.incident.alert_incidents import AlertIncident
 from gateway.incident.course import Course, StateCourse
-from gateway.incident.course_builder import TRUSTED
+from gateway.incident.course_builder import TRUSTED_TEXT
 from gateway.incident.facts import IncidentFacts
 from gateway.incident.report_clock import ReportClock
 from gateway.incident.time_axis import label_local_times, label_times
@@ -39,7 +39,7 @@ COLOURS = {
     "disturbed": BEFORE,
     "running": LINE,
     "synchronised": LINE,
-    TRUSTED: LINE,
+    TRUSTED_TEXT: LINE,
 }
 """Other states, such as unknown, are white with a frame. Okabe and Ito 2008."""
 DARK = frozenset({"trip", "disturbed"})
@@ -150,7 +150,7 @@ def _draw_band(axes: Axes, time_s: Array, values: Array, u_values: Array) -> Non
 
 def _draw_states(axes: Axes, course: Course) -> None:
     reading = StateCourse(
-        course.trusted.time_s, tuple(state if state == TRUSTED else NOT_TRUSTED for state in course.trusted.state)
+        course.trusted.time_s, tuple(state if state == TRUSTED_TEXT else NOT_TRUSTED for state in course.trusted.state)
     )
     rows = [
         *((f"{rule} alert", states) for rule, states in course.alert_levels.items()),

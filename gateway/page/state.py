@@ -22,7 +22,7 @@ from gateway.page.parameters import Parameters
 from gateway.page.verdict import PageEvidence, PageVerdict, is_fresh, is_swing_known, verdict
 from gateway.topics import adapter
 
-MEASURED = ("tilt", "motion", "swing", "condition")
+MEASURED_TOPICS = ("tilt", "motion", "swing", "condition")
 """A message of these topics is new only if it describes a newer sample; a repeated one must not look fresh."""
 GATEWAY_PATIENCE_S = 2.0
 """The gateway has hung if the next message of any topic is overdue by this time. Basis: a choice; its health comes every second,
@@ -85,7 +85,7 @@ class PageState:
         self._heard_s = max(self._heard_s, frame.at_s)
         self.received[topic] = self.received.get(topic, 0) + 1
         before = self._latest.get(topic)
-        if topic not in MEASURED or before is None or message.time_ns != before.time_ns:
+        if topic not in MEASURED_TOPICS or before is None or message.time_ns != before.time_ns:
             self._newest_s[topic] = frame.at_s
         self._latest[topic] = message
         self._follow(message, before)

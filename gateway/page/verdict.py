@@ -47,7 +47,7 @@ the pipeline sends them."""
 MAX_SWING_AGE_S = 15.0
 """Half the period of the longest rope; a swing estimate that is older is late, whatever its period. Basis: a rope of 220 m swings
 in 30 s."""
-STATED: dict[GatewayState, tuple[Word, str]] = {
+STATED_VERDICTS: dict[GatewayState, tuple[Word, str]] = {
     GatewayState.SENSOR_GONE: ("STALE", "no samples come from the sensor"),
     GatewayState.SUSPENDED: ("SUSPENDED", "the swing is not monitored"),
     GatewayState.UNCALIBRATED: ("UNCALIBRATED", "the sensor has no calibration"),
@@ -193,7 +193,11 @@ def _trust(evidence: PageEvidence) -> Iterator[tuple[Word, str]]:
 
 def _stated(evidence: PageEvidence) -> Iterator[tuple[Word, str]]:
     alert = evidence.get(Alert)
-    if alert is not None and alert.validity is not None and (finding := STATED.get(stated_state(alert))) is not None:
+    if (
+        alert is not None
+        and alert.validity is not None
+        and (finding := STATED_VERDICTS.get(stated_state(alert))) is not None
+    ):
         yield finding
 
 

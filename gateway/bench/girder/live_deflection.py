@@ -8,6 +8,7 @@ import numpy as np
 
 from gateway.bench.girder.beam import Girder
 from gateway.bench.girder.deflection import (
+    DEFLECTION_AVERAGE_S,
     Deflection,
     EndRotation,
     InwardAxis,
@@ -17,13 +18,11 @@ from gateway.bench.girder.deflection import (
 from gateway.messages import Tilt
 
 Side = Literal["left", "right"]
-AVERAGE_S = 1.0
-"""Time over which tilts are averaged, s. Basis: several periods of a girder's own vibration."""
-MAX_TILTS = 64
+MAX_AVERAGED_TILTS = 64
 """Largest number of tilts of an average, which bounds memory. Basis: a choice; an average has ten at ten tilts per second; six
 times as many bound the memory."""
-MIN_TILTS = 5
-"""Fewest tilts of an average. Basis: a choice; half of what comes in `AVERAGE_S`."""
+MIN_AVERAGED_TILTS = 5
+"""Fewest tilts of an average. Basis: a choice; half of what comes in `DEFLECTION_AVERAGE_S`."""
 MAX_APART_S = 1.0
 """Largest difference between the newest tilts of both ends, s; beyond it one of them is stale, or the clocks differ. Basis: a
 choice; ten tilts, and one average."""
@@ -42,7 +41,7 @@ class LiveDeflectionView:
 class _LiveEnd:
     axis: InwardAxis
     u_relative: float
-    recent: deque[tuple[int, float]] = field(default_factory=lambda: deque(maxlen=MAX_TILTS))
+    recent: deque[tuple[int, float]] = field(default_factory=lambda: deque(maxlen=MAX_AVERAGED_TILTS))
     """Time, ns, and tilt, rad, of the newest trusted tilts."""
     zero: list[float] = field(default_factory=list)
     zero_begin_ns: int | None = None
@@ -61,7 +60,7 @@ class _LiveEnd:
         if tilt.time_ns - self.zero_begin_ns <= zero_s * 1e9:
             self.zero.append(angle_rad)
         self.recent.append((tilt.time_ns, angle_rad))
-        while tilt.time_ns - self.recent[0][0] > AVERAGE_S * 1e9:
+        while tilt.time_ns - self.recent[0][0] > DEFLECTION_AVERAGE_S * 1e9:
             self.recent.popleft()
 
     def rotation(self) -> EndRotation:
@@ -100,12 +99,12 @@ class LiveDeflection:
             return LiveDeflectionView(None, f"the ends are {(max(newest_ns) - min(newest_ns)) / 1e9:.1f} s apart")
         if not all(self._has_zero(end) for end in self._ends.values()):
             return LiveDeflectionView(None, f"zero: keep the girder unloaded for {self._zero_s:g} s")
-        if min(len(end.recent) for end in self._ends.values()) < MIN_TILTS:
+        if min(len(end.recent) for end in self._ends.values()) < MIN_AVERAGED_TILTS:
             return LiveDeflectionView(None, "wait: the angles are being averaged")
         left, right = (end.rotation() for end in self._ends.values())
         return LiveDeflectionView(girder_deflection(left, right, self._girder), "")
 
     def _has_zero(self, end: _LiveEnd) -> bool:
-        if end.zero_begin_ns is None or len(end.zero) < MIN_TILTS:
+        if end.zero_begin_ns is None or len(end.zero) < MIN_AVERAGED_TILTS:
             return False
         return end.recent[-1][0] - end.zero_begin_ns > self._zero_s * 1e9

@@ -9,7 +9,7 @@ from gateway.numerics.array import Array
 
 MAX_FIT_ITERATIONS = 60
 """Basis: a choice; usual fits need far fewer, and one that does not converge ends soon."""
-RELATIVE_STEP = 1e-6
+PARAMETER_STEP = 1e-6
 """Step of the derivatives, relative to the scale of a parameter. Basis: a choice; between rounding and curvature, above the root
 of rounding (1.5e-8)."""
 CONVERGED_DECREASE = 1e-9
@@ -34,7 +34,7 @@ def jacobian(function: Callable[[Array], Array], parameters: Array, scale: Array
     columns = []
     for place, size in enumerate(scale):
         step = np.zeros_like(parameters)
-        step[place] = RELATIVE_STEP * size
+        step[place] = PARAMETER_STEP * size
         columns.append((function(parameters + step) - function(parameters - step)) / (2 * step[place]))
     return np.column_stack(columns)
 

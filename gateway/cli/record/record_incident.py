@@ -144,7 +144,7 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
     from gateway import __version__
     from gateway.cli.terminal.output import show
     from gateway.cli.terminal.progress import ProgressBar
-    from gateway.incident.folder import PAGE, write_report
+    from gateway.incident.folder import PAGE_FILE, write_report
     from gateway.incident.recording_verdict import judge_recordings
     from gateway.recording.chain.signing_key import read_public_key
 
@@ -166,7 +166,7 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
             analyse=analyse_cause if arguments.reconcile else None,
             report=bar.update,
         )
-    show("\n".join([*written.sentences, "", f"report: {folder / PAGE}"]), written.content, arguments.json)
+    show("\n".join([*written.sentences, "", f"report: {folder / PAGE_FILE}"]), written.content, arguments.json)
     return 0
 
 

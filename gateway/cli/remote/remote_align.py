@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from gateway.cli.terminal.status_line import StatusLine
     from gateway.messages import Tilt
 
-SILENCE_S = 1.5
+TILT_SILENCE_S = 1.5
 """Time without a tilt, s, after which the link is opened again; tilts arrive ten times per second. Basis: fifteen tilts."""
 MAX_QUEUED_TILTS = 64
 """Tilts that may wait. Basis: a choice; six seconds, and the newest count."""
@@ -153,12 +153,12 @@ class TiltFeed:
         """Return the next tilt; while none comes, say so and connect again."""
         from gateway.topics import adapter
 
-        while (tilt := self._tilts.get(SILENCE_S)) is None:
+        while (tilt := self._tilts.get(TILT_SILENCE_S)) is None:
             self._line.update(SILENCE_TEXT, SILENCE_TEXT)
             if self._client.reconnect():
                 self._client.subscribe("tilt", self._tilts.put)
             else:
-                time.sleep(SILENCE_S)
+                time.sleep(TILT_SILENCE_S)
         message: Tilt = adapter("tilt").validate_python(tilt)
         return message
 

@@ -14,7 +14,7 @@ from gateway.daemon.runtime.faults import Backoff, FaultRegister
 from gateway.daemon.runtime.worker import Worker
 from gateway.messages import Alert
 from gateway.relay.decision import RelayDecision, RelayLogic
-from gateway.relay.protocol import ENERGISE, RELEASE, STATES, RelayParameters, RelayState
+from gateway.relay.protocol import ENERGISE, RELEASE, STATES_BY_LINE, RelayParameters, RelayState
 
 log = logging.getLogger("plumbline.relay")
 PART = "relay"
@@ -143,7 +143,7 @@ class RelayWorker(Worker[Alert]):
         for line in lines:
             word, _, text = line.partition(b" ")
             self._answered_s = now_s
-            self.state = STATES.get(word, "failed")
+            self.state = STATES_BY_LINE.get(word, "failed")
             if self.state == "failed":
                 self._register.set(PART, f"relay: it cannot be switched: {text.decode(errors='replace')}")
             else:

@@ -15,7 +15,7 @@ WAIT_S = 0.1
 """Time between two looks for the end. Basis: a choice; an end is not delayed visibly, and ten wakings per second cost nothing."""
 RECORDED_ONLY = {"recorded_only": True}
 """`extra` of a line that a person has already read in another form."""
-LEVELS = {logging.DEBUG: 1, logging.INFO: 2, logging.WARNING: 3, logging.ERROR: 4, logging.CRITICAL: 5}
+FOXGLOVE_LEVELS = {logging.DEBUG: 1, logging.INFO: 2, logging.WARNING: 3, logging.ERROR: 4, logging.CRITICAL: 5}
 """Definition: the levels of `foxglove.Log`."""
 
 
@@ -84,7 +84,7 @@ class RecordingHandler(logging.Handler):
         self._write(
             Log(
                 timestamp=FoxgloveTime(sec=time_ns // 10**9, nsec=time_ns % 10**9),
-                level=LEVELS.get(record.levelno, 2),
+                level=FOXGLOVE_LEVELS.get(record.levelno, 2),
                 message=record.getMessage(),
                 name=record.name,
                 file=record.filename,

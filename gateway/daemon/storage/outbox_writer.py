@@ -9,6 +9,7 @@ from pathlib import Path
 
 from gateway.daemon.runtime.bounded_queue import BoundedQueue
 from gateway.daemon.runtime.faults import FaultRegister
+from gateway.daemon.runtime.resources import DISK_RETRY_S
 from gateway.daemon.runtime.worker import Worker
 from gateway.outbox.change import StoredChange
 from gateway.outbox.outbox import AlertOutbox
@@ -22,8 +23,6 @@ choice; hours of usual changes, and a bound of the memory."""
 RECENT_CHANGES = 512
 """Changes in memory, so that a page that starts, or a receiver that has missed a few, gets them without the disk. Basis: a
 choice; more than a receiver misses at a restart, and a bound of the memory."""
-RETRY_S = 5.0
-"""Pause before a failed disk is tried again. Basis: a choice; a remounted disk is used soon, and one attempt costs little."""
 
 
 class OutboxWriter(Worker[StoredChange]):
@@ -127,4 +126,4 @@ class OutboxWriter(Worker[StoredChange]):
     def _fail(self, error: OSError) -> None:
         self._is_failing = True
         self._faults.set(PART, f"{self._folder}: {error.strerror or error}; alerts are sent without being stored")
-        self._retry_at_s = time.monotonic() + RETRY_S
+        self._retry_at_s = time.monotonic() + DISK_RETRY_S

@@ -39,7 +39,7 @@ class RecordingTable:
 
 TIME = TableColumn("time_s", "number")
 UTC = TableColumn("utc", "utc")
-AXES = tuple(TableColumn(name, "number") for name in ("ax_g", "ay_g", "az_g"))
+AXIS_COLUMNS = tuple(TableColumn(name, "number") for name in ("ax_g", "ay_g", "az_g"))
 TEMPERATURE = TableColumn("temperature_c", "number")
 
 
@@ -53,7 +53,7 @@ def samples_table(
     batches = _gather(reader.blocks(report))
     first = next(batches, None)
     has_temperature = first is not None and first[0].block.temperature_c is not None
-    columns = [TIME, *([UTC] if with_utc else []), *AXES, *([TEMPERATURE] if has_temperature else [])]
+    columns = [TIME, *([UTC] if with_utc else []), *AXIS_COLUMNS, *([TEMPERATURE] if has_temperature else [])]
 
     def rows() -> Iterator[Batch]:
         for blocks in [] if first is None else _chain(first, batches):

@@ -14,7 +14,7 @@ LABEL_WIDTH = 15
 """Characters of the first column. Definition: the longest label and a space."""
 MAX_LIST_LINES = 20
 """Most lines of a list, of which `--json` has all entries; trips are always listed. Basis: a choice; a screen of a terminal."""
-LEVELS = {3: "warning", 4: "error", 5: "fatal"}
+LOG_LEVEL_WORDS = {3: "warning", 4: "error", 5: "fatal"}
 
 
 def info_text(info: RecordingInfo, *, is_local: bool = False) -> str:
@@ -198,7 +198,7 @@ class _InfoText:
             yield ""
             yield f"log: {self.info.log_count} warnings and errors"
         for line in self.info.log[:MAX_LIST_LINES]:
-            yield f"  {self._time(line.utc_ns)}  {LEVELS.get(line.level, line.level):<8}{line.message}"
+            yield f"  {self._time(line.utc_ns)}  {LOG_LEVEL_WORDS.get(line.level, line.level):<8}{line.message}"
         yield from _rest(self.info.log_count)
 
     def _topics(self) -> Iterator[str]:

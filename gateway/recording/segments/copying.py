@@ -12,7 +12,7 @@ from gateway.recording.summary.segment_summary import SUMMARY
 
 MAX_TIME_NS = 2**63 - 1
 """Definition: the largest signed time of 64 bits, in nanoseconds."""
-STATED = frozenset({SIGNATURE, DELETIONS})
+STATEMENTS = frozenset({SIGNATURE, DELETIONS})
 """Metadata that are not copied: the gateway's statements are about the source's bytes."""
 
 KeepMessage = Callable[[str, int], bool]
@@ -60,7 +60,7 @@ class RecordCopier:
             match record:
                 case Message():
                     self._copy_message(record, channels.get(record.channel_id))
-                case Metadata() if record.name not in STATED:
+                case Metadata() if record.name not in STATEMENTS:
                     self.add_metadata(record.name, record.metadata)
                 case Attachment() if with_summary or record.name != SUMMARY:
                     self.add_attachment(record)

@@ -40,7 +40,7 @@ choice; a hoist that reaches 0.5 m/s in one second adds 0.05 g."""
 MAX_TRUSTED_U_RAD = np.radians(1.5)
 """Largest standard uncertainty of an angle that can be trusted. Basis: a choice; with an interval of 3 degrees on either side an
 angle says no more."""
-DRIVEN: tuple[MotionState, ...] = ("driven", "hoisting", "wind")
+DRIVEN_STATES: tuple[MotionState, ...] = ("driven", "hoisting", "wind")
 """States in which something acts on crane or load."""
 
 
@@ -77,7 +77,7 @@ class MotionContext:
     @property
     def is_driven(self) -> bool:
         """Something acts on crane or load."""
-        return self.state in DRIVEN
+        return self.state in DRIVEN_STATES
 
 
 def evaluate_gates(

@@ -28,7 +28,7 @@ DISTURBING: dict[str, tuple[Cause | None, str]] = {
 }
 """Gates without which a reading is disturbed, with cause and reason."""
 CAUSES: dict[MotionState, Cause] = {"driven": "trolley", "hoisting": "hoisting", "wind": "wind"}
-TRUSTED: tuple[Verdict, ...] = ("static", "quasi_static", "swinging", "driven")
+TRUSTED_VERDICTS: tuple[Verdict, ...] = ("static", "quasi_static", "swinging", "driven")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ def judge_condition(
     gates = evaluate_gates(features, window, motion, noise_g, permissible_norm_error_g)
     verdict, cause, reasons = _decide(gates, motion)
     norm_g = float(np.linalg.norm(features.means_g.mean(axis=0)))
-    return ConditionResult(verdict, cause, verdict in TRUSTED, reasons, gates, norm_g)
+    return ConditionResult(verdict, cause, verdict in TRUSTED_VERDICTS, reasons, gates, norm_g)
 
 
 def _decide(gates: dict[str, bool], motion: MotionContext) -> Decision:

@@ -19,7 +19,7 @@ OUTLIER_SIGMA = 6.0
 """Differences beyond this are left out. Basis: noise exceeds it once in 5e8 samples."""
 MIN_NOISE_G = 1e-6
 """Smallest noise. Basis: resolution of recordings with six digits; it keeps weights finite for simulated data without noise."""
-MIN_EXCESS_RATIO = 1.1
+MIN_NOISE_RATIO = 1.1
 """Measured over stated noise from which on the measured one is used. Basis: two standard deviations of a noise measured from
 256 samples."""
 
@@ -49,7 +49,7 @@ def effective_noise_g(force_g: Array, stated_g: float | Array | None) -> Array:
         floor_g, 0.0 if stated_g is None else np.broadcast_to(np.asarray(stated_g, dtype=float), 3)
     )
     if measured_g is not None:
-        noise_g = np.where(measured_g > MIN_EXCESS_RATIO * noise_g, measured_g, noise_g)
+        noise_g = np.where(measured_g > MIN_NOISE_RATIO * noise_g, measured_g, noise_g)
     return noise_g
 
 

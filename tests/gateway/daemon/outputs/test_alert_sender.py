@@ -100,7 +100,7 @@ def test_what_a_broken_disk_did_not_take_is_stored_in_order_when_it_works_again(
     def broken(*_: object) -> None:
         raise OSError(errno.EIO, "Input/output error")
 
-    monkeypatch.setattr(outbox_writer, "RETRY_S", 0.05)
+    monkeypatch.setattr(outbox_writer, "DISK_RETRY_S", 0.05)
     monkeypatch.setattr(AlertOutbox, "append", broken)
     site = Site(tmp_path)
     site.sender.submit(alert(1), 0)
