@@ -32,7 +32,7 @@ CONTRADICTION_SQUARED, CONTRADICTION_SHARE = 9.0, 0.05
 """Squared difference of two angles over its variance that is a contradiction (three sigma), and the share of the time from which
 on a gyroscope is left out. Basis: a choice; chance has 0.3 % beyond three sigma, and a wrong gyroscope most of the time."""
 DOUBTED = (
-    "the smoothed motion is doubted: it has trolley or bridge accelerate for {:.0f} s without a break, as no crane does; "
+    "the smoothed motion is unreliable: it has trolley or bridge accelerate for {:.0f} s without a break, as no crane does; "
     "a load that swings in two ways, or a housing that is not where stated, looks like this"
 )
 BY_SMOOTHING = "largest angle from the smoothed motion, because the crane worked"

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from gateway.measurement.motion import RecordingMotion
+from gateway.measurement.motion import MAX_DRIVE_S, RecordingMotion
 from gateway.motion.estimate import MotionState
 from gateway.motion.history import LargestAngle, MotionHistory
 from gateway.motion.hypotheses import IS_DRIVEN, IS_FREE, IS_GUST, IS_HOISTING
@@ -77,7 +77,7 @@ def _largest_text(motion: RecordingMotion) -> str:
     if motion.largest is None or motion.state_at_largest is None:
         return "not known"
     moved = "the crane moved" if motion.crane_moved_at_largest else f"{STATE_TEXT[motion.state_at_largest]}"
-    doubt = "doubted, because a drive lasts longer than any crane's: " if motion.is_doubted else ""
+    doubt = f"unreliable, because one drive lasts longer than {MAX_DRIVE_S:.0f} s: " if motion.is_doubted else ""
     text = f"{doubt}largest angle {_angle_text(motion.largest)} at {motion.largest.time_s:.1f} s, {moved}"
     if motion.known_share > WHOLLY_KNOWN:
         return text

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import zenoh
 
 from gateway.bus.session import BusError
-from gateway.daemon.runtime.faults import Backoff, FaultRegister
+from gateway.daemon.runtime.faults import RETRYING, Backoff, FaultRegister
 
 log = logging.getLogger("plumbline.bus")
 MIN_OPENING_PAUSE_S, MAX_OPENING_PAUSE_S = 0.5, 5.0
@@ -55,13 +55,13 @@ class BusConnection(threading.Thread):
         try:
             session = self._open_session()
         except BusError as error:
-            self._faults.set(PART, f"{error}; it is tried again until it works, everything else goes on")
+            self._faults.set(PART, f"{error}; {RETRYING}")
             return None
         try:
             for use in self._users:
                 use(session)
         except zenoh.ZError as error:
-            self._faults.set(PART, f"bus: {error}; it is tried again until it works, everything else goes on")
+            self._faults.set(PART, f"bus: {error}; {RETRYING}")
             session.close()
             return None
         self._faults.clear(PART)

@@ -8,7 +8,7 @@ import time
 
 from gateway.configuration.model import Configuration
 from gateway.daemon.outputs.page_channel import PageChannel
-from gateway.daemon.runtime.faults import Backoff, FaultRegister
+from gateway.daemon.runtime.faults import RETRYING, Backoff, FaultRegister
 from gateway.errors import PlumblineError
 from gateway.page import launch
 from gateway.page.parameters import CraneDirections, Parameters
@@ -24,7 +24,6 @@ BIND_PAUSE_S = 2.0
 """Pause between two attempts to take the address. Basis: a choice; a page that ends frees its address within seconds."""
 PART = "page"
 PIN = "page_pin"
-GOES_ON = "it is tried again until it works, everything else goes on"
 
 
 class PageError(PlumblineError):
@@ -60,7 +59,7 @@ class PageProcess:
             self._process = self._start()
         except PageError as error:
             self._next_start_s = now_s + BIND_PAUSE_S
-            self._faults.set(PART, f"{error}; {GOES_ON}")
+            self._faults.set(PART, f"{error}; {RETRYING}")
         else:
             self._next_start_s = now_s + self._backoff.pause_s
 

@@ -199,7 +199,7 @@ class RecordingWorker(Worker[RecordingItem]):
 
     def _interrupt(self, reason: str) -> None:
         self._retry_at_ns = self._now_ns() + round(DISK_RETRY_S * 1e9)
-        self._faults.set(PART, f"{reason}; it is tried again every {DISK_RETRY_S:.0f} s, everything else goes on")
+        self._faults.set(PART, f"{reason}; retrying every {DISK_RETRY_S:.0f} s; other functions are not affected")
 
     def _start_if_due(self) -> None:
         """Begin to record where it has not begun or has stopped, once every few seconds."""

@@ -55,7 +55,7 @@ def irregular_motion_estimate(bins: Bins, noise_g: Array, rig: MountedHousing, f
         return None
     u_mean_g = deviation_g[:, :2].std(axis=0)
     found = _estimate_without_swing(bins, noise_g, rig, mean_g, from_s, swing_rad, u_mean_g)
-    return replace(found, reasons=("the rope moves, but not as a load swings",))
+    return replace(found, reasons=("motion without a pendulum's period",))
 
 
 def _estimate_without_swing(
@@ -97,7 +97,7 @@ def upper_bound_amplitude(estimate: SwingEstimate, at_rest: SwingEstimate) -> Sw
         estimate,
         u_rad=max(estimate.u_rad or 0.0, high_rad / (2 * NORMAL_975)),
         coverage95_rad=(0.0, high_rad),
-        reasons=(*estimate.reasons, "hardly distinct from noise: the swing may be smaller, or none"),
+        reasons=(*estimate.reasons, "not significant against noise: the swing may be smaller, or none"),
     )
 
 
