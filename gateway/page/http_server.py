@@ -10,7 +10,7 @@ from starlette.types import ASGIApp
 
 from gateway.page.http_protocol import MAX_HEAD_BYTES, make_protocol
 from gateway.page.hub import EventStream
-from gateway.page.log_limit import LogLimit
+from gateway.page.log_rate_limiter import LogRateLimiter
 
 HEADERS = [
     ("Content-Security-Policy", "default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"),
@@ -54,9 +54,9 @@ class HttpServer(uvicorn.Server):
 
 
 def log_to_stderr(prefix: str) -> None:
-    """Write warnings to standard error, as many lines as `LogLimit` allows."""
+    """Write warnings to standard error, as many lines as `LogRateLimiter` allows."""
     handler = logging.StreamHandler()
-    handler.addFilter(LogLimit())
+    handler.addFilter(LogRateLimiter())
     logging.basicConfig(level=logging.WARNING, format=f"{prefix}: %(message)s", handlers=[handler])
 
 

@@ -5,7 +5,7 @@ from collections.abc import AsyncIterator
 
 from pydantic_core import to_json
 
-from gateway.page.admission import Admission
+from gateway.page.connection_limiter import ConnectionLimiter
 
 RECONNECT_MS = 500
 """Time after which a browser connects again. Basis: a choice; a person sees no pause, and a restart no flood."""
@@ -44,7 +44,7 @@ class EventStream:
     """The browsers that receive the events."""
 
     def __init__(self) -> None:
-        self._browsers: Admission[BrowserQueue] = Admission(MAX_STREAMS, MAX_STREAMS_PER_ADDRESS)
+        self._browsers: ConnectionLimiter[BrowserQueue] = ConnectionLimiter(MAX_STREAMS, MAX_STREAMS_PER_ADDRESS)
         self._too_slow = 0
         self.closed = False
 

@@ -30,7 +30,7 @@ so that three are missing."""
 
 
 @dataclass(frozen=True, slots=True)
-class LastSoundSwing:
+class LastValidSwing:
     """The last swing with a sound verdict."""
 
     at_s: float
@@ -50,7 +50,7 @@ class PageState:
         self._heard_s = -math.inf
         self._latest: dict[str, Message] = {}
         self._newest_s: dict[str, float] = {}
-        self._last_sound: LastSoundSwing | None = None
+        self._last_valid: LastValidSwing | None = None
         self._aligning = AlignmentAssistant()
         self._alignment: AlignmentView | None = None
         self._turning = TurnAssistant()
@@ -70,7 +70,7 @@ class PageState:
             and swing is not before.get("swing")
             and self.verdict(self._newest_s["swing"]).sound
         ):
-            self._last_sound = LastSoundSwing(self._newest_s["swing"], swing)
+            self._last_valid = LastValidSwing(self._newest_s["swing"], swing)
 
     def _receive(self, frame: Frame) -> None:
         topic = "alert" if frame.kind == PAST_ALERT else frame.kind
@@ -148,11 +148,11 @@ class PageState:
         return state
 
     def _last_sound_now(self, now_s: float) -> dict[str, float | None] | None:
-        if self._last_sound is None:
+        if self._last_valid is None:
             return None
         return {
-            "age_s": round(now_s - self._last_sound.at_s, 3),
-            "phi_max_deg": self._last_sound.swing.phi_max_deg if self._last_sound.swing.swinging else None,
+            "age_s": round(now_s - self._last_valid.at_s, 3),
+            "phi_max_deg": self._last_valid.swing.phi_max_deg if self._last_valid.swing.swinging else None,
         }
 
     def _page(self) -> dict[str, Any]:

@@ -42,17 +42,19 @@ def largest_text(incident: Incident) -> str:
     return f"largest {known} {largest_deg:.1f} deg, at most {upper_deg:.1f} deg"
 
 
-def change_text(rule: str, event: Event, level: Level, told: str, incident: Incident | None, time_s: float) -> str:
-    """Return the line of one change; `told` is what the present reading or its reason says, with the limits."""
+def change_text(
+    rule: str, event: Event, level: Level, description: str, incident: Incident | None, time_s: float
+) -> str:
+    """Return the line of one change; `description` is what the present reading or its reason says, with the limits."""
     match event:
         case "raised":
-            text = f"{rule} raised to {level}: {told}"
+            text = f"{rule} raised to {level}: {description}"
         case "cleared" if incident is not None:
             text = f"{rule} cleared after {time_s - incident.begin_s:.1f} s: {_course_text(incident)}"
         case "corrected" if incident is not None:
             text = f"{rule} {level} corrected: {refuted_text(incident)}; the first value was an upper bound"
         case _:
-            text = f"{rule} changed to {level}" + (f": {told}" if told else "")
+            text = f"{rule} changed to {level}" + (f": {description}" if description else "")
     return text if incident is None else f"{text} [incident {incident.id}]"
 
 

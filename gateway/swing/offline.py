@@ -231,7 +231,7 @@ def grow_window(bins: Bins, noise_g: Array, prior: Prior, from_s: float, to_s: f
         else:
             start = result.fit.motion.extended(from_s, end_s)
             result = fit_robust(window, noise_g, start, prior, FIRST_ITERATIONS)
-        is_hopeless = result is None or result.uncertainty.misfit > ABANDON_MISFIT
-        if is_hopeless or len(window) == len(bins):
+        is_abandoned = result is None or result.uncertainty.misfit > ABANDON_MISFIT
+        if is_abandoned or len(window) == len(bins):
             return result
         window_s *= WINDOW_GROWTH

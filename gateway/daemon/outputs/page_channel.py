@@ -29,7 +29,7 @@ FRAME_HEADROOM_BYTES = 128
 packet."""
 
 
-class Outbox:
+class WaitingFrames:
     """The frames that wait for the page, oldest first. `put` never waits: too many of one kind replace their oldest, counted."""
 
     def __init__(self) -> None:
@@ -49,7 +49,7 @@ class Outbox:
             self._ready.notify()
 
     def get(self) -> Frame | None:
-        """Wait for a frame; None once the outbox is closed."""
+        """Wait for a frame; None once it is closed."""
         with self._ready:
             self._ready.wait_for(lambda: self._frames or self._closed)
             return None if self._closed else self._frames.popleft()
@@ -65,24 +65,24 @@ class _Connection:
     """The channel to one process of the page, with a thread for each direction."""
 
     def __init__(self, channel: socket.socket, first: list[Frame], answer: Callable[[bytes], bytes]) -> None:
-        self.outbox = Outbox()
+        self.waiting = WaitingFrames()
         self._channel = channel
         self._answer = answer
         for frame in first:
-            self.outbox.put(frame)
+            self.waiting.put(frame)
         for name, work in (("page-send", self._send_all), ("page-receive", self._receive_all)):
             threading.Thread(target=work, name=name, daemon=True).start()
 
     def close(self) -> None:
         """End both threads, whatever they wait for."""
-        self.outbox.close()
+        self.waiting.close()
         try:
             self._channel.shutdown(socket.SHUT_RDWR)
         except OSError:
             return  # the page has ended already
 
     def _send_all(self) -> None:
-        while (frame := self.outbox.get()) is not None:
+        while (frame := self.waiting.get()) is not None:
             try:
                 self._channel.send(encode_frame(frame))
             except OSError:  # the page has ended; it is started again with a new channel
@@ -98,8 +98,8 @@ class _Connection:
                 if frame is None:
                     break
                 if frame.kind == REQUEST:
-                    self.outbox.put(Frame(ANSWER, time.monotonic(), self._answer(frame.payload)))
-        self.outbox.close()
+                    self.waiting.put(Frame(ANSWER, time.monotonic(), self._answer(frame.payload)))
+        self.waiting.close()
 
 
 class PageChannel:
@@ -133,13 +133,13 @@ class PageChannel:
         with self._lock:
             self._latest[topic] = frame
             if self._connection is not None:
-                self._connection.outbox.put(frame)
+                self._connection.waiting.put(frame)
 
     @property
     def dropped(self) -> int:
         """Number of messages that the page did not get: replaced by newer ones while it was slow, or too large."""
         with self._lock:
-            replaced = 0 if self._connection is None else self._connection.outbox.replaced
+            replaced = 0 if self._connection is None else self._connection.waiting.replaced
             return self._replaced_before + replaced + self.refused
 
     def open(self, first: Frame) -> socket.socket:
@@ -156,7 +156,7 @@ class PageChannel:
         with self._lock:
             connection, self._connection = self._connection, None
             if connection is not None:
-                self._replaced_before += connection.outbox.replaced
+                self._replaced_before += connection.waiting.replaced
         if connection is not None:
             connection.close()
 

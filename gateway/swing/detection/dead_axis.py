@@ -66,7 +66,7 @@ def check_axes(bins: Bins, noise_g: Array, rig: MountedHousing, length_m: float)
 
 def compare_axes(harmonics: Harmonics, rig: MountedHousing, length_m: float) -> DeadAxis:
     """Check the harmonics of a window of a few swings on a rope of this length."""
-    sides = _Sides.of(harmonics, rig, length_m)
+    sides = _AmplitudeComparison.of(harmonics, rig, length_m)
     if sides is None:
         return DeadAxis()
     size, u_g = np.abs(harmonics.amplitude_g), harmonics.u_g
@@ -77,7 +77,7 @@ def compare_axes(harmonics: Harmonics, rig: MountedHousing, length_m: float) -> 
     dead = "z" * bool(silent[2]) if z_is_smaller else " or ".join(np.array(["x", "y"])[silent[:2]])
     if not dead:
         return DeadAxis()
-    if sides.are_apart:
+    if sides.differ:
         return DeadAxis(
             f"{dead} shows nothing of the swing that the other axes show: a dead axis, or the housing is not where stated"
         )
@@ -86,12 +86,12 @@ def compare_axes(harmonics: Harmonics, rig: MountedHousing, length_m: float) -> 
 
 def contradiction_u_rel(harmonics: Harmonics, rig: MountedHousing, length_m: float) -> float:
     """Return half the relative difference of the angles by x and y and by z, 0 where the axes agree."""
-    sides = _Sides.of(harmonics, rig, length_m)
-    return sides.difference / (2 * sides.largest) if sides is not None and sides.are_apart else 0.0
+    sides = _AmplitudeComparison.of(harmonics, rig, length_m)
+    return sides.difference / (2 * sides.largest) if sides is not None and sides.differ else 0.0
 
 
 @dataclass(frozen=True, slots=True)
-class _Sides:
+class _AmplitudeComparison:
     """The square of the load's complex amplitude by x and y and by z."""
 
     square_of_xy: complex
@@ -102,7 +102,7 @@ class _Sides:
     """Standard uncertainty of their difference."""
 
     @classmethod
-    def of(cls, harmonics: Harmonics, rig: MountedHousing, length_m: float) -> "_Sides | None":
+    def of(cls, harmonics: Harmonics, rig: MountedHousing, length_m: float) -> "_AmplitudeComparison | None":
         """Return both sides; None where nothing can be said."""
         rho = rig.rho_at(length_m)
         if harmonics.unexplained > MAX_UNEXPLAINED_SHARE or rho > MAX_SEEN_RHO:
@@ -125,6 +125,6 @@ class _Sides:
         return abs(self.square_of_xy - self.square_of_z)
 
     @property
-    def are_apart(self) -> bool:
+    def differ(self) -> bool:
         """The two do not belong together."""
         return self.difference > MIN_ASYMMETRY * self.largest + self.largest**2 / 2 + APART_SIGMA * self.u

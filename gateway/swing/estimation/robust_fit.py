@@ -124,18 +124,18 @@ def _iterated(start: SwingFit, iterations: int, weight: Array, max_misfit: float
     if fit.converged or misfit(fit, weight) > HOPELESS_MISFIT_RATIO * max_misfit:
         return fit
     inflation = uncertainty_of(fit, weight).variance_inflation
-    calmed = iterate(reweight(start, weight / inflation), iterations)
-    return calmed if calmed.converged else fit
+    reweighted = iterate(reweight(start, weight / inflation), iterations)
+    return reweighted if reweighted.converged else fit
 
 
 def _hopeless(weight: Array, max_misfit: float, rival: SwingFit | None = None) -> Callable[[SwingFit], bool]:
     """Return a test of a fit that hardly improves any more: far from being of use, or from the best so far."""
 
-    def is_hopeless(fit: SwingFit) -> bool:
+    def should_abandon(fit: SwingFit) -> bool:
         outdone = rival is not None and fit.cost > HOPELESS_COST_RATIO * rival.cost
         return outdone or misfit(fit, weight) > HOPELESS_MISFIT_RATIO * max_misfit
 
-    return is_hopeless
+    return should_abandon
 
 
 def _refined(fit: SwingFit, weight: Array) -> FitResult | None:

@@ -74,11 +74,11 @@ def linearise(
     return _linearise(bins, weight, motion, sensor or SensorModel.ideal(), prior, 0)
 
 
-def iterate(fit: SwingFit, iterations: int, is_hopeless: Callable[[SwingFit], bool] | None = None) -> SwingFit:
+def iterate(fit: SwingFit, iterations: int, should_abandon: Callable[[SwingFit], bool] | None = None) -> SwingFit:
     """Return the fit after some iterations of Gauss-Newton; it may not have converged.
 
-    A step that makes the fit worse is tried again at half its length. `is_hopeless` is asked where two steps in a row have gained
-    little and much is unexplained: what the pendulum explains is found in two or three steps.
+    A step that makes the fit worse is tried again at half its length. `should_abandon` is asked where two steps in a row have
+    gained little and much is unexplained: what the pendulum explains is found in two or three steps.
     """
     best, fraction, slow = fit, 1.0, 0
     for iteration in range(1, iterations + 2):
@@ -99,7 +99,7 @@ def iterate(fit: SwingFit, iterations: int, is_hopeless: Callable[[SwingFit], bo
             if iteration > 1 and best.cost > max(SLOW_CHI2_RATIO * before, UNEXPLAINED_CHI2 * best.weight.size)
             else 0
         )
-        if slow >= 2 and is_hopeless is not None and is_hopeless(best):
+        if slow >= 2 and should_abandon is not None and should_abandon(best):
             return best
     return best
 

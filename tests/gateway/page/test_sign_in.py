@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from gateway.page.hosts import AllowedHosts, is_same_origin
-from gateway.page.log_limit import INTERVAL_S, MAX_LINES_PER_INTERVAL, LogLimit
+from gateway.page.log_rate_limiter import INTERVAL_S, MAX_LINES_PER_INTERVAL, LogRateLimiter
 from gateway.page.pin import PIN_DIGITS, make_pin, read_pin
 from gateway.page.sign_in import EXPIRY_S, MAX_ADDRESSES, MAX_SESSIONS, MAX_SIGN_IN_PAUSE_S, SignIn
 
@@ -115,7 +115,7 @@ def test_only_the_page_itself_is_the_same_origin() -> None:
 
 def test_lines_that_browsers_cause_are_limited_and_counted() -> None:
     now = [0.0]
-    limit = LogLimit(lambda: now[0])
+    limit = LogRateLimiter(lambda: now[0])
 
     def line() -> logging.LogRecord:
         return logging.LogRecord("x", logging.WARNING, "", 0, "bad %s", ("request",), None)

@@ -11,7 +11,7 @@ MAX_LINES_PER_INTERVAL = 5
 of requests fills no disk."""
 
 
-class LogLimit(logging.Filter):
+class LogRateLimiter(logging.Filter):
     """Passes `MAX_LINES_PER_INTERVAL` lines in each interval and counts the others."""
 
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
