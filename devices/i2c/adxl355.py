@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from devices.clock import Clock
 from devices.errors import TransferError
 from devices.i2c.accelerometer_chip import (
+    AccelerometerChip,
     ChipKind,
     ChipProperties,
     FifoLevel,
@@ -103,7 +104,7 @@ def noise_g(odr_hz: float, noise_g_per_root_hz: float = ADXL355.noise_g_per_root
     return noise_g_per_root_hz * math.sqrt(math.pi / 2 * odr_hz / 4)
 
 
-class Adxl355:
+class Adxl355(AccelerometerChip):
     """An ADXL355; with `ADXL357` an ADXL357, which has the same registers and the same identity."""
 
     def __init__(self, odr_hz: float = 125.0, range_g: float = 2, variant: Variant = ADXL355) -> None:
@@ -113,7 +114,7 @@ class Adxl355:
         full_scale_g = known_range(name, variant.units_per_g, range_g)
         range_code = list(variant.units_per_g).index(full_scale_g) + 1
         self.kind = name.lower()
-        self.identities: tuple[Identity, ...] = (IDENTITY,)
+        self.identities = (IDENTITY,)
         self.properties = ChipProperties(
             odr_hz=rate_hz,
             units_per_g=variant.units_per_g[full_scale_g],
@@ -127,7 +128,7 @@ class Adxl355:
             longest_block=MAX_READ_SAMPLES,
         )
         self.self_test = variant.self_test
-        self.configuration: tuple[Setting, ...] = (
+        self.configuration = (
             Setting(POWER_CTL, "POWER_CTL", STANDBY),
             Setting(RANGE, "RANGE", RANGE_HIGH_SPEED | range_code),
             Setting(FILTER, "FILTER", RATE_CODES[rate_hz]),

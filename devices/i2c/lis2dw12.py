@@ -11,6 +11,7 @@ from devices.clock import Clock
 from devices.errors import TransferError
 from devices.i2c.accelerometer_chip import (
     SAMPLE_BYTES,
+    AccelerometerChip,
     ChipKind,
     ChipProperties,
     FifoLevel,
@@ -60,7 +61,7 @@ UNITS_PER_KELVIN = 256.0
 """Of OUT_T: 12 bits, left-justified, 16 per kelvin, 0 at 25 °C (Table 5)."""
 
 
-class Lis2dw12:
+class Lis2dw12(AccelerometerChip):
     """A LIS2DW12 in high-performance mode with low noise."""
 
     def __init__(self, odr_hz: float = 100.0, range_g: float = 2) -> None:
@@ -68,7 +69,7 @@ class Lis2dw12:
         rate_hz = nearest_rate("LIS2DW12", RATE_CODES, odr_hz)
         full_scale_g = known_range("LIS2DW12", RANGE_CODES, range_g)
         self.kind = "lis2dw12"
-        self.identities: tuple[Identity, ...] = (IDENTITY,)
+        self.identities = (IDENTITY,)
         self.properties = ChipProperties(
             odr_hz=rate_hz,
             units_per_g=UNITS_PER_G[full_scale_g],
@@ -81,7 +82,7 @@ class Lis2dw12:
             saturation_counts=code_limits(14),
             longest_block=FIFO_SIZE // 2,
         )
-        self.self_test: SelfTest | None = SelfTest(
+        self.self_test = SelfTest(
             CTRL3,
             SELF_TEST_FORCE,
             lambda _: SELF_TEST_LIMITS_G,
@@ -89,7 +90,7 @@ class Lis2dw12:
             range_g=4,
             either_sign=True,
         )
-        self.configuration: tuple[Setting, ...] = (
+        self.configuration = (
             Setting(CTRL1, "CTRL1", POWER_DOWN),
             Setting(CTRL2, "CTRL2", BLOCK_DATA_UPDATE | AUTO_INCREMENT),
             Setting(CTRL3, "CTRL3", 0),
@@ -98,10 +99,6 @@ class Lis2dw12:
             Setting(FIFO_CTRL, "FIFO_CTRL", CONTINUOUS),
             Setting(CTRL1, "CTRL1", RATE_CODES[rate_hz] << 4 | HIGH_PERFORMANCE),
         )
-
-    def revision(self, part: I2cPart, identity: Identity) -> str:
-        """Return an empty text: the part has no revision."""
-        return ""
 
     def reset(self, part: I2cPart, clock: Clock) -> None:
         """Reset the control registers; the bit clears itself. Raises `TransferError`."""
@@ -127,9 +124,6 @@ class Lis2dw12:
     def read_fifo(self, part: I2cPart, size: int) -> list[SampleRun]:
         """Read samples in one burst: after OUT_Z_H the address returns to OUT_X_L (section 5.3)."""
         return decode_samples(part.read(OUT_X_L, SAMPLE_BYTES * size, consuming=True), UNUSED_BITS)
-
-    def forget_partial(self) -> None:
-        """Do nothing: samples are read whole."""
 
     def temperature_c(self, part: I2cPart) -> float | None:
         """Return the temperature."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from devices.clock import Clock
 from devices.i2c.accelerometer_chip import (
+    AccelerometerChip,
     AxisLimits,
     ChipKind,
     ChipProperties,
@@ -143,7 +144,7 @@ MPU6050 = MpuVariant(
 """Data sheet PS-MPU-6000A-00, Tables 1 and 2."""
 
 
-class Mpu9250:
+class Mpu9250(AccelerometerChip):
     """An MPU-9250, MPU-9255 or MPU-6500; with `MPU6050` an MPU-6050."""
 
     def __init__(self, odr_hz: float = 100.0, range_g: float = 2, variant: MpuVariant = MPU9250) -> None:
@@ -178,7 +179,7 @@ class Mpu9250:
             if has_test
             else None
         )
-        self.configuration: tuple[Setting, ...] = (
+        self.configuration = (
             Setting(PWR_MGMT_1, "PWR_MGMT_1", BEST_CLOCK),
             Setting(PWR_MGMT_2, "PWR_MGMT_2", 0),
             Setting(SMPLRT_DIV, "SMPLRT_DIV", RATE_CODES[rate_hz]),
