@@ -12,7 +12,7 @@ from gateway.motion.estimate import MotionState
 from gateway.motion.gyro_reading import GyroPrior
 from gateway.motion.history import LargestAngle, MotionHistory, MotionPhase
 from gateway.motion.smoother import smooth_motion
-from gateway.numerics.saturation import saturation_level
+from gateway.numerics.foreign_readings import saturation_level
 from gateway.swing.data.input_checks import find_fault_in_means
 from gateway.swing.estimate import SwingEstimate
 from gateway.swing.estimation.make_estimate import NO_MOTION

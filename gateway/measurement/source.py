@@ -18,8 +18,7 @@ from gateway.errors import InputError
 from gateway.measurement.foreign_file import read_foreign
 from gateway.measurement.recording_settings import calibration_in_force, common_configuration
 from gateway.motion.gyro_reading import GyroPrior
-from gateway.numerics.dropouts import find_dropouts
-from gateway.numerics.repeated_readings import find_fresh_rows
+from gateway.numerics.foreign_readings import find_dropouts, find_fresh_rows
 from gateway.pipeline.angular_rate import device_gyro, gyro_prior
 from gateway.pipeline.rig import CALIBRATED, UNCALIBRATED, DefaultUncertainty, Rig, configured_housing, with_sensor
 from gateway.pipeline.temperature_filter import TemperatureFilter

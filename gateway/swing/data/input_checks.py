@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.numerics.array import Array
-from gateway.numerics.saturation import saturation_level
+from gateway.numerics.foreign_readings import saturation_level
 
 MAX_NORM_ERROR_G = 0.12
 """Largest deviation of the mean specific force from what a swing permits. Basis: an elliptical swing of 25 degrees, seen from the

@@ -1,4 +1,4 @@
-"""Readings that a sensor slower than its file holds over several rows (sample and hold)."""
+"""What loggers and ranges make of readings: one reading in several rows, zeros in place of a reading, the end of a range."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,17 @@ MAX_HOLD_ROWS = 50
 MIN_REGULAR_SHARE = 0.95
 """Least share of the readings that stand in a multiple of the same number of rows, or in that number and the next. Basis: by
 chance 1 over that number, and at most 0.74 where a sinusoid without noise crosses steps."""
+MAX_DROPOUT_SHARE = 0.05
+"""Largest share of the rows. Basis: a choice; more zeros are a sensor that does not work, which is told as such."""
+MIN_NEIGHBOUR_SHARE = 0.5
+"""Norm of the rows around zeros over the median norm. Basis: a load in free fall reads little before it reads zero."""
+MIN_DISTINCT_VALUES = 20
+"""Fewest distinct readings. Basis: with fewer, coarse quantisation makes the extreme reading frequent by itself."""
+MIN_EXTREME_READINGS = 8
+"""Fewest readings at exactly the extreme value. Basis: a choice; chance seldom repeats an extreme, and a clipped swing has more
+in a second."""
+MIN_EXTREME_RATIO = 4
+"""Readings at the extreme value over those at the next. Basis: the turning point of a sinusoid in steps gives 2.4."""
 
 
 def find_fresh_rows(readings: Array) -> NDArray[np.bool_] | None:
@@ -59,3 +70,31 @@ def _is_regular(rows: NDArray[np.int64]) -> bool:
     numbers = np.arange(2, MAX_HOLD_ROWS + 1)[:, None]
     multiples, neighbours = rows % numbers == 0, (rows == numbers) | (rows == numbers + 1)
     return bool(max(multiples.mean(axis=1).max(), neighbours.mean(axis=1).max()) >= MIN_REGULAR_SHARE)
+
+
+def find_dropouts(readings: Array) -> NDArray[np.bool_]:
+    """Return the dropouts: which rows of (n, 3) are zero in all axes though the rows around them read a weight, shape (n,).
+
+    A logger writes zeros because it has no reading.
+    """
+    norm = np.linalg.norm(readings, axis=1)
+    zero = norm == 0
+    present = np.flatnonzero(~zero)
+    if not 0 < zero.sum() <= MAX_DROPOUT_SHARE * len(zero):
+        return np.zeros(len(zero), dtype=np.bool_)
+    after = np.searchsorted(present, np.arange(len(zero)))
+    before = norm[present[np.maximum(after - 1, 0)]]
+    beyond = norm[present[np.minimum(after, len(present) - 1)]]
+    has_weight = np.minimum(before, beyond) > MIN_NEIGHBOUR_SHARE * np.median(norm[present])
+    return np.asarray(zero & has_weight, dtype=np.bool_)
+
+
+def saturation_level(values: Array) -> float | None:
+    """Return the extreme value of readings (n,) that occurs too often for a motion; None where neither end does."""
+    distinct, counts = np.unique(values, return_counts=True)
+    if len(distinct) < MIN_DISTINCT_VALUES:
+        return None
+    for extreme, next_to_it in ((-1, -2), (0, 1)):
+        if counts[extreme] >= MIN_EXTREME_READINGS and counts[extreme] > MIN_EXTREME_RATIO * counts[next_to_it]:
+            return float(distinct[extreme])
+    return None
