@@ -17,8 +17,7 @@ from starlette.routing import Route
 from gateway.fleet.gateway_status import FleetWord, GatewayStatus
 from gateway.fleet.report import FleetReport
 from gateway.messages import SCHEMA_VERSION
-from gateway.page.guard import Guard
-from gateway.page.hosts import AllowedHosts
+from gateway.page.guard import AllowedHosts, Guard
 from gateway.page.http_server import HttpServer
 from gateway.page.hub import EventStream, event
 from gateway.page.static_files import static_routes

@@ -11,7 +11,7 @@ from gateway.page.actions import Actions
 from gateway.page.application import make_application
 from gateway.page.channel import ANSWER, PARAMETERS, Frame, receive_frame
 from gateway.page.gateway_requests import GatewayRequests
-from gateway.page.hosts import AllowedHosts
+from gateway.page.guard import AllowedHosts
 from gateway.page.http_server import HttpServer, log_to_stderr
 from gateway.page.hub import EventStream, event
 from gateway.page.parameters import Parameters, parse

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.page.hosts import AllowedHosts, is_same_origin
-from gateway.page.log_rate_limiter import INTERVAL_S, MAX_LINES_PER_INTERVAL, LogRateLimiter
+from gateway.page.guard import AllowedHosts, is_same_origin
+from gateway.page.http_server import LOG_INTERVAL_S, MAX_LINES_PER_INTERVAL, LogRateLimiter
 from gateway.page.pin import PIN_DIGITS, make_pin, read_pin
 from gateway.page.sign_in import EXPIRY_S, MAX_ADDRESSES, MAX_SESSIONS, MAX_SIGN_IN_PAUSE_S, SignIn
 
@@ -123,7 +123,7 @@ def test_lines_that_browsers_cause_are_limited_and_counted() -> None:
     assert [limit.filter(line()) for _ in range(MAX_LINES_PER_INTERVAL + 20)] == [True] * MAX_LINES_PER_INTERVAL + [
         False
     ] * 20
-    now[0] = INTERVAL_S
+    now[0] = LOG_INTERVAL_S
     record = line()
     assert limit.filter(record)
     assert record.getMessage() == "bad request (20 lines were left out)"
