@@ -8,8 +8,7 @@ from gateway.documents.palette import AFTER, BEFORE, EVENT, FAINT
 from gateway.documents.plots import add_panels, label_decades, plot_curve, render_svg
 from gateway.incident.course import Course, ForceCourse
 from gateway.incident.facts import IncidentFacts
-from gateway.incident.report_clock import ReportClock
-from gateway.incident.time_axis import label_times
+from gateway.incident.time_axis import ReportClock, label_times
 from gateway.numerics.array import Array
 
 AROUND_PEAK_S = 5.0

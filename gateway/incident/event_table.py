@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from gateway.documents.text import as_sentence, human_name, printable_text
 from gateway.incident.course import Course, StateCourse
 from gateway.incident.evidence import IncidentEvidence
-from gateway.incident.report_clock import ReportClock
+from gateway.incident.time_axis import ReportClock
 
 ALERT, MARK = "alert", "mark"
 ALWAYS_SHOWN = (ALERT, MARK)

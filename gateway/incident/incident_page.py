@@ -12,7 +12,7 @@ from gateway.incident.evidence import IncidentEvidence, SourceFile
 from gateway.incident.facts import IncidentFacts
 from gateway.incident.incident_summary import summary_sentences
 from gateway.incident.recording_verdict import RecordVerdict
-from gateway.incident.report_clock import ReportClock
+from gateway.incident.time_axis import ReportClock
 from gateway.incident.timeline_figure import timeline_figure
 from gateway.messages import Calibration, Health
 from gateway.recording.reading.interval import iso_utc

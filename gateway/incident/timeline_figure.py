@@ -13,8 +13,7 @@ from gateway.incident.alert_incidents import AlertIncident
 from gateway.incident.course import Course, StateCourse
 from gateway.incident.course_builder import TRUSTED_TEXT
 from gateway.incident.facts import IncidentFacts
-from gateway.incident.report_clock import ReportClock
-from gateway.incident.time_axis import label_local_times, label_times
+from gateway.incident.time_axis import ReportClock, label_local_times, label_times
 from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
 from gateway.pipeline.alert_rules import SWING

@@ -18,9 +18,8 @@ from gateway.errors import InputError
 from gateway.messages import NO_SESSION, CalibrationSession, Message
 from gateway.packing import pack
 from gateway.pipeline import compose
-from gateway.pipeline.alert_manager import AlertChange, AlertManager
+from gateway.pipeline.alert_manager import AlertChange, AlertManager, ValidityMonitor
 from gateway.pipeline.alert_rules import ALERT_RULES, Evaluation, swing_reading
-from gateway.pipeline.alert_validity import ValidityMonitor
 from gateway.pipeline.angular_rate import housing_rates
 from gateway.pipeline.clock_state import ClockState, MessageTime
 from gateway.pipeline.drift_monitor import DriftMonitor
