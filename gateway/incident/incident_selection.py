@@ -19,11 +19,10 @@ spare."""
 
 @dataclass(frozen=True, slots=True)
 class IncidentChoice:
-    """What the user asks for: one of the four, or nothing, which is the last incident."""
+    """What the user asks for: one of the three, or nothing, which is the last incident."""
 
     around: RecordingTime | None = None
     number: int | None = None
-    is_last: bool = False
     interval: RecordingInterval | None = None
 
 

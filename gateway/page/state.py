@@ -10,9 +10,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from gateway.calibration.alignment.assistant import AlignmentAssistant, AlignmentView
+from gateway.calibration.alignment.assistant import AlignmentAssistant, AlignmentReadout
 from gateway.calibration.alignment.turn_assistant import TurnAssistant, format_errors, format_turn
-from gateway.calibration.alignment.turn_monitor import TurnView
+from gateway.calibration.alignment.turn_monitor import TurnReadout
 from gateway.gateway_state import is_overdue
 from gateway.messages import SCHEMA_VERSION, Alert, Calibration, Message, Motion, Swing, Tilt
 from gateway.page.alert_log import AlertLog
@@ -52,9 +52,9 @@ class PageState:
         self._newest_s: dict[str, float] = {}
         self._last_valid: LastValidSwing | None = None
         self._aligning = AlignmentAssistant()
-        self._alignment: AlignmentView | None = None
+        self._alignment: AlignmentReadout | None = None
         self._turning = TurnAssistant()
-        self._turn: TurnView | None = None
+        self._turn: TurnReadout | None = None
 
     def receive(self, frames: Iterable[Frame]) -> None:
         """Take messages of the gateway, and judge the swing by all of them."""

@@ -29,7 +29,7 @@ choice; ten tilts, and one average."""
 
 
 @dataclass(frozen=True, slots=True)
-class LiveDeflectionView:
+class DeflectionReadout:
     """What a person sees: the deflection, or why there is none."""
 
     deflection: Deflection | None
@@ -88,21 +88,21 @@ class LiveDeflection:
             "right": _LiveEnd(axes[1], u_relative[1]),
         }
 
-    def add(self, side: Side, tilt: Tilt) -> LiveDeflectionView:
+    def add(self, side: Side, tilt: Tilt) -> DeflectionReadout:
         """Return the deflection after this tilt of one end."""
         self._ends[side].add(tilt, self._zero_s)
         for name, end in self._ends.items():
             if end.reason or not end.recent:
-                return LiveDeflectionView(None, f"{name} end: {end.reason or 'no tilt yet'}")
+                return DeflectionReadout(None, f"{name} end: {end.reason or 'no tilt yet'}")
         newest_ns = [end.recent[-1][0] for end in self._ends.values()]
         if max(newest_ns) - min(newest_ns) > MAX_APART_S * 1e9:
-            return LiveDeflectionView(None, f"the ends are {(max(newest_ns) - min(newest_ns)) / 1e9:.1f} s apart")
+            return DeflectionReadout(None, f"the ends are {(max(newest_ns) - min(newest_ns)) / 1e9:.1f} s apart")
         if not all(self._has_zero(end) for end in self._ends.values()):
-            return LiveDeflectionView(None, f"zero: keep the girder unloaded for {self._zero_s:g} s")
+            return DeflectionReadout(None, f"zero: keep the girder unloaded for {self._zero_s:g} s")
         if min(len(end.recent) for end in self._ends.values()) < MIN_AVERAGED_TILTS:
-            return LiveDeflectionView(None, "wait: the angles are being averaged")
+            return DeflectionReadout(None, "wait: the angles are being averaged")
         left, right = (end.rotation() for end in self._ends.values())
-        return LiveDeflectionView(girder_deflection(left, right, self._girder), "")
+        return DeflectionReadout(girder_deflection(left, right, self._girder), "")
 
     def _has_zero(self, end: _LiveEnd) -> bool:
         if end.zero_begin_ns is None or len(end.zero) < MIN_AVERAGED_TILTS:

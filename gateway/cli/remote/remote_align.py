@@ -11,7 +11,7 @@ from gateway.cli.options.bus_link import add_address, client_credentials, connec
 
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient
-    from gateway.calibration.alignment.assistant import AlignmentView
+    from gateway.calibration.alignment.assistant import AlignmentReadout
     from gateway.calibration.alignment.screw_advice import ScrewAdvice, ScrewMechanics
     from gateway.calibration.alignment.turn_assistant import TurnAssistant
     from gateway.cli.terminal.status_line import StatusLine
@@ -163,7 +163,7 @@ class TiltFeed:
         return message
 
 
-def format_view(view: "AlignmentView") -> str:
+def format_view(view: "AlignmentReadout") -> str:
     """Return both angles and what to do, in less than 80 characters if a screw is to be turned."""
     advice = view.advice
     action = advice.text

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.calibration.alignment.assistant import MIN_WINDOW_TILTS, AlignmentAssistant, AlignmentView
+from gateway.calibration.alignment.assistant import MIN_WINDOW_TILTS, AlignmentAssistant, AlignmentReadout
 from gateway.calibration.alignment.screw_advice import ScrewMechanics
 from gateway.messages import Tilt
 
@@ -34,7 +34,7 @@ def add_tilts(
     noise_deg: float = 0.0,
     tilts: int = MIN_WINDOW_TILTS,
     **changes: Any,
-) -> AlignmentView:
+) -> AlignmentReadout:
     """Add tilts at ten per second, and return the last view."""
     random = np.random.default_rng(1)
     for number in range(tilts):
