@@ -13,7 +13,7 @@ import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 
-MAX_PAYLOAD_BYTES = 1024
+MAX_ASPP_PAYLOAD_BYTES = 1024
 """A longer one is noise. Basis: a choice; nodes send less, and a header that is waited for in vain must not stop the stream."""
 RSSI_ZERO_DBM = 205
 """Of versions 2 and 3: -205 dBm is 0, which stands for an unknown value. Definition: of the protocol."""
@@ -87,7 +87,7 @@ def read_packet(data: bytes, at: int) -> AsppPacket | None:
     if len(data) - at < version.header.size:
         raise Incomplete
     _, flags, kind, address, payload_bytes = version.header.unpack_from(data, at)
-    if payload_bytes > MAX_PAYLOAD_BYTES:
+    if payload_bytes > MAX_ASPP_PAYLOAD_BYTES:
         return None
     payload_at = at + version.header.size
     checksum_at = payload_at + payload_bytes + RSSI_BYTES

@@ -16,7 +16,7 @@ MAX_SERIES_POINTS = 160
 X_MARGIN, Y_MARGIN = 1.06, 1.35
 """Half ranges of the scales relative to those of the values. Basis: a choice of taste; the legend stands above the points, the
 unit below."""
-MIN_HALF_RANGE_SHARE, MIN_HALF_RANGE = 1e-6, 1e-9
+MIN_HALF_SCALE_SHARE, MIN_HALF_SCALE = 1e-6, 1e-9
 """Least half range of a scale, relative to its values and absolute. Basis: below it the labels could not tell the ticks apart."""
 
 
@@ -89,7 +89,7 @@ def plot_figure(figure: RecordFigure) -> MethodPlot | None:
 def _scale(values: list[float], margin: float, low_place: float, high_place: float) -> Scale | None:
     """Return a scale that shows all values with a margin; None where their range overflows."""
     low, high = min(values), max(values)
-    half = max(margin * (high - low) / 2, MIN_HALF_RANGE_SHARE * max(abs(low), abs(high)), MIN_HALF_RANGE)
+    half = max(margin * (high - low) / 2, MIN_HALF_SCALE_SHARE * max(abs(low), abs(high)), MIN_HALF_SCALE)
     return Scale((low + high) / 2, half, low_place, high_place) if math.isfinite(half) else None
 
 

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from gateway.numerics.array import Array
 
-MIN_READINGS = 20
+MIN_HELD_READINGS = 20
 """Fewest different readings in succession from which a hold is judged. Basis: a choice; a share of a tenth is then two
 readings."""
 MIN_HELD_SHARE = 0.1
@@ -43,7 +43,7 @@ def find_fresh_rows(readings: Array) -> NDArray[np.bool_] | None:
     changed = np.diff(readings, axis=0) != 0
     first = np.flatnonzero(np.concatenate([[True], changed.any(axis=1)]))
     rows = np.diff(np.append(first, len(readings)))
-    if len(rows) < MIN_READINGS or np.mean(rows > 1) < MIN_HELD_SHARE:
+    if len(rows) < MIN_HELD_READINGS or np.mean(rows > 1) < MIN_HELD_SHARE:
         return None
     if _chance_of_equal_readings(changed[first[1:] - 1]) > MAX_CHANCE and not _is_regular(rows[1:-1]):
         return None
@@ -60,7 +60,7 @@ def _chance_of_equal_readings(changed: NDArray[np.bool_]) -> float:
     chance = 1.0
     for column in range(changed.shape[1]):
         others = np.delete(changed, column, axis=1).any(axis=1)
-        if np.count_nonzero(others) >= MIN_READINGS:
+        if np.count_nonzero(others) >= MIN_HELD_READINGS:
             chance *= 1.0 - float(changed[others, column].mean())
     return chance
 

@@ -14,7 +14,7 @@ MAX_READINGS = 6000
 than a turn, and a bound of the memory."""
 OVERSHOOT_RAD = np.radians(60.0)
 """Angle after a turn, rad, that the next one leaves out. Basis: a person stops a little later, and turns a screw there."""
-MIN_READINGS = 48
+MIN_TURN_READINGS = 48
 """Least number of readings of a turn. Basis: two in each sector."""
 
 
@@ -65,7 +65,7 @@ class TurnMonitor:
         angle_rad = turning_angle_rad(readings[:, 1:], axis)
         turned_rad = float(np.ptp(angle_rad))
         overshoot_rad = OVERSHOOT_RAD if self._view.n_turns else 0.0
-        if turned_rad >= 2 * np.pi + overshoot_rad and len(readings) >= MIN_READINGS:
+        if turned_rad >= 2 * np.pi + overshoot_rad and len(readings) >= MIN_TURN_READINGS:
             before = np.flatnonzero(np.abs(angle_rad - angle_rad[-1]) > 2 * np.pi)
             self._complete_turn(readings[before[-1] + 1 if len(before) else 0 :], axis)
             turned_rad = 0.0

@@ -16,7 +16,7 @@ noise falls to a quarter, and a turned sensor stays for longer."""
 EXTREME_QUANTILE = 0.01
 """Quantile of the averages that counts as their minimum, and one minus it as their maximum. Basis: a choice; knocks are rarer,
 and a face is held for longer."""
-MIN_HALF_RANGE = 0.02
+MIN_HALF_RANGE_UNITS = 0.02
 """Half range, raw units, below which a sensor was not turned: noise alone. Basis: a choice; noise of any sensor is smaller in its
 unit, and a turned one has 1 g or more."""
 MAX_DIGITAL_ZERO_G = 0.5
@@ -58,7 +58,7 @@ def _estimate_from_extremes(means: Array, units_per_g: float | None) -> NominalS
     scale = units_per_g or float(half.max())
     least_half_range = (1 - NORM_TOLERANCE) * scale
     zero = np.where(half > least_half_range, zero, middle)
-    if scale < MIN_HALF_RANGE or np.any(np.maximum(high - zero, zero - low) < least_half_range):
+    if scale < MIN_HALF_RANGE_UNITS or np.any(np.maximum(high - zero, zero - low) < least_half_range):
         return None
     x, y, z = zero.tolist()
     return NominalSensitivity(scale, (x, y, z))

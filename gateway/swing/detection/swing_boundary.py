@@ -7,7 +7,7 @@ from gateway.swing.detection.periodicity import COMPARED_PERIODS, LOCAL_RATIOS, 
 
 INSET_PERIODS = 0.5
 """Distance of the extrapolated window from the end that the windows show: they may contain a little of what follows."""
-REACH_PERIODS = 1.5
+BOUNDARY_REACH_PERIODS = 1.5
 MEAN_PERIODS = 1 / 16
 """Residuals are averaged over this."""
 RESIDUAL_SIGMA, TOLERANCE_RATIO = 2.5, 1.5
@@ -26,7 +26,7 @@ def swing_boundary(series: Series, period: float, part: tuple[int, int], toleran
     stop = end + 1 - round(INSET_PERIODS * period)
     start = max(stop - round(COMPARED_PERIODS * period), first)
     reached = _extrapolate(
-        values[start : stop + round(REACH_PERIODS * period)], stop - start, period, series, tolerance
+        values[start : stop + round(BOUNDARY_REACH_PERIODS * period)], stop - start, period, series, tolerance
     )
     found = start + reached
     return found if forward else last - found

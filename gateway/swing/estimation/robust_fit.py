@@ -21,7 +21,7 @@ from gateway.swing.uncertainty.uncertainty_model import (
     variance_inflation,
 )
 
-OUTLIER_SIGMA = 6.0
+RESIDUAL_OUTLIER_SIGMA = 6.0
 MAX_OUTLIER_SHARE = 0.03
 """Share of the bins; more than that are not spikes but something that the pendulum does not know."""
 MIN_REWEIGHT_INFLATION = 1.5
@@ -217,7 +217,7 @@ def _outliers(fit: SwingFit) -> NDArray[np.bool_]:
     """Return which bins are few, lone and far from all others, shape (bins,)."""
     size = np.abs(fit.residual_g) * np.sqrt(fit.weight)
     usual = np.maximum(robust_sigma(size), 1.0)
-    far: NDArray[np.bool_] = np.any(size > OUTLIER_SIGMA * usual, axis=1)
+    far: NDArray[np.bool_] = np.any(size > RESIDUAL_OUTLIER_SIGMA * usual, axis=1)
     few = np.count_nonzero(far) <= max(MAX_OUTLIER_SHARE * len(size), 1)
     return far & few
 
