@@ -6,10 +6,10 @@ import time
 
 import zenoh
 
-from gateway.bus.client import ALIVE
 from gateway.daemon.runtime.faults import FaultRegister
 
 PART = "identity"
+ALIVE = "alive"
 BOOT_ID = re.compile(r"[0-9a-f]{12}")
 MAX_BOOTS = 8
 """Boots that are remembered. Basis: a choice; two gateways need two, restarts some more, and the memory is bounded."""
