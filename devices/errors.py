@@ -3,7 +3,7 @@
 import errno
 
 GONE_ERRNOS = (errno.ENODEV, errno.ENXIO, errno.ENOENT)
-"""By which the kernel says that a device is no longer there."""
+"""Errors by which the kernel says that a device is no longer there."""
 
 
 class DeviceError(Exception):

@@ -37,7 +37,7 @@ MISFIT_DELAY_S = 0.02
 """A larger distance from the line, beyond two periods, means a wrong count or a host that was suspended. Basis: a choice; a
 thread is late by less, but a wrong count at 50 Hz is as much."""
 RADIO_MISFIT_DELAY_S = 1.0
-"""The same where the count is certain. Basis: a radio may be late."""
+"""Distance that means a restart where the count is certain. Basis: a radio may be late."""
 MAX_MISFITS, MISFIT_NS = 8, 1_000_000_000
 """After this many misfits in a row, over at least this time, the line itself is wrong. Basis: a choice; single late reads are no
 fault, and a wrong line is left within seconds."""

@@ -17,7 +17,7 @@ cheap."""
 MAX_P_CHANCE = 1e-6
 """Largest probability by chance at which a loss is assumed. Basis: a choice; with ten reads per second once in a day."""
 MIN_PERIOD_SHARE = 0.75
-"""Of a period. Basis: a smaller delay is no lost sample."""
+"""Least delay that counts, as a share of a period. Basis: a smaller delay is no lost sample."""
 MIN_RUN_NS = 200_000_000
 """Shortest time of delays that show a loss. Basis: a choice; longer than a host is late for once."""
 MAX_P_MISCOUNT = 1e-3

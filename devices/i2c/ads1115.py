@@ -18,7 +18,7 @@ SINGLE_ENDED = 0x4000
 """Input 0 against ground; each further input adds 0x1000."""
 RANGE_4_096_V, SINGLE_SHOT, RATE_860_HZ, COMPARATOR_OFF = 0x0200, 0x0100, 0x00E0, 0x0003
 VOLTS_PER_UNIT = 4.096 / 32768
-"""Of the range of 4.096 V (data sheet, section 9.6)."""
+"""Step of the range of 4.096 V (data sheet, section 9.6)."""
 N_INPUTS = 4
 """Definition: of the part (data sheet)."""
 CONVERSION_S = 1 / 860

@@ -43,19 +43,19 @@ FIFO_SAMPLES = 32
 
 SELF_TEST_FORCE = 0x80
 SELF_TEST_LIMITS_G = ((0.2, 4.43), (-4.43, -0.2), (0.3, 5.75))
-"""Of DATA_FORMAT. At 2.5 V the limits are 0.2 to 2.1 g, and 0.3 to 3.4 g along z; at 3.6 V the upper ones are 2.11 times, along z
-1.69 times as large (Tables 1 and 14). Basis: data sheet."""
+"""Bits and limits of DATA_FORMAT. At 2.5 V the limits are 0.2 to 2.1 g, and 0.3 to 3.4 g along z; at 3.6 V the upper ones are
+2.11 times, along z 1.69 times as large (Tables 1 and 14). Basis: data sheet."""
 
 RATE_CODES = {3200.0 / (1 << (15 - code)): code for code in range(0xD, 0x5, -1)}
-"""From 800 Hz, the fastest for an I2C bus of 400 kHz (section "I2C"), to 6.25 Hz. Basis: data sheet."""
+"""Codes of the rates from 800 Hz, the fastest for an I2C bus of 400 kHz (section "I2C"), to 6.25 Hz. Basis: data sheet."""
 RANGE_CODES = {2: 0, 4: 1, 8: 2, 16: 3}
 """Codes of the ranges in g (data sheet, DATA_FORMAT)."""
 UNITS_PER_G = 256.0
-"""In full resolution, at any range (data sheet, Table 1)."""
+"""Scale in full resolution, at any range (data sheet, Table 1)."""
 NOISE_LSB = 1.1
 """At 100 Hz, of the z axis, the noisiest. Basis: data sheet, Table 1."""
 ZERO_G_OFFSET_G, ZERO_G_OFFSET_G_PER_K, SCALE_FACTOR_PER_K = 0.25, 1.2e-3, 1e-4
-"""Of the z axis, which has the wider limits. Basis: data sheet, Table 1."""
+"""Limits of the z axis, which has the wider ones. Basis: data sheet, Table 1."""
 
 
 class Adxl345(AccelerometerChip):

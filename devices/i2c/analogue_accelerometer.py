@@ -43,10 +43,10 @@ class AnaloguePart:
     full_scale_g: float
     sensitivity_limits_v_per_g: Limits
     zero_g_limits_v: tuple[Limits, Limits, Limits]
-    """Of x, y and z."""
+    """Limits of the zero-g output of x, y and z."""
     zero_g_offset_g_per_k: float
     supply_limits_v: Limits
-    """Of operation, by the data sheet."""
+    """Supply with which the part operates, by the data sheet."""
     scale_factor_per_k: float = 1e-4
 
     @property

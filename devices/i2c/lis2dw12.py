@@ -45,7 +45,7 @@ RESET_POLLS, RESET_POLL_S = 20, 0.005
 
 SELF_TEST_FORCE = 0x40
 SELF_TEST_LIMITS_G = ((0.07, 1.5),) * 3
-"""Of CTRL3, at 50 Hz and 4 g (Table 3). Basis: data sheet."""
+"""Bits and limits of CTRL3, at 50 Hz and 4 g (Table 3). Basis: data sheet."""
 
 RATE_CODES = {1600.0: 9, 800.0: 8, 400.0: 7, 200.0: 6, 100.0: 5, 50.0: 4, 25.0: 3, 12.5: 2}
 """Section 8.4, CTRL1, in high-performance mode. Basis: data sheet."""
@@ -58,7 +58,7 @@ NOISE_G_PER_ROOT_HZ = 90e-6
 ZERO_G_OFFSET_G, ZERO_G_OFFSET_G_PER_K, SCALE_FACTOR_PER_K = 0.02, 0.2e-3, 1e-4
 """Data sheet, Table 3."""
 UNITS_PER_KELVIN = 256.0
-"""Of OUT_T: 12 bits, left-justified, 16 per kelvin, 0 at 25 °C (Table 5)."""
+"""Scale of OUT_T: 12 bits, left-justified, 16 per kelvin, 0 at 25 °C (Table 5)."""
 
 
 class Lis2dw12(AccelerometerChip):

@@ -47,7 +47,7 @@ BOOT_S = 0.005
 
 SELF_TEST_FORCE = 0x02
 SELF_TEST_LIMITS_G = ((0.068, 1.44),) * 3
-"""Of CTRL_REG4, at 50 Hz and 2 g. 17 to 360 digits of 4 mg (Table 4). Basis: data sheet."""
+"""Bits and limits of CTRL_REG4, at 50 Hz and 2 g. 17 to 360 digits of 4 mg (Table 4). Basis: data sheet."""
 
 RATE_CODES = {1344.0: 9, 400.0: 7, 200.0: 6, 100.0: 5, 50.0: 4, 25.0: 3, 10.0: 2, 1.0: 1}
 """Table 31, in high-resolution mode."""

@@ -95,9 +95,9 @@ class MpuVariant:
     fifo_bytes: int
     has_accel_config_2: bool
     bandwidths_hz: tuple[float, ...]
-    """Of the accelerometer, by the codes 1 to 6 of its low-pass filter."""
+    """Bandwidths of the accelerometer, by the codes 1 to 6 of its low-pass filter."""
     gyro_bandwidths_hz: tuple[float, ...]
-    """Of the gyroscope, by the same codes."""
+    """Bandwidths of the gyroscope, by the same codes."""
     gyro_noise_rad_s_per_root_hz: float
     gyro_bias_rad_s: float
     noise_g_per_root_hz: float

@@ -5,7 +5,7 @@ import math
 MAX_MEANS_DIFFERENCE = 1e-12
 """Difference of the two means at which they are one. Definition: rounding."""
 MIN_COSINE = 0.01
-"""Of half an amplitude. Basis: a pendulum that reaches 180 degrees stays there, and its period has no bound."""
+"""Least cosine of half an amplitude. Basis: a pendulum that reaches 180 degrees stays there, and its period has no bound."""
 
 
 def small_swing_rate_1_s(length_m: float, gravity_m_s2: float) -> float:

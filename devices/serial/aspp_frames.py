@@ -16,7 +16,7 @@ from dataclasses import dataclass
 MAX_ASPP_PAYLOAD_BYTES = 1024
 """A longer one is noise. Basis: a choice; nodes send less, and a header that is waited for in vain must not stop the stream."""
 RSSI_ZERO_DBM = 205
-"""Of versions 2 and 3: -205 dBm is 0, which stands for an unknown value. Definition: of the protocol."""
+"""Signal of versions 2 and 3: -205 dBm is 0, which stands for an unknown value. Definition: of the protocol."""
 TO_HOST = 0x08
 """Delivery flag of a packet for the host; inverted in version 1."""
 
@@ -34,7 +34,7 @@ class AsppPacket:
     base_dbm: float | None
     """Received power at the base."""
     length: int
-    """Of the whole packet, in bytes."""
+    """Length of the whole packet, in bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class _Version:
     """Start, flags, type, address, length of the payload."""
     checksum: struct.Struct
     compute: Callable[[bytes], int]
-    """Of all bytes before the checksum."""
+    """The checksum of all bytes before the checksum."""
 
 
 def _sum16(data: bytes) -> int:

@@ -21,7 +21,7 @@ BATTERY_LOW = 0x01
 NO_TEMPERATURE, NO_BATTERY, NO_SIGNAL = -32768, 0, 127
 """Definition: values that stand for an unknown one (docs/node.md)."""
 MIN_FRAME_BYTES = HEADER.size + 6 + CRC.size + 2
-"""Of one sample, stuffed and with its delimiter. Definition: docs/node.md."""
+"""Shortest frame: one sample, stuffed and with its delimiter. Definition: docs/node.md."""
 MAX_FRAME_BYTES = HEADER.size + 6 * MAX_FRAME_SAMPLES + CRC.size
 """Definition: docs/node.md."""
 MAX_ENCODED_BYTES = MAX_FRAME_BYTES + MAX_FRAME_BYTES // 254 + 1

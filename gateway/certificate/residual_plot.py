@@ -38,7 +38,7 @@ class PoseResidual:
     """Residual of one pose after the correction: |m| - 1 g, which is zero at rest in any attitude."""
 
     number: int
-    """From 1, in the order of the record."""
+    """Number of the pose from 1, in the order of the record."""
     face: str | None
     used: bool
     residual_g: float

@@ -14,7 +14,7 @@ from gateway.numerics.array import Array
 AROUND_PEAK_S = 5.0
 """Time shown on either side of the peak. Basis: a choice; a swing of a long rope, and single blows still show."""
 MAX_AXIS_POINTS = 4000
-"""Of each axis around the peak. Basis: every sample up to 400 Hz."""
+"""Points of each axis around the peak. Basis: every sample up to 400 Hz."""
 AXIS_COLOURS = (("x", AFTER), ("y", BEFORE), ("z", "#009e73"))
 STEP_PARTS = 10
 """Points of the polar plot from one message to the next. Basis: a choice; a curve without corners, at some messages per

@@ -10,7 +10,8 @@ from gateway.incident.time_axis import ReportClock
 from gateway.pipeline.alert_rules import SWING
 
 MAX_SUMMARY_MARKS = 3
-"""Of the summary; the events have all of them. Basis: a choice; the summary stays on one page, the events have all of them."""
+"""Marks in the summary; the events have all of them. Basis: a choice; the summary stays on one page, the events have all of
+them."""
 MAX_ALERT_SILENCE_S = 5.0
 """An alert is stated each second. Basis: after a longer silence the gateway has ended."""
 LEVEL_WORDS = {"warn": "warning", "trip": "trip"}

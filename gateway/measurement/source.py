@@ -42,7 +42,7 @@ class HeldRows:
     """The rows of a file in which a sensor repeats its readings."""
 
     time_s: NDArray[np.float64]
-    """Of all n rows, shape (n,)."""
+    """Times of all n rows, shape (n,)."""
     reading: NDArray[np.int64]
     """The reading that each row holds, counted from 0, shape (n,)."""
 

@@ -35,7 +35,7 @@ class AlertOutbox:
         self._count = 0
         """Changes in the last file."""
         self._spans: dict[Path, FileSpan] = {}
-        """Of the files that do not grow any more."""
+        """Spans of the files that do not grow any more."""
 
     def open(self) -> int:
         """Open the last file, without an incomplete end; return the largest number in it, 0 for none. Raises `OSError`."""

@@ -44,15 +44,15 @@ class DefaultUncertainty:
 
 
 CALIBRATED = DefaultUncertainty(position_u_m=0.001, position_u_rel=0.0)
-"""Of readings in the product's own form, which are calibrated. Basis: the reading of a tape measure."""
+"""Uncertainties of readings in the product's own form, which are calibrated. Basis: the reading of a tape measure."""
 CONFIGURED = DefaultUncertainty(position_u_m=0.05, position_u_rel=0.0)
-"""Of a rig in the configuration. Basis: a choice; a tape measures to millimetres, and the middle of a load is known to
-centimetres."""
+"""Uncertainties of a rig in the configuration. Basis: a choice; a tape measures to millimetres, and the middle of a load is
+known to centimetres."""
 UNCALIBRATED = DefaultUncertainty(
     position_u_m=0.005, position_u_rel=0.01, offset_u_g=0.02, scale_u=0.01, cross_axis_u=0.01
 )
-"""Of readings of another program. Basis: where in its case a sensor is; limits of 40 mg, 2 % and 2 % in the data sheets of
-parts in phones and radio boards."""
+"""Uncertainties of readings of another program. Basis: where in its case a sensor is; limits of 40 mg, 2 % and 2 % in the data
+sheets of parts in phones and radio boards."""
 
 
 class RigTable(BaseModel):

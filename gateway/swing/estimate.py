@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 DETECTION_SIGMA = 3.0
-"""Standard uncertainties."""
+"""Standard uncertainties from which on a value differs from zero."""
 MIN_HOIST_M_S = 0.02
 
 

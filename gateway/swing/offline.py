@@ -58,7 +58,7 @@ MAX_BESIDE_RAD = np.radians(15.0)
 """Angle between the swing and the plane of two recorded axes. Basis: how well a sensor is turned into the plane by eye."""
 NO_Y = "y is not recorded: the load is taken to swing in the plane of x and z, or up to 15 degrees beside it"
 GRID_MARGIN_PERIODS = 0.05
-"""Of a period, that a grid reaches beyond the last sample."""
+"""Share of a period by which a grid reaches beyond the last sample."""
 
 
 def estimate_swing(

@@ -16,7 +16,7 @@ LaserColour = Literal["red", "green"]
 CHANNELS: dict[LaserColour, tuple[int, int]] = {"red": (2, 1), "green": (1, 2)}
 """Channel of the laser, and channel for the board, in the order blue, green, red."""
 LINEAR_VALUE, LINEAR_SLOPE, SRGB_GAMMA, SRGB_SHIFT = 0.04045, 12.92, 2.4, 0.055
-"""From values to light and back (sRGB, IEC 61966-2-1)."""
+"""Exponent and shift from values to light and back (sRGB, IEC 61966-2-1)."""
 MIN_SATURATED_VALUE = 250
 """Values from here on are clipped. Basis: a choice; compression lowers a clipped 255 by a few values."""
 MIN_SIDE_PX, MAX_SIDE_PX = 200, 20_000

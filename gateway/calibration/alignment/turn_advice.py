@@ -19,7 +19,7 @@ AXES = "xyz"
 SHARED_SCREWS: dict[str, tuple[str, ...]] = {"x": ("y", "z"), "y": ("x",), "z": ()}
 """Axes about which the one unit is turned to align an axis."""
 OWN_SCREWS: dict[str, tuple[str, ...]] = {"x": ("y", "z"), "y": ("x", "z"), "z": ("x", "y")}
-"""The same for a unit of its own for each axis."""
+"""Axes about which each axis' own unit is turned to align it."""
 SCREW_NUMBERS = {"x": 4, "y": 5, "z": 3}
 """Number of the screw in the source, by the axis about which it turns the unit. Definition: numbers of the source."""
 K_SHOWN = 3.0

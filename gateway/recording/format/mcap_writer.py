@@ -49,10 +49,10 @@ CHECKED_FOOTER = struct.Struct("<BQQQ")
 """Opcode, length, start of the summary and of the summary offsets: what the summary's checksum contains of the footer."""
 
 FAST = zstandard.ZstdCompressionParameters.from_level(1)
-"""For chunks of a second, which a higher level does not make smaller."""
+"""Compression of chunks of a second, which a higher level does not make smaller."""
 DENSE = zstandard.ZstdCompressionParameters.from_level(9, source_size=CHUNK_BYTES, min_match=7)
-"""For long chunks. Shorter matches are coincidences in the digits of noise, and cost more than the digits. Basis: a choice; lower
-levels leave larger segments, and higher ones take more of a small board's core."""
+"""Compression of long chunks. Shorter matches are coincidences in the digits of noise, and cost more than the digits. Basis: a
+choice; lower levels leave larger segments, and higher ones take more of a small board's core."""
 
 
 class ByteSink(Protocol):

@@ -13,7 +13,7 @@ STILL_SIGMA = 3.0
 """The smoothed means of a still housing vary by less than this many standard deviations of a bin, plus the floor. Basis: the
 averages in a window of twenty independent bins exceed it by chance once in 2e4."""
 BARE_STILL_SIGMA = 6.5
-"""The same limit for means that are not smoothed. Basis: twenty independent bins exceed it by chance once in 1300."""
+"""Limit of stillness for means that are not smoothed. Basis: twenty independent bins exceed it by chance once in 1300."""
 STILL_FLOOR_G = 0.0005
 """Largest peak-to-peak value of a still housing: 0.015 degrees of lean in either direction. Basis: a choice; below a swing of any
 use, and above the steps of a coarse sensor's mean."""

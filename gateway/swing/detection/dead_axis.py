@@ -24,10 +24,10 @@ MIN_ASYMMETRY, APART_SIGMA = 0.04, 3.0
 MAX_UNEXPLAINED_SHARE = 0.12
 """By harmonics: in a driven stretch nothing can be said."""
 PERIOD_LENGTH_U_REL = 0.005
-"""Of a rope's length by the period, where no pendulum fits."""
+"""Relative standard uncertainty of a rope's length by the period, where no pendulum fits."""
 WINDOW_PERIODS = 3.0
 MAX_SEEN_RHO = 0.95
-"""Nearer to the load x and y show too little of any swing."""
+"""Largest position over the length at which x and y are judged: nearer to the load they show too little of any swing."""
 MIN_ACTIVITY = 0.05
 """Part of the liveliest axis' scatter, from which on x or y is surely not silent."""
 

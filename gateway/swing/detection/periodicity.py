@@ -13,7 +13,7 @@ from gateway.swing.data.noise import effective_noise_g
 N_HARMONICS = 4
 """Basis: what the axial force of a swing of 90 degrees has beyond the fourth harmonic is below a hundredth."""
 MIN_SAMPLES_PER_PERIOD = 2.5
-"""Per harmonic."""
+"""Fewest samples in a period of each harmonic."""
 DRIFTING_HARMONICS = 2
 """Harmonics whose amplitude and phase may change within a window: decay, and the period that depends on the amplitude."""
 RESIDUAL_BLOCKS = 8
@@ -27,7 +27,7 @@ SEARCH_TOLERANCES = (0.15, 0.3)
 MIN_COVERED_RATIO = 0.7
 """Time covered, relative to the most, by which a shorter period is preferred: all its multiples repeat too."""
 PEAK_WINDOW = 6
-"""Next longer periods among which the best one is chosen."""
+"""Number of the next longer periods among which the best one is chosen."""
 COMPARED_PERIODS = 2.0
 LOCAL_RATIOS = tuple(1.04 ** np.arange(-5, 6))
 """Periods of a window relative to that of the recording. Basis: a swing of 90 degrees takes 1.18 times a small one."""
@@ -38,7 +38,7 @@ MIN_TOLERANCE, MAX_TOLERANCE = 0.06, 0.2
 MIN_TYPICAL_SWING = 3.0
 """Rms of a swing over the noise, from which on it shows what is usual."""
 MAX_UNKNOWN_SHARE = 0.8
-"""Of the samples of a window."""
+"""Largest share of unknown samples of a window."""
 
 
 @dataclass(frozen=True, slots=True)

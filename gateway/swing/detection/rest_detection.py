@@ -15,16 +15,17 @@ from gateway.swing.rig import MountedHousing
 MIN_GAIN = 40.0
 """Twice the log-likelihood that harmonics must gain to be called a swing: once in some 10^5 still windows noise does."""
 MIN_FIT_GAIN = 9.0
-"""The same of the axial force alone, from which on a pendulum is tried on a whole recording."""
+"""Twice the log-likelihood by the axial force alone, from which on a pendulum is tried on a whole recording."""
 MIN_AXIAL_GAIN = 11.5
-"""What the pendulum must then gain in the axial force: at rest with the housing at the load noise does twice in a thousand.
+"""Gain of that pendulum in the axial force, from which on it counts as a swing: at rest with the housing at the load noise does
+twice in a thousand.
 
 Between this and `MIN_GAIN` the answer is an angle that may as well be smaller, down to none.
 """
 BOUND_FACTOR = 2.5
 """Standard uncertainties added to an amplitude for its upper bound (of an ellipse, over all frequencies searched)."""
 MIN_UNEXPLAINED_RATIO = 0.5
-"""Unexplained by harmonics, rms over rms, from which on a small movement is not a swing."""
+"""Rms that harmonics leave unexplained over the rms, from which on a small movement is not a swing."""
 MAX_IRREGULAR_RAD = np.radians(1.0)
 
 

@@ -15,18 +15,18 @@ from gateway.swing.rig import MountedHousing
 RASTER_STEPS_PER_PERIOD = 10
 MARGIN_PERIODS = 0.05
 GROWTH_PERIODS = 0.3
-"""By which the window grows from fit to fit: a wrong speed must not cost more than a fraction of a swing."""
+"""Periods by which the window grows from fit to fit: a wrong speed must not cost more than a fraction of a swing."""
 LOOK_BACK_PERIODS = 0.25
-"""How far before the end of the plain stretch the rope may have begun to move."""
+"""Periods before the end of the plain stretch at which the rope may have begun to move."""
 HOIST_WINDOW_PERIODS = 3.5
-"""Of one fit."""
+"""Length of the window of one fit, in periods."""
 CONVERGED_PERIODS, UNKNOWN_END_PERIODS = 1.5, 0.5
 """A stretch is settled when this much has been seen, but for its open end."""
 MIN_RASTER_S = 0.3
 HOIST_ITERATIONS = 8
 MAX_HOIST_MISFIT = 0.03
 MAX_HOIST_M_S = 2.0
-"""No hoist: something else that the splines took in."""
+"""Largest speed of a hoist: a faster one is something else that the splines took in."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,13 +21,13 @@ from gateway.swing.rig import MountedHousing
 from gateway.swing.uncertainty.peaks import largest_angle
 
 MIN_STRETCH_PERIODS, MAX_STRETCH_PERIODS = 1.2, 8.0
-"""Of a stretch."""
+"""Shortest and longest stretch, in periods."""
 STEP_PERIODS = 0.25
-"""Between tries where nothing fits."""
+"""Periods between tries where nothing fits."""
 RETRY_OFFSET_PERIODS = (0.5, 1.0)
-"""Where a plain stretch is looked for when the first one is not."""
+"""Periods after the first try at which a plain stretch is looked for where that one finds none."""
 END_RESOLUTION_PERIODS = 0.125
-"""To which the end of a stretch is found."""
+"""Resolution, in periods, to which the end of a stretch is found."""
 MAX_SEGMENT_MISFIT = 0.02
 MIN_FITS, FITS_PER_PERIOD = 60, 2.0
 """Tries in one recording, the larger of both: a recording that is not a pendulum's is given up."""
@@ -35,12 +35,12 @@ SEGMENT_ITERATIONS = 10
 CONFLICT_SIGMA = 3.0
 """Standard uncertainties between the rope's lengths in two pieces, from which on it has moved between them."""
 TRIM_PERIODS = 1.0
-"""Of a piece next to a moving rope: so long a movement can hide in the noise and still bias the swing."""
+"""Periods that are cut from a piece next to a moving rope: so long a movement can hide in the noise and still bias the swing."""
 MIN_CORE_PERIODS = 0.9
 TAIL_PERIODS, OVERLAP_PERIODS = 2.0, 1.0
-"""Of the pieces before and after, that a stretch with a moving rope is fitted with."""
+"""Periods of the pieces before and after, with which a stretch with a moving rope is fitted."""
 OFFSET_SHARE = 0.5
-"""Of the zero-g offset's standard uncertainty, that stays in an angle. On hoists with planted errors of all axes, pieces
+"""Share of the zero-g offset's standard uncertainty that stays in an angle. On hoists with planted errors of all axes, pieces
 believed to tell offset from lean by the axial force were wrong by up to 0.8 degrees, with an offset known to 1.4."""
 MAX_BRIDGED_GAP_PERIODS = 0.5
 """An unfitted stretch this short cannot hide a larger angle than its neighbours show, unless it is forced for longer."""

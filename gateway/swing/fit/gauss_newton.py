@@ -23,8 +23,8 @@ SLOW_CHI2_RATIO, UNEXPLAINED_CHI2 = 0.5, 10.0
 MAX_SHARE_OF_MOTION = 0.5
 MAX_LENGTH_STEP = 0.15
 MAX_LENGTH_RATIO = 50.0
-"""Of the rope's length to the stated one, either way. Basis: more than any hoist; on a rope without length a swing has no period,
-and a grid no end."""
+"""Largest ratio of the rope's length to the stated one, either way. Basis: more than any hoist; on a rope without length a
+swing has no period, and a grid no end."""
 
 
 @dataclass(frozen=True, slots=True)

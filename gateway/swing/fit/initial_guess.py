@@ -18,7 +18,7 @@ from gateway.swing.rig import MountedHousing
 MIN_HARMONIC_SIGMA = 5.0
 """Standard uncertainties that a harmonic must have to be used."""
 MIN_TRANSVERSE_SHARE = 0.02
-"""Of the swing that transverse axes show, below which it is not scaled up."""
+"""Least share of the swing that transverse axes show: a smaller one is not scaled up further."""
 AXIAL_WITHIN_RHO = 0.3
 """Difference of rho from 1 up to which the axial force is used beside the transverse one."""
 _AS_COMPLEX = np.array([1, 1j])
