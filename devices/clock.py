@@ -1,31 +1,20 @@
 """Gateway time: a clock that never steps.
 
 Gateway time is the host's UTC in nanoseconds at start, continued by the monotonic clock. It does not step when the wall clock
-does. Samples and messages are stamped and sorted by it; the `/clock` topic carries the offset of the wall clock.
+does. Samples and messages are stamped and sorted by it; the `/clock` topic carries the offset of the wall clock. What a
+configuration may choose needs the protocol alone, and no time.
 """
 
-import time
-
-from devices.clock_protocol import Clock
-
-__all__ = ["Clock", "HostClock"]
+from typing import Protocol
 
 
-class HostClock:
-    """The gateway time of this machine."""
-
-    def __init__(self) -> None:
-        self.anchor_ns = time.time_ns() - time.monotonic_ns()
+class Clock(Protocol):
+    """The clock that a device uses; tests provide their own."""
 
     def now_ns(self) -> int:
-        """Return the gateway time: the monotonic clock, anchored once to UTC."""
-        return time.monotonic_ns() + self.anchor_ns
-
-    def wall_offset_ns(self) -> int:
-        """Return the UTC of the wall clock minus gateway time: the corrections by NTP since start."""
-        return time.time_ns() - self.now_ns()
+        """Return the gateway time."""
+        ...
 
     def sleep_s(self, seconds: float) -> None:
         """Wait; return at once for zero or less."""
-        if seconds > 0:
-            time.sleep(seconds)
+        ...

@@ -15,9 +15,9 @@ from devices.block import DeviceInfo, SampleBlock
 from devices.device import Device
 from devices.errors import DeviceError
 
-LONGEST_GAP_PERIODS = 1.6
+MAX_GAP_PERIODS = 1.6
 """A longer distance of two samples of a sensor is a gap. Basis: a rate error of 5 % and two samples."""
-LONGEST_STREAM_S = 2.0
+MAX_STREAM_S = 2.0
 """Samples of a sensor that wait for the others for longer are dropped. Basis: a choice; longer than a sensor is late, and a bound
 of the memory."""
 
@@ -133,7 +133,7 @@ class CombinedAxes:
         instants_ns = np.arange(begin_ns, end_ns + 1, self._period_ns, dtype=np.int64)
         inside = np.ones(len(instants_ns), dtype=np.bool_)
         for stream in self._streams:
-            inside &= _between_neighbours(stream.time_ns, instants_ns, LONGEST_GAP_PERIODS * self._period_ns)
+            inside &= _between_neighbours(stream.time_ns, instants_ns, MAX_GAP_PERIODS * self._period_ns)
         usable = np.flatnonzero(inside)
         if not len(usable):
             self._drop_old(end_ns)
@@ -156,7 +156,7 @@ class CombinedAxes:
 
     def _drop_old(self, end_ns: int) -> None:
         for stream in self._streams:
-            stream.drop_before(max(end_ns, int(stream.time_ns[-1]) - round(LONGEST_STREAM_S * 1e9)))
+            stream.drop_before(max(end_ns, int(stream.time_ns[-1]) - round(MAX_STREAM_S * 1e9)))
 
 
 def _between_neighbours(

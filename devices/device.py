@@ -5,6 +5,12 @@ from typing import Protocol
 
 from devices.block import DeviceInfo, SampleBlock
 
+MAX_READ_S = 0.5
+"""Longest read of any device. Basis: a thread that reads ends within it (`JOIN_S`)."""
+MAX_READ_NS = round(MAX_READ_S * 1e9)
+MAX_SILENCE_NS = 2_000_000_000
+"""Time without a sample after which a part is told as silent. Basis: a choice; two periods of the slowest rate of any chip."""
+
 
 class EndOfRecording(Exception):  # noqa: N818  (not an error: a replayed recording has been read to its end)
     """The recording has been read to its end."""

@@ -1,5 +1,10 @@
 """The errors of devices."""
 
+import errno
+
+GONE_ERRNOS = (errno.ENODEV, errno.ENXIO, errno.ENOENT)
+"""Errors by which the kernel says that a device is no longer there."""
+
 
 class DeviceError(Exception):
     """A device cannot do what was asked. The text names the place and the remedy in one line."""

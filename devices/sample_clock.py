@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 WINDOW_NS = 60_000_000_000
 """Older observations are discarded, because the rate drifts with temperature. Basis: a choice; drift within a minute is small,
 and the least delays of a minute are."""
-BUCKETS = 32
+N_BUCKETS = 32
 """The window consists of this many spans of time, each with its least delayed observation. Basis: a choice; two seconds each, in
 which at least one read is prompt."""
 NOMINAL_RATE_U = 0.05 / 3**0.5
@@ -30,13 +30,15 @@ with the temperature after a restart."""
 ANY_RATE_U = 0.5
 """Relative standard uncertainty of the rate when no line fits: the part may have been set to another rate. Basis: a choice; the
 next rate of a part is twice or half."""
-SPREAD = 6.0
+SLOPE_FACTOR = 6.0
 """Standard uncertainty of the slope x window x observations / mean distance. Basis: by simulation of uniform delays, rounded
 up."""
 MISFIT_DELAY_S = 0.02
 """A larger distance from the line, beyond two periods, means a wrong count or a host that was suspended. Basis: a choice; a
 thread is late by less, but a wrong count at 50 Hz is as much."""
-MISFITS, MISFIT_NS = 8, 1_000_000_000
+RADIO_MISFIT_DELAY_S = 1.0
+"""Distance that means a restart where the count is certain. Basis: a radio may be late."""
+MAX_MISFITS, MISFIT_NS = 8, 1_000_000_000
 """After this many misfits in a row, over at least this time, the line itself is wrong. Basis: a choice; single late reads are no
 fault, and a wrong line is left within seconds."""
 
@@ -109,10 +111,10 @@ class _Window:
     def _limit_size(self, line: _Line, read_ns: int) -> None:
         """Widen the buckets until they cover the window; after that drop the oldest ones."""
         kept = self._observations
-        if len(kept) > BUCKETS and self._bucket_ns < WINDOW_NS // BUCKETS:
-            self._bucket_ns = min(2 * (read_ns - kept[0][1]) // BUCKETS, WINDOW_NS // BUCKETS)
+        if len(kept) > N_BUCKETS and self._bucket_ns < WINDOW_NS // N_BUCKETS:
+            self._bucket_ns = min(2 * (read_ns - kept[0][1]) // N_BUCKETS, WINDOW_NS // N_BUCKETS)
             self._observations = [min(kept[i : i + 2], key=line.residual_of) for i in range(0, len(kept), 2)]
-        while len(self._observations) > BUCKETS or self._observations[0][1] < read_ns - WINDOW_NS:
+        while len(self._observations) > N_BUCKETS or self._observations[0][1] < read_ns - WINDOW_NS:
             del self._observations[0]
 
     def _fit(self) -> _Line:
@@ -135,7 +137,7 @@ class _Window:
         heights_ns = [y - slope_ns * x for x, y in points]
         n = len(points)
         mean_height_ns = (sum(heights_ns) - n * min(heights_ns) + self._usual_delay_ns) / (n - 1)
-        return slope_ns, SPREAD * mean_height_ns / (n * (points[-1][0] - points[0][0]) * self._prior_ns)
+        return slope_ns, SLOPE_FACTOR * mean_height_ns / (n * (points[-1][0] - points[0][0]) * self._prior_ns)
 
 
 class SampleClock:
@@ -221,7 +223,7 @@ class SampleClock:
             if not self._fits(line, observation):
                 self._misfit_start_ns = self._misfit_start_ns if self._misfits else read_ns
                 self._misfits += 1
-                if self._misfits < MISFITS or read_ns - self._misfit_start_ns < MISFIT_NS:
+                if self._misfits < MAX_MISFITS or read_ns - self._misfit_start_ns < MISFIT_NS:
                     return line
                 self.relearned += 1
                 self._prior_u = ANY_RATE_U

@@ -9,18 +9,18 @@ largest delay before them is taken for lost.
 
 from collections import deque
 
-LONGEST_MEMORY = 256
+MAX_REMEMBERED_DELAYS = 256
 """Number of usual delays that are remembered. Basis: a choice; delays of seconds to minutes, and a bound of the memory."""
-LONGEST_RUN = 64
+MAX_RUN_DELAYS = 64
 """Number of the latest delays in which a loss is searched for. Basis: a choice; a loss shows within it, and the search stays
 cheap."""
-CHANCE = 1e-6
+MAX_P_CHANCE = 1e-6
 """Largest probability by chance at which a loss is assumed. Basis: a choice; with ten reads per second once in a day."""
-LEAST_SHARE = 0.75
-"""Of a period. Basis: a smaller delay is no lost sample."""
-LEAST_RUN_NS = 200_000_000
+MIN_PERIOD_SHARE = 0.75
+"""Least delay that counts, as a share of a period. Basis: a smaller delay is no lost sample."""
+MIN_RUN_NS = 200_000_000
 """Shortest time of delays that show a loss. Basis: a choice; longer than a host is late for once."""
-MISCOUNT = 1e-3
+MAX_P_MISCOUNT = 1e-3
 """Largest probability that the number is wrong, because every arrival was late by half a period or more besides. Basis: a choice;
 a wrong number shifts times by a period."""
 
@@ -29,8 +29,8 @@ class UncountedLoss:
     """Watches the delays of arrivals and returns the number of samples that are missing."""
 
     def __init__(self) -> None:
-        self._usual = deque[int](maxlen=LONGEST_MEMORY)
-        self._run = deque[tuple[int, int]](maxlen=LONGEST_RUN)  # (delay_ns, read_ns)
+        self._usual = deque[int](maxlen=MAX_REMEMBERED_DELAYS)
+        self._run = deque[tuple[int, int]](maxlen=MAX_RUN_DELAYS)  # (delay_ns, read_ns)
 
     def restart(self) -> None:
         """Forget the delays, after a pause or with a new line."""
@@ -40,14 +40,14 @@ class UncountedLoss:
     def add(self, delay_ns: int, read_ns: int, period_ns: float) -> int:
         """Add the delay of the newest sample against its expected time; return the number of lost samples, usually 0."""
         self._run.append((delay_ns, read_ns))
-        if delay_ns < LEAST_SHARE * period_ns:
+        if delay_ns < MIN_PERIOD_SHARE * period_ns:
             self._usual.extend(delay for delay, _ in self._run)
             self._run.clear()
             return 0
         least_ns, count, start_ns = self._least_likely()
-        if read_ns - start_ns < LEAST_RUN_NS or self._chance(least_ns, count) > CHANCE:
+        if read_ns - start_ns < MIN_RUN_NS or self._chance(least_ns, count) > MAX_P_CHANCE:
             return 0
-        if self._chance(round(period_ns / 2), count) <= MISCOUNT:
+        if self._chance(round(period_ns / 2), count) <= MAX_P_MISCOUNT:
             lost = max(round(least_ns / period_ns), 1)
         else:  # the rest is found later
             lost = int(max(least_ns - max(self._usual, default=0), 0) / period_ns)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 REPEATED_NS = 500_000_000
 """Numbers that stay behind for longer are not late frames: the node has started again. Basis: a choice; a frame that is repeated
 comes sooner, and a start takes longer."""
-LATE_S = 10.0
+MAX_LATE_S = 10.0
 """A frame is at most this late. Basis: a choice; longer than a base station repeats a frame."""
 JUMP_S, JUMP_SHARE = 2.0, 1.25
 """Numbers that run ahead of the time since the last frame by more: the node has started again, or changed its rate. Basis: a
@@ -67,4 +67,4 @@ class SampleSequence:
             return False
         if self._repeated_from_ns is None:
             self._repeated_from_ns = read_ns
-        return -ahead > LATE_S * self._odr_hz or read_ns - self._repeated_from_ns > REPEATED_NS
+        return -ahead > MAX_LATE_S * self._odr_hz or read_ns - self._repeated_from_ns > REPEATED_NS

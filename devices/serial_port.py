@@ -6,14 +6,13 @@ from pathlib import Path
 
 import serial
 
-from devices.errors import DeviceAccessError, DeviceError, DeviceNotFoundError, TransferError
+from devices.errors import GONE_ERRNOS, DeviceAccessError, DeviceError, DeviceNotFoundError, TransferError
 from devices.usb_ports import SYSTEM_FOLDERS, PortFolders, UsbPort, find_usb_port, find_usb_ports
 
 READ_LIMIT = 4096
 """Bytes of a read. Basis: the size of the kernel's buffer of a port."""
-GONE = (errno.ENOENT, errno.ENODEV, errno.ENXIO)
-DENIED = (errno.EACCES, errno.EPERM)
-BUSY = (errno.EAGAIN, errno.EBUSY)
+DENIED_ERRNOS = (errno.EACCES, errno.EPERM)
+BUSY_ERRNOS = (errno.EAGAIN, errno.EBUSY)
 
 
 class SerialPort:
@@ -112,16 +111,16 @@ class SerialPort:
         return sorted(self._folders.by_id.iterdir()) if self._folders.by_id.is_dir() else []
 
     def _open_error(self, error: serial.SerialException) -> DeviceError:
-        if error.errno in GONE:
+        if error.errno in GONE_ERRNOS:
             offers = ", ".join(link.name for link in self._links()) or "nothing"
             return DeviceNotFoundError(
                 f"{self}: no such port; plug its adapter in, or name another: {self._folders.by_id} offers {offers}"
             )
-        if error.errno in DENIED:
+        if error.errno in DENIED_ERRNOS:
             return DeviceAccessError(
                 f"{self}: may not be opened by this user; add it to the group dialout and log in again"
             )
-        if error.errno in BUSY:
+        if error.errno in BUSY_ERRNOS:
             return DeviceAccessError(f"{self}: another program holds the port; stop it")
         if error.errno is None or error.errno == errno.EISDIR:
             return DeviceNotFoundError(

@@ -6,19 +6,18 @@ from typing import Protocol
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.clock import Clock
+from devices.device import MAX_READ_S
 from devices.errors import DeviceError, TransferError
 from devices.serial_port import SerialPort
 
 RATE_WINDOW_S = 10.0
 """Basis: a choice; the rate is known to a per cent at 10 Hz, and a change is told soon."""
-RATE_TOLERANCE = 0.15
+MAX_RATE_DIFFERENCE = 0.15
 """Relative difference from the rate as stated. Basis: larger than the deviation of a sensor's clock, smaller than the distance to
 the next rate that can be set."""
 FRAMELESS_LIMIT_BYTES = 2048
 """This many bytes without a frame are more than a disturbance. Basis: a choice; a disturbance spoils some frames, a wrong baud
 rate all."""
-LONGEST_WAIT_S = 0.5
-"""Longest read. Basis: a thread that reads ends within it (`JOIN_S`)."""
 
 
 class RateCheck:
@@ -44,7 +43,7 @@ class RateCheck:
             return
         rate_hz = self._count / elapsed_s
         self._start_ns, self._count = read_ns, 0
-        if abs(rate_hz / self._odr_hz - 1) > RATE_TOLERANCE:
+        if abs(rate_hz / self._odr_hz - 1) > MAX_RATE_DIFFERENCE:
             came = f"{rate_hz:.1f} samples/s arrive, but odr_hz is {self._odr_hz:g}"
             raise DeviceError(f"{came}; set odr_hz to the sensor's rate, or bring the radio nearer")
 
@@ -113,7 +112,7 @@ class SerialSensor:
 
     def open(self) -> DeviceInfo:
         """Open the port, without waiting for a frame: a radio may still be asleep."""
-        self._port.open(LONGEST_WAIT_S)
+        self._port.open(MAX_READ_S)
         self._part.reset()
         self._blocks.clear()
         self._rate_check.restart()

@@ -8,13 +8,11 @@ between the last one of the frame before and their own last one, whose time the 
 import numpy as np
 from numpy.typing import NDArray
 
-from devices.sample_clock import SampleClock
+from devices.sample_clock import RADIO_MISFIT_DELAY_S, SampleClock
 
 TICK_HZ = 1e6
 """Definition: microseconds."""
-MISFIT_DELAY_S = 1.0
-"""The node's clock is certain. Basis: a radio may be late."""
-RATE_TOLERANCE = 0.2
+MAX_TICK_DIFFERENCE = 0.2
 """Relative deviation of the sample period from the nominal one, beyond which, and one period, the node has paused. Basis: a
 choice; crystals differ by far less, and a pause by far more."""
 
@@ -24,7 +22,7 @@ class TickClock:
 
     def __init__(self, odr_hz: float) -> None:
         self._nominal_us = 1e6 / odr_hz
-        self._clock = SampleClock(TICK_HZ, misfit_delay_s=MISFIT_DELAY_S)
+        self._clock = SampleClock(TICK_HZ, misfit_delay_s=RADIO_MISFIT_DELAY_S)
         self._period_ns = 1e9 / odr_hz
         self._last: tuple[int, int] | None = None  # (tick in us, gateway time in ns) of the newest sample
 
@@ -43,7 +41,7 @@ class TickClock:
         if self._last is None or t_us <= self._last[0]:
             return False
         expected_us = samples * self._nominal_us
-        return abs(t_us - self._last[0] - expected_us) < RATE_TOLERANCE * expected_us + self._nominal_us
+        return abs(t_us - self._last[0] - expected_us) < MAX_TICK_DIFFERENCE * expected_us + self._nominal_us
 
     def stamp(self, n: int, t_us: int, read_ns: int, lost: int = 0) -> NDArray[np.int64]:
         """Return the gateway times in ns of the n samples of a frame, shape (n,), strictly increasing.

@@ -11,7 +11,7 @@ from pathlib import Path
 from devices.errors import DeviceNotFoundError
 
 PATTERN = re.compile(r"usb:([0-9a-fA-F]{4}):([0-9a-fA-F]{4})(?::(.+))?")
-LEVELS = 4
+MAX_LEVELS = 4
 """The USB device is at most this far above the device of the terminal. Basis: port, interface, device."""
 
 
@@ -82,7 +82,7 @@ def _list(ports: list[UsbPort]) -> str:
 
 
 def _usb_port(path: Path, device: Path) -> UsbPort | None:
-    for folder in (device, *device.parents[:LEVELS]):
+    for folder in (device, *device.parents[:MAX_LEVELS]):
         vendor, product = _read(folder / "idVendor"), _read(folder / "idProduct")
         if vendor and product:
             return UsbPort(path, vendor, product, _read(folder / "serial"), _read(folder / "product") or "no name")

@@ -6,10 +6,15 @@ if TYPE_CHECKING:
     from pydantic import ValidationError
 
 
+ANSWER_IS_NO, BAD_INPUT, WITH_LOSSES = 1, 2, 3
+"""Exit codes of the commands: refused, different or failed; wrong usage or input; done, but something was lost or is damaged.
+Definition: `docs/commands.md`."""
+
+
 class PlumblineError(Exception):
     """An error that the user can remedy; the text states what, where and how, in one line."""
 
-    exit_code = 2
+    exit_code = BAD_INPUT
 
 
 class InputError(PlumblineError, ValueError):

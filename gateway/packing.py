@@ -13,7 +13,7 @@ from devices.block import SampleBlock
 from gateway.messages import ClockQuality, Samples
 
 Times = NDArray[np.int64]
-LONGEST_PERIOD_NS = 1e12
+MAX_PERIOD_NS = 1e12
 """A thousand seconds, longer than any sample period. Basis: a choice; a thousand seconds, longer than any sample period, and
 exact in the packing."""
 
@@ -112,7 +112,7 @@ def _pack_times(time_ns: Times) -> tuple[float | None, list[int] | None]:
 def _is_period(period_ns: float, offsets_ns: Times) -> bool:
     """Return whether every sample is at its multiple of the period, rounded."""
     index, _ = _bounds(len(offsets_ns))
-    return abs(period_ns) <= LONGEST_PERIOD_NS and not np.count_nonzero(np.rint(index * period_ns) != offsets_ns)
+    return abs(period_ns) <= MAX_PERIOD_NS and not np.count_nonzero(np.rint(index * period_ns) != offsets_ns)
 
 
 @lru_cache(maxsize=64)
@@ -151,7 +151,7 @@ def _saturated(places: list[int], count: int) -> NDArray[np.bool_]:
 
 def _unpack_times(samples: Samples, count: int) -> Times:
     if samples.period_ns is not None:
-        if not abs(samples.period_ns) <= LONGEST_PERIOD_NS:
+        if not abs(samples.period_ns) <= MAX_PERIOD_NS:
             raise ValueError(f"samples {samples.period_ns} ns apart")
         offsets_ns = np.rint(np.arange(count) * samples.period_ns).astype(np.int64)
     else:

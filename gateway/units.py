@@ -1,6 +1,10 @@
-"""Conversion of radians to degrees, and of numbers that are not finite to None."""
+"""Units of time and of memory, the conversion of radians to degrees, and of numbers that are not finite to None."""
 
 import math
+
+MINUTE_S, HOUR_S, DAY_S = 60, 3600, 86_400
+HOURS_PER_DAY = 24
+BYTES_PER_MB = 1_000_000
 
 
 def degrees(angle_rad: float | None) -> float | None:

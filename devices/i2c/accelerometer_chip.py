@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from devices.clock_protocol import Clock
+from devices.clock import Clock
 from devices.i2c.bus import I2cPart
 
 MAX_LISTED_RATES = 16
@@ -128,7 +128,10 @@ class LostAlignmentError(Exception):
 
 
 class AccelerometerChip(Protocol):
-    """A chip at one rate and range. Every method may raise `TransferError`."""
+    """A chip at one rate and range. Every method may raise `TransferError`.
+
+    A class that inherits from it has no revision, no reset and no temperature, and reads whole samples, unless it says otherwise.
+    """
 
     kind: str
     """As the configuration names it."""
@@ -140,11 +143,11 @@ class AccelerometerChip(Protocol):
 
     def revision(self, part: I2cPart, identity: Identity) -> str:
         """Return the revision of the part that was identified, or an empty text."""
-        ...
+        return ""
 
     def reset(self, part: I2cPart, clock: Clock) -> None:
         """Restore the defaults, and wait until the chip is ready."""
-        ...
+        return
 
     def fifo_level(self, part: I2cPart, clock: Clock) -> FifoLevel:
         """Return the contents of the FIFO. Raises `ImplausibleStatusError`."""
@@ -156,11 +159,11 @@ class AccelerometerChip(Protocol):
 
     def forget_partial(self) -> None:
         """Discard a part of a sample that was read, because the rest of it is lost."""
-        ...
+        return
 
     def temperature_c(self, part: I2cPart) -> float | None:
         """Return the temperature; None where the chip has no sensor for it, or its reading changes all the time."""
-        ...
+        return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,16 +18,16 @@ SINGLE_ENDED = 0x4000
 """Input 0 against ground; each further input adds 0x1000."""
 RANGE_4_096_V, SINGLE_SHOT, RATE_860_HZ, COMPARATOR_OFF = 0x0200, 0x0100, 0x00E0, 0x0003
 VOLTS_PER_UNIT = 4.096 / 32768
-"""Of the range of 4.096 V (data sheet, section 9.6)."""
-INPUTS = 4
+"""Step of the range of 4.096 V (data sheet, section 9.6)."""
+N_INPUTS = 4
 """Definition: of the part (data sheet)."""
 CONVERSION_S = 1 / 860
 """Nominal at the highest data rate; the oscillator is right to 10 % (data sheet, section 7.5)."""
 WAKE_UP_S = 25e-6
 """Data sheet, see above."""
-POLL_S = 1e-4
+CONVERSION_POLL_S = 1e-4
 """Pause between two looks for the end of a conversion. Basis: a choice; less than a tenth of a conversion, about a transfer."""
-LONGEST_CONVERSION_S = 0.005
+MAX_CONVERSION_S = 0.005
 """Basis: a choice; four conversions, so that a slow oscillator passes and a part that hangs shows."""
 
 
@@ -56,9 +56,9 @@ def convert(part: I2cPart, clock: Clock, channel: int) -> Conversion:
     start_ns = clock.now_ns()
     clock.sleep_s(WAKE_UP_S + CONVERSION_S)
     while not _is_ready(part, settings):
-        if clock.now_ns() - start_ns > LONGEST_CONVERSION_S * 1e9:
+        if clock.now_ns() - start_ns > MAX_CONVERSION_S * 1e9:
             raise TransferError(f"{part}: a conversion does not end; power-cycle the converter")
-        clock.sleep_s(POLL_S)
+        clock.sleep_s(CONVERSION_POLL_S)
     units = int.from_bytes(part.read(CONVERSION, 2), "big", signed=True)
     return Conversion(start_ns + round((WAKE_UP_S + CONVERSION_S / 2) * 1e9), units * VOLTS_PER_UNIT)
 

@@ -7,9 +7,10 @@ the limits of the self-test (a warning only), noise, zero-g offset and temperatu
 
 import math
 
-from devices.clock_protocol import Clock
+from devices.clock import Clock
 from devices.i2c.accelerometer_chip import (
     SAMPLE_BYTES,
+    AccelerometerChip,
     ChipKind,
     ChipProperties,
     FifoLevel,
@@ -42,22 +43,22 @@ FIFO_SAMPLES = 32
 
 SELF_TEST_FORCE = 0x80
 SELF_TEST_LIMITS_G = ((0.2, 4.43), (-4.43, -0.2), (0.3, 5.75))
-"""Of DATA_FORMAT. At 2.5 V the limits are 0.2 to 2.1 g, and 0.3 to 3.4 g along z; at 3.6 V the upper ones are 2.11 times, along z
-1.69 times as large (Tables 1 and 14). Basis: data sheet."""
+"""Bits and limits of DATA_FORMAT. At 2.5 V the limits are 0.2 to 2.1 g, and 0.3 to 3.4 g along z; at 3.6 V the upper ones are
+2.11 times, along z 1.69 times as large (Tables 1 and 14). Basis: data sheet."""
 
 RATE_CODES = {3200.0 / (1 << (15 - code)): code for code in range(0xD, 0x5, -1)}
-"""From 800 Hz, the fastest for an I2C bus of 400 kHz (section "I2C"), to 6.25 Hz. Basis: data sheet."""
+"""Codes of the rates from 800 Hz, the fastest for an I2C bus of 400 kHz (section "I2C"), to 6.25 Hz. Basis: data sheet."""
 RANGE_CODES = {2: 0, 4: 1, 8: 2, 16: 3}
 """Codes of the ranges in g (data sheet, DATA_FORMAT)."""
 UNITS_PER_G = 256.0
-"""In full resolution, at any range (data sheet, Table 1)."""
+"""Scale in full resolution, at any range (data sheet, Table 1)."""
 NOISE_LSB = 1.1
 """At 100 Hz, of the z axis, the noisiest. Basis: data sheet, Table 1."""
 ZERO_G_OFFSET_G, ZERO_G_OFFSET_G_PER_K, SCALE_FACTOR_PER_K = 0.25, 1.2e-3, 1e-4
-"""Of the z axis, which has the wider limits. Basis: data sheet, Table 1."""
+"""Limits of the z axis, which has the wider ones. Basis: data sheet, Table 1."""
 
 
-class Adxl345:
+class Adxl345(AccelerometerChip):
     """An ADXL345. It has neither a reset nor a temperature sensor, so every register that matters is written."""
 
     def __init__(self, odr_hz: float = 100.0, range_g: float = 2) -> None:
@@ -65,7 +66,7 @@ class Adxl345:
         rate_hz = nearest_rate("ADXL345", RATE_CODES, odr_hz)
         full_scale_g = known_range("ADXL345", RANGE_CODES, range_g)
         self.kind = "adxl345"
-        self.identities: tuple[Identity, ...] = (IDENTITY,)
+        self.identities = (IDENTITY,)
         self.properties = ChipProperties(
             odr_hz=rate_hz,
             units_per_g=UNITS_PER_G,
@@ -78,7 +79,7 @@ class Adxl345:
             saturation_counts=code_limits(10 + RANGE_CODES[full_scale_g]),
             longest_block=FIFO_SAMPLES // 2,
         )
-        self.self_test: SelfTest | None = SelfTest(
+        self.self_test = SelfTest(
             DATA_FORMAT,
             SELF_TEST_FORCE,
             lambda _: SELF_TEST_LIMITS_G,
@@ -86,7 +87,7 @@ class Adxl345:
             range_g=16,
             confirmed=False,
         )
-        self.configuration: tuple[Setting, ...] = (
+        self.configuration = (
             Setting(POWER_CTL, "POWER_CTL", STANDBY),
             *(Setting(OFSX + axis, f"OFS{'XYZ'[axis]}", 0) for axis in range(3)),
             Setting(BW_RATE, "BW_RATE", RATE_CODES[rate_hz]),
@@ -95,13 +96,6 @@ class Adxl345:
             Setting(FIFO_CTL, "FIFO_CTL", STREAM),
             Setting(POWER_CTL, "POWER_CTL", MEASURE),
         )
-
-    def revision(self, part: I2cPart, identity: Identity) -> str:
-        """Return an empty text: the part has no revision."""
-        return ""
-
-    def reset(self, part: I2cPart, clock: Clock) -> None:
-        """Do nothing: there is no reset command."""
 
     def fifo_level(self, part: I2cPart, clock: Clock) -> FifoLevel:
         """Return the number of samples. The overrun bit is cleared when samples are read.
@@ -125,13 +119,6 @@ class Adxl345:
         They are separate transfers, because the I2C controller of a Pi allows one read in each.
         """
         return decode_samples(b"".join(part.read(DATAX0, SAMPLE_BYTES, consuming=True) for _ in range(size)))
-
-    def forget_partial(self) -> None:
-        """Do nothing: samples are read whole."""
-
-    def temperature_c(self, part: I2cPart) -> float | None:
-        """Return None: the part has no temperature sensor."""
-        return None
 
 
 ADXL345_KIND = ChipKind(

@@ -10,9 +10,10 @@ import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from devices.clock_protocol import Clock
+from devices.clock import Clock
 from devices.errors import TransferError
 from devices.i2c.accelerometer_chip import (
+    AccelerometerChip,
     ChipKind,
     ChipProperties,
     FifoLevel,
@@ -42,7 +43,7 @@ OVERRUN, NVM_BUSY, STATUS_UNUSED = 0x04, 0x10, 0xE0
 RATES_HZ = tuple(4000.0 / (1 << k) for k in range(11))
 """Output data rates by their code in the FILTER register. Basis: data sheet."""
 RATE_CODES = {rate_hz: code for code, rate_hz in enumerate(RATES_HZ)}
-LONGEST_BLOCK = 16
+MAX_READ_SAMPLES = 16
 """Samples of a block at most. Basis: half of the FIFO, so that a late read loses none."""
 ENTRIES_MARGIN = 3
 """The FIFO level may exceed the FIFO's size by this many entries; a higher one is a transfer error. Basis: one sample, which may
@@ -103,7 +104,7 @@ def noise_g(odr_hz: float, noise_g_per_root_hz: float = ADXL355.noise_g_per_root
     return noise_g_per_root_hz * math.sqrt(math.pi / 2 * odr_hz / 4)
 
 
-class Adxl355:
+class Adxl355(AccelerometerChip):
     """An ADXL355; with `ADXL357` an ADXL357, which has the same registers and the same identity."""
 
     def __init__(self, odr_hz: float = 125.0, range_g: float = 2, variant: Variant = ADXL355) -> None:
@@ -113,7 +114,7 @@ class Adxl355:
         full_scale_g = known_range(name, variant.units_per_g, range_g)
         range_code = list(variant.units_per_g).index(full_scale_g) + 1
         self.kind = name.lower()
-        self.identities: tuple[Identity, ...] = (IDENTITY,)
+        self.identities = (IDENTITY,)
         self.properties = ChipProperties(
             odr_hz=rate_hz,
             units_per_g=variant.units_per_g[full_scale_g],
@@ -124,10 +125,10 @@ class Adxl355:
             scale_factor_per_k=SCALE_FACTOR_PER_K,
             bandwidth_hz=rate_hz / 4,
             saturation_counts=code_limits(20),
-            longest_block=LONGEST_BLOCK,
+            longest_block=MAX_READ_SAMPLES,
         )
         self.self_test = variant.self_test
-        self.configuration: tuple[Setting, ...] = (
+        self.configuration = (
             Setting(POWER_CTL, "POWER_CTL", STANDBY),
             Setting(RANGE, "RANGE", RANGE_HIGH_SPEED | range_code),
             Setting(FILTER, "FILTER", RATE_CODES[rate_hz]),

@@ -14,6 +14,7 @@ from smbus2 import SMBus
 from devices.block import DeviceInfo, SampleBlock
 from devices.channel_cycles import ChannelCycles
 from devices.clock import Clock
+from devices.device import MAX_READ_NS
 from devices.errors import ConfigurationReadBackError, DeviceError
 from devices.i2c import ads1115
 from devices.i2c.bus import BusOpener, I2cPart
@@ -21,14 +22,12 @@ from devices.i2c.bus import BusOpener, I2cPart
 Limits = tuple[float, float]
 NOMINAL_SUPPLY_V = 3.0
 """Supply of the figures of the parts (Sawicki and Walendziuk 2016, Tables 1 to 3 and 6); limits are plausibility checks only."""
-FASTEST_HZ = 125.0
+MAX_CYCLE_HZ = 125.0
 """Basis: four conversions and their transfers at 400 kHz take 6 ms."""
 VOLTS_PER_COUNT = 1e-5
 """Of the output at the nominal supply, counted from half of it. Basis: a choice; a twelfth of a step of the converter, so that
 rounding adds nothing."""
-LONGEST_WAIT_NS = 500_000_000
-"""Longest read. Basis: a thread that reads ends within it (`JOIN_S`)."""
-SUPPLY = 3
+SUPPLY_INPUT = 3
 """Definition: the input of the supply."""
 BAD_CYCLES = 10
 """After this many cycles in a row without a usable supply the sensor is reported as not connected. Basis: a choice; a dip of the
@@ -44,10 +43,10 @@ class AnaloguePart:
     full_scale_g: float
     sensitivity_limits_v_per_g: Limits
     zero_g_limits_v: tuple[Limits, Limits, Limits]
-    """Of x, y and z."""
+    """Limits of the zero-g output of x, y and z."""
     zero_g_offset_g_per_k: float
     supply_limits_v: Limits
-    """Of operation, by the data sheet."""
+    """Supply with which the part operates, by the data sheet."""
     scale_factor_per_k: float = 1e-4
 
     @property
@@ -89,8 +88,8 @@ class AnalogueAccelerometer:
         open_bus: BusOpener = SMBus,
     ) -> None:
         """`serial`: a label, for the sensor has no number. Raises `ValueError`."""
-        if not 0 < odr_hz <= FASTEST_HZ:
-            raise ValueError(f"an ADS1115 cannot convert four inputs at {odr_hz:g} Hz; give at most {FASTEST_HZ:g}")
+        if not 0 < odr_hz <= MAX_CYCLE_HZ:
+            raise ValueError(f"an ADS1115 cannot convert four inputs at {odr_hz:g} Hz; give at most {MAX_CYCLE_HZ:g}")
         self._sensor = sensor
         self._bus, self._address = bus, address
         self._odr_hz = odr_hz
@@ -109,7 +108,7 @@ class AnalogueAccelerometer:
         self._part.open()
         try:
             ads1115.identify(self._part)
-            supply_v = ads1115.convert(self._part, self._clock, SUPPLY).volts
+            supply_v = ads1115.convert(self._part, self._clock, SUPPLY_INPUT).volts
             if not self._is_usable(supply_v):
                 raise self._supply_error(supply_v)
         except DeviceError:
@@ -140,7 +139,7 @@ class AnalogueAccelerometer:
 
         Raises `ConfigurationReadBackError`, `TransferError`, and `DeviceError` when the supply of the sensor is missing.
         """
-        deadline_ns = self._clock.now_ns() + LONGEST_WAIT_NS
+        deadline_ns = self._clock.now_ns() + MAX_READ_NS
         while len(self._cycles) <= self._block_samples + 1 and self._clock.now_ns() < deadline_ns:
             self._convert_cycle()
         return self._take_block()
@@ -167,11 +166,11 @@ class AnalogueAccelerometer:
         self._clock.sleep_s((self._cycle_ns - now_ns) / 1e9)
         self._cycle_ns += self._period_ns
         try:
-            cycle = [ads1115.convert(self._part, self._clock, channel) for channel in range(ads1115.INPUTS)]
+            cycle = [ads1115.convert(self._part, self._clock, channel) for channel in range(ads1115.N_INPUTS)]
         except ConfigurationReadBackError:
             self._faults["configuration_lost"] += 1
             raise
-        supply_v = cycle[SUPPLY].volts
+        supply_v = cycle[SUPPLY_INPUT].volts
         if not self._is_usable(supply_v):
             self._faults["supply_voltage"] += 1
             self._invalid += 1
@@ -181,7 +180,7 @@ class AnalogueAccelerometer:
             return
         self._bad_cycles = 0
         outputs_v = [conversion.volts for conversion in cycle]
-        at_nominal_v = np.array(outputs_v[:SUPPLY]) * NOMINAL_SUPPLY_V / supply_v
+        at_nominal_v = np.array(outputs_v[:SUPPLY_INPUT]) * NOMINAL_SUPPLY_V / supply_v
         if np.any(at_nominal_v < self._possible_v[0]) or np.any(at_nominal_v > self._possible_v[1]):
             self._faults["implausible_voltage"] += 1
         from_middle_g = (at_nominal_v - NOMINAL_SUPPLY_V / 2) / self._sensor.sensitivity_v_per_g
@@ -193,7 +192,7 @@ class AnalogueAccelerometer:
         instants = self._cycles.take()
         if instants is None:
             return None
-        share = instants.values[:, :SUPPLY] / instants.values[:, SUPPLY:]
+        share = instants.values[:, :SUPPLY_INPUT] / instants.values[:, SUPPLY_INPUT:]
         raw = np.rint((share - 0.5) * NOMINAL_SUPPLY_V / VOLTS_PER_COUNT).astype(np.int32)
         lost = max(instants.lost - self._invalid, 0)
         block = SampleBlock(instants.time_ns, raw, lost=lost, invalid=self._invalid, saturated=instants.saturated)

@@ -12,7 +12,7 @@ from typing import Protocol
 
 from smbus2 import SMBus, i2c_msg
 
-from devices.clock_protocol import Clock
+from devices.clock import Clock
 from devices.errors import (
     ConfigurationReadBackError,
     DeviceAccessError,
@@ -21,7 +21,7 @@ from devices.errors import (
     TransferError,
 )
 
-ATTEMPTS = 3
+MAX_ATTEMPTS = 3
 """Basis: a choice; single disturbances pass, and a part that does not answer is told soon."""
 RETRY_PAUSE_S = 0.001
 """Basis: a choice; longer than a disturbance by a switch, shorter than a FIFO takes to overflow."""
@@ -126,14 +126,14 @@ class I2cPart:
         if self._bus is None:
             raise TransferError(f"{self}: the bus is not open; open it first")
         start_ns = self._clock.now_ns()
-        for attempt in range(1, ATTEMPTS + 1):
+        for attempt in range(1, MAX_ATTEMPTS + 1):
             try:
                 self._bus.i2c_rdwr(*messages)
             except OSError as error:
                 name, meaning = FAULTS.get(error.errno or 0, OTHER_FAULT)
                 self.faults[name] += 1
                 late = self._clock.now_ns() - start_ns > RETRY_LIMIT_NS
-                if attempt == ATTEMPTS or late or not (repeatable or error.errno in NO_ACKNOWLEDGE):
+                if attempt == MAX_ATTEMPTS or late or not (repeatable or error.errno in NO_ACKNOWLEDGE):
                     raise TransferError(f"{self}: {meaning} (errno {error.errno}, attempt {attempt})") from error
                 self._clock.sleep_s(RETRY_PAUSE_S)
             else:

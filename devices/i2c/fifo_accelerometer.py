@@ -10,6 +10,7 @@ from smbus2 import SMBus
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.clock import Clock
+from devices.device import MAX_READ_NS, MAX_SILENCE_NS
 from devices.errors import ConfigurationReadBackError, DeviceError, TransferError
 from devices.i2c.accelerometer_chip import (
     AccelerometerChip,
@@ -23,10 +24,6 @@ from devices.i2c.identity import identify
 from devices.sample_clock import SampleClock
 from devices.saturation import mark_saturated
 
-LONGEST_WAIT_NS = 500_000_000
-"""Longest read. Basis: a thread that reads ends within it (`JOIN_S`)."""
-SILENCE_NS = 2_000_000_000
-"""Time without a sample after which a part is told as silent. Basis: a choice; two periods of the slowest rate of any chip."""
 CHECK_NS = 1_000_000_000
 """Period of the checks of configuration and temperature, and of the search for the moment of sampling. Basis: a choice; a part
 that was reset is noticed within a second, for a few transfers."""
@@ -160,7 +157,7 @@ class FifoAccelerometer:
             self._check_due_ns = start_ns + CHECK_NS
             probing = True
         early_ns = self._probe_ns if probing else 0
-        deadline_ns = start_ns + LONGEST_WAIT_NS
+        deadline_ns = start_ns + MAX_READ_NS
         while not self._blocks:
             level = self._await_level(deadline_ns, early_ns)
             self._blocks.extend(self._drain_fifo(level))
@@ -170,8 +167,8 @@ class FifoAccelerometer:
                 self._clock.sleep_s(1 / self._odr_hz)
         if self._blocks:
             self._last_received_ns = level.read_ns
-        elif level.read_ns - self._last_received_ns > SILENCE_NS:
-            raise TransferError(f"{self._part}: no samples for {SILENCE_NS / 1e9:g} s; power-cycle the sensor")
+        elif level.read_ns - self._last_received_ns > MAX_SILENCE_NS:
+            raise TransferError(f"{self._part}: no samples for {MAX_SILENCE_NS / 1e9:g} s; power-cycle the sensor")
 
     def _await_level(self, deadline_ns: int, early_ns: int) -> FifoLevel:
         """Sleep until the samples of a block are due, and poll until they are there.

@@ -7,10 +7,11 @@ Not confirmed by a second source: noise, zero-g offset and temperature coefficie
 
 import math
 
-from devices.clock_protocol import Clock
+from devices.clock import Clock
 from devices.errors import TransferError
 from devices.i2c.accelerometer_chip import (
     SAMPLE_BYTES,
+    AccelerometerChip,
     ChipKind,
     ChipProperties,
     FifoLevel,
@@ -44,7 +45,7 @@ RESET_POLLS, RESET_POLL_S = 20, 0.005
 
 SELF_TEST_FORCE = 0x40
 SELF_TEST_LIMITS_G = ((0.07, 1.5),) * 3
-"""Of CTRL3, at 50 Hz and 4 g (Table 3). Basis: data sheet."""
+"""Bits and limits of CTRL3, at 50 Hz and 4 g (Table 3). Basis: data sheet."""
 
 RATE_CODES = {1600.0: 9, 800.0: 8, 400.0: 7, 200.0: 6, 100.0: 5, 50.0: 4, 25.0: 3, 12.5: 2}
 """Section 8.4, CTRL1, in high-performance mode. Basis: data sheet."""
@@ -57,10 +58,10 @@ NOISE_G_PER_ROOT_HZ = 90e-6
 ZERO_G_OFFSET_G, ZERO_G_OFFSET_G_PER_K, SCALE_FACTOR_PER_K = 0.02, 0.2e-3, 1e-4
 """Data sheet, Table 3."""
 UNITS_PER_KELVIN = 256.0
-"""Of OUT_T: 12 bits, left-justified, 16 per kelvin, 0 at 25 °C (Table 5)."""
+"""Scale of OUT_T: 12 bits, left-justified, 16 per kelvin, 0 at 25 °C (Table 5)."""
 
 
-class Lis2dw12:
+class Lis2dw12(AccelerometerChip):
     """A LIS2DW12 in high-performance mode with low noise."""
 
     def __init__(self, odr_hz: float = 100.0, range_g: float = 2) -> None:
@@ -68,7 +69,7 @@ class Lis2dw12:
         rate_hz = nearest_rate("LIS2DW12", RATE_CODES, odr_hz)
         full_scale_g = known_range("LIS2DW12", RANGE_CODES, range_g)
         self.kind = "lis2dw12"
-        self.identities: tuple[Identity, ...] = (IDENTITY,)
+        self.identities = (IDENTITY,)
         self.properties = ChipProperties(
             odr_hz=rate_hz,
             units_per_g=UNITS_PER_G[full_scale_g],
@@ -81,7 +82,7 @@ class Lis2dw12:
             saturation_counts=code_limits(14),
             longest_block=FIFO_SIZE // 2,
         )
-        self.self_test: SelfTest | None = SelfTest(
+        self.self_test = SelfTest(
             CTRL3,
             SELF_TEST_FORCE,
             lambda _: SELF_TEST_LIMITS_G,
@@ -89,7 +90,7 @@ class Lis2dw12:
             range_g=4,
             either_sign=True,
         )
-        self.configuration: tuple[Setting, ...] = (
+        self.configuration = (
             Setting(CTRL1, "CTRL1", POWER_DOWN),
             Setting(CTRL2, "CTRL2", BLOCK_DATA_UPDATE | AUTO_INCREMENT),
             Setting(CTRL3, "CTRL3", 0),
@@ -98,10 +99,6 @@ class Lis2dw12:
             Setting(FIFO_CTRL, "FIFO_CTRL", CONTINUOUS),
             Setting(CTRL1, "CTRL1", RATE_CODES[rate_hz] << 4 | HIGH_PERFORMANCE),
         )
-
-    def revision(self, part: I2cPart, identity: Identity) -> str:
-        """Return an empty text: the part has no revision."""
-        return ""
 
     def reset(self, part: I2cPart, clock: Clock) -> None:
         """Reset the control registers; the bit clears itself. Raises `TransferError`."""
@@ -127,9 +124,6 @@ class Lis2dw12:
     def read_fifo(self, part: I2cPart, size: int) -> list[SampleRun]:
         """Read samples in one burst: after OUT_Z_H the address returns to OUT_X_L (section 5.3)."""
         return decode_samples(part.read(OUT_X_L, SAMPLE_BYTES * size, consuming=True), UNUSED_BITS)
-
-    def forget_partial(self) -> None:
-        """Do nothing: samples are read whole."""
 
     def temperature_c(self, part: I2cPart) -> float | None:
         """Return the temperature."""

@@ -8,9 +8,10 @@ second source: the rate of 1344 Hz, noise, zero-g offset and temperature coeffic
 
 import math
 
-from devices.clock_protocol import Clock
+from devices.clock import Clock
 from devices.i2c.accelerometer_chip import (
     SAMPLE_BYTES,
+    AccelerometerChip,
     ChipKind,
     ChipProperties,
     FifoLevel,
@@ -46,7 +47,7 @@ BOOT_S = 0.005
 
 SELF_TEST_FORCE = 0x02
 SELF_TEST_LIMITS_G = ((0.068, 1.44),) * 3
-"""Of CTRL_REG4, at 50 Hz and 2 g. 17 to 360 digits of 4 mg (Table 4). Basis: data sheet."""
+"""Bits and limits of CTRL_REG4, at 50 Hz and 2 g. 17 to 360 digits of 4 mg (Table 4). Basis: data sheet."""
 
 RATE_CODES = {1344.0: 9, 400.0: 7, 200.0: 6, 100.0: 5, 50.0: 4, 25.0: 3, 10.0: 2, 1.0: 1}
 """Table 31, in high-resolution mode."""
@@ -62,8 +63,8 @@ ZERO_G_OFFSET_G, ZERO_G_OFFSET_G_PER_K, SCALE_FACTOR_PER_K = 0.04, 0.5e-3, 1e-4
 """Data sheet, Table 4."""
 
 
-class Lis3dh:
-    """A LIS3DH in high-resolution mode. Its temperature sensor is relative only, so none is delivered."""
+class Lis3dh(AccelerometerChip):
+    """A LIS3DH in high-resolution mode. Its temperature sensor has no absolute zero (section 3.7), so none is delivered."""
 
     def __init__(self, odr_hz: float = 100.0, range_g: float = 2) -> None:
         """Raises `ValueError` for a rate or a range that the part does not have."""
@@ -71,7 +72,7 @@ class Lis3dh:
         full_scale_g = known_range("LIS3DH", RANGE_CODES, range_g)
         bandwidth_hz = rate_hz / 9  # Table 12
         self.kind = "lis3dh"
-        self.identities: tuple[Identity, ...] = (IDENTITY,)
+        self.identities = (IDENTITY,)
         self.properties = ChipProperties(
             odr_hz=rate_hz,
             units_per_g=UNITS_PER_G[full_scale_g],
@@ -84,10 +85,10 @@ class Lis3dh:
             saturation_counts=SATURATION_COUNTS[full_scale_g],
             longest_block=FIFO_SAMPLES // 2,
         )
-        self.self_test: SelfTest | None = SelfTest(
+        self.self_test = SelfTest(
             CTRL_REG4, SELF_TEST_FORCE, lambda _: SELF_TEST_LIMITS_G, odr_hz=50.0, range_g=2, either_sign=True
         )
-        self.configuration: tuple[Setting, ...] = (
+        self.configuration = (
             Setting(CTRL_REG1, "CTRL_REG1", POWER_DOWN),
             Setting(CTRL_REG2, "CTRL_REG2", 0),  # no high-pass filter
             Setting(CTRL_REG4, "CTRL_REG4", BLOCK_DATA_UPDATE | RANGE_CODES[full_scale_g] << 4 | HIGH_RESOLUTION),
@@ -96,10 +97,6 @@ class Lis3dh:
             Setting(FIFO_CTRL_REG, "FIFO_CTRL_REG", STREAM),
             Setting(CTRL_REG1, "CTRL_REG1", RATE_CODES[rate_hz] << 4 | AXES_ENABLED),
         )
-
-    def revision(self, part: I2cPart, identity: Identity) -> str:
-        """Return an empty text: the part has no revision."""
-        return ""
 
     def reset(self, part: I2cPart, clock: Clock) -> None:
         """Load the factory trimming again. The control registers keep their values; all that matter are written."""
@@ -125,13 +122,6 @@ class Lis3dh:
         """Read samples in one burst: after OUT_Z_H the address returns to OUT_X_L (section 5.1.5)."""
         data = part.read(OUT_X_L | AUTO_INCREMENT, SAMPLE_BYTES * size, consuming=True)
         return decode_samples(data, UNUSED_BITS)
-
-    def forget_partial(self) -> None:
-        """Do nothing: samples are read whole."""
-
-    def temperature_c(self, part: I2cPart) -> float | None:
-        """Return None: the temperature sensor has no absolute zero (section 3.7)."""
-        return None
 
 
 LIS3DH_KIND = ChipKind(

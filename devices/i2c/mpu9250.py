@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from devices.clock_protocol import Clock
+from devices.clock import Clock
 from devices.i2c.accelerometer_chip import (
+    AccelerometerChip,
     AxisLimits,
     ChipKind,
     ChipProperties,
@@ -94,9 +95,9 @@ class MpuVariant:
     fifo_bytes: int
     has_accel_config_2: bool
     bandwidths_hz: tuple[float, ...]
-    """Of the accelerometer, by the codes 1 to 6 of its low-pass filter."""
+    """Bandwidths of the accelerometer, by the codes 1 to 6 of its low-pass filter."""
     gyro_bandwidths_hz: tuple[float, ...]
-    """Of the gyroscope, by the same codes."""
+    """Bandwidths of the gyroscope, by the same codes."""
     gyro_noise_rad_s_per_root_hz: float
     gyro_bias_rad_s: float
     noise_g_per_root_hz: float
@@ -143,7 +144,7 @@ MPU6050 = MpuVariant(
 """Data sheet PS-MPU-6000A-00, Tables 1 and 2."""
 
 
-class Mpu9250:
+class Mpu9250(AccelerometerChip):
     """An MPU-9250, MPU-9255 or MPU-6500; with `MPU6050` an MPU-6050."""
 
     def __init__(self, odr_hz: float = 100.0, range_g: float = 2, variant: MpuVariant = MPU9250) -> None:
@@ -178,7 +179,7 @@ class Mpu9250:
             if has_test
             else None
         )
-        self.configuration: tuple[Setting, ...] = (
+        self.configuration = (
             Setting(PWR_MGMT_1, "PWR_MGMT_1", BEST_CLOCK),
             Setting(PWR_MGMT_2, "PWR_MGMT_2", 0),
             Setting(SMPLRT_DIV, "SMPLRT_DIV", RATE_CODES[rate_hz]),

@@ -14,19 +14,14 @@ from numpy.typing import NDArray
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.clock import Clock
+from devices.device import MAX_READ_S, MAX_SILENCE_NS
 from devices.errors import DeviceError, TransferError
 from devices.iio.buffer import ACCELERATION, ANGULAR_RATE, TIMESTAMP, IioBuffer
-from devices.iio.sysfs import IioAttributes, find_iio_device
+from devices.iio.sysfs import TEMPERATURE_PERIOD_NS, IioAttributes, find_iio_device
 from devices.sample_clock import SampleClock
 from devices.saturation import mark_saturated
 
-LONGEST_WAIT_S = 0.5
-"""Longest read. Basis: a thread that reads ends within it (`JOIN_S`)."""
-SILENCE_NS = 2_000_000_000
-"""Time without a sample after which a part is told as silent. Basis: a choice; as for a part on a bus."""
-TEMPERATURE_NS = 1_000_000_000
-"""Period of the temperature. Basis: a choice; a housing warms up within minutes."""
-EARLIEST_NS, LATEST_NS = -10_000_000_000, 100_000_000
+MIN_LATENESS_NS, MAX_LATENESS_NS = -10_000_000_000, 100_000_000
 """A timestamp farther from the moment of its reading belongs to bytes that are out of step. Basis: a choice; a buffer holds 2 s,
 and clocks of one host agree to less than 0.1 s."""
 CLOCK_ATTRIBUTE, MONOTONIC = "current_timestamp_clock", "monotonic"
@@ -121,16 +116,16 @@ class IioAccelerometer:
     def _receive(self) -> None:
         if self._buffer is None:
             raise TransferError(f"{self._name}: the device is not open; open it first")
-        scans = self._buffer.read(LONGEST_WAIT_S)
+        scans = self._buffer.read(MAX_READ_S)
         now_ns = self._clock.now_ns()
         if not scans:
-            if now_ns - self._last_read_ns > SILENCE_NS:
+            if now_ns - self._last_read_ns > MAX_SILENCE_NS:
                 raise TransferError(
-                    f"{self._device.folder}: no samples for {SILENCE_NS / 1e9:g} s; check bus and trigger"
+                    f"{self._device.folder}: no samples for {MAX_SILENCE_NS / 1e9:g} s; check bus and trigger"
                 )
             return
         if now_ns >= self._temperature_due_ns:
-            self._temperature_due_ns = now_ns + TEMPERATURE_NS
+            self._temperature_due_ns = now_ns + TEMPERATURE_PERIOD_NS
             self._temperature_c = self._device.temperature_c()
         table = self._buffer.layout.decode(scans)
         time_ns = self._sample_times(table, now_ns)
@@ -149,9 +144,9 @@ class IioAccelerometer:
                 self._sample_clock.restart()
             return self._sample_clock.stamp(len(table[ACCELERATION[0]]), now_ns)
         time_ns = table[TIMESTAMP] + self._offset_ns
-        before_ns = now_ns + EARLIEST_NS if self._last_ns is None else self._last_ns
+        before_ns = now_ns + MIN_LATENESS_NS if self._last_ns is None else self._last_ns
         ascending = bool(np.all(np.diff(time_ns, prepend=before_ns) > 0))
-        plausible = int(time_ns[0]) > now_ns + EARLIEST_NS and int(time_ns[-1]) < now_ns + LATEST_NS
+        plausible = int(time_ns[0]) > now_ns + MIN_LATENESS_NS and int(time_ns[-1]) < now_ns + MAX_LATENESS_NS
         return time_ns if ascending and plausible else None
 
     @property

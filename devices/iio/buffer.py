@@ -6,7 +6,7 @@ import select
 from contextlib import suppress
 from pathlib import Path
 
-from devices.errors import DeviceAccessError, DeviceError, DeviceNotFoundError, TransferError
+from devices.errors import GONE_ERRNOS, DeviceAccessError, DeviceError, DeviceNotFoundError, TransferError
 from devices.iio.scan import ScanLayout, ScanType
 from devices.iio.sysfs import IioAttributes
 
@@ -16,7 +16,6 @@ TIMESTAMP = "in_timestamp"
 BUFFER_S = 2.0
 """Samples of this time fit into the kernel's buffer while the host is late. Basis: a choice; longer than any write stops a
 thread, and some kilobytes."""
-GONE = (errno.ENODEV, errno.ENXIO, errno.ENOENT)
 
 
 class IioBuffer:
@@ -123,11 +122,11 @@ GONE_ADVICE = "the sensor has gone, or its driver was unloaded"
 
 
 def _advice(error: OSError) -> str:
-    return GONE_ADVICE if error.errno in GONE else "check bus, cable and the kernel's log"
+    return GONE_ADVICE if error.errno in GONE_ERRNOS else "check bus, cable and the kernel's log"
 
 
 def _open_error(path: Path, error: OSError) -> DeviceError:
-    if error.errno in GONE:
+    if error.errno in GONE_ERRNOS:
         return DeviceNotFoundError(f"{path}: no such device; {GONE_ADVICE}")
     if error.errno in (errno.EACCES, errno.EPERM):
         return DeviceAccessError(f"{path}: may not be opened by this user; add it to the group of its udev rule")

@@ -12,16 +12,13 @@ import numpy as np
 from devices.block import DeviceInfo, SampleBlock
 from devices.channel_cycles import ChannelCycles
 from devices.clock import Clock
+from devices.device import MAX_READ_NS
 from devices.errors import DeviceError
 from devices.iio.scan import ScanType
-from devices.iio.sysfs import IioAttributes, find_iio_device
+from devices.iio.sysfs import TEMPERATURE_PERIOD_NS, IioAttributes, find_iio_device
 from devices.saturation import mark_saturated
 
-LONGEST_WAIT_NS = 500_000_000
-"""Longest read. Basis: a thread that reads ends within it (`JOIN_S`)."""
-TEMPERATURE_NS = 1_000_000_000
-"""Period of the temperature. Basis: a choice; a housing warms up within minutes."""
-FASTEST_HZ = 200.0
+MAX_POLLED_HZ = 200.0
 """Each attribute is a system call and a transfer of its own. Basis: a choice; 5 ms for four of them, at a bus of 100 kHz."""
 FRESH_READINGS = 2.0
 """The part must sample at least so much faster than it is read. Basis: readings repeat."""
@@ -42,9 +39,9 @@ class PolledIioAccelerometer:
         root: Path = Path("/"),
     ) -> None:
         """`name`: name or label of the device; `root`: of the file system with `sys`. Raises `ValueError`."""
-        if not 0 < odr_hz <= FASTEST_HZ:
+        if not 0 < odr_hz <= MAX_POLLED_HZ:
             raise ValueError(
-                f"attributes cannot be read at {odr_hz:g} Hz; give at most {FASTEST_HZ:g}, or mode = 'buffer'"
+                f"attributes cannot be read at {odr_hz:g} Hz; give at most {MAX_POLLED_HZ:g}, or mode = 'buffer'"
             )
         self._name, self._serial, self._root = name, serial, root
         self._odr_hz, self._range_g = odr_hz, range_g
@@ -82,7 +79,7 @@ class PolledIioAccelerometer:
 
     def read(self) -> SampleBlock | None:
         """Return the next block. Raises `TransferError`, `DeviceNotFoundError` when the device has gone."""
-        deadline_ns = self._clock.now_ns() + LONGEST_WAIT_NS
+        deadline_ns = self._clock.now_ns() + MAX_READ_NS
         while len(self._cycles) <= self._block_samples + 1 and self._clock.now_ns() < deadline_ns:
             self._read_cycle()
         instants = self._cycles.take()
@@ -121,7 +118,7 @@ class PolledIioAccelerometer:
         is_saturated = self._limits is not None and bool(mark_saturated(np.array([values]), *self._limits)[0])
         self._cycles.add(times_ns, values, is_saturated=is_saturated)
         if now_ns >= self._temperature_due_ns:
-            self._temperature_due_ns = now_ns + TEMPERATURE_NS
+            self._temperature_due_ns = now_ns + TEMPERATURE_PERIOD_NS
             self._temperature_c = self._device.temperature_c()
 
 

@@ -16,6 +16,8 @@ from devices.errors import (
 )
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 
+TEMPERATURE_PERIOD_NS = 1_000_000_000
+"""Period of the temperature. Basis: a choice; a housing warms up within minutes."""
 DEVICES = Path("sys/bus/iio/devices")
 EXACT_UNITS_PER_G = {
     "adxl345": (256.0,),
@@ -31,7 +33,7 @@ EXACT_UNITS_PER_G = {
 SCALE_ROUNDING = 5e-3
 """Relative difference within which a scale is taken for a rounded one. Basis: a choice; three times the worst rounding known
 (0.16 %), far below the step to the next range."""
-TOLERANCE = 1e-3
+READ_BACK_TOLERANCE = 1e-3
 """Relative, of a rate or a scale that is read back. Basis: a choice; above the rounding of six digits, below two rates."""
 RANGE_SHARE = 0.99
 """Share of a range that a scale must reach. Basis: a choice; a full scale is a step short of its range."""
@@ -165,4 +167,4 @@ def _names(device: IioAttributes) -> list[str]:
 
 
 def _close(value: float, wanted: float) -> bool:
-    return abs(value - wanted) <= TOLERANCE * abs(wanted)
+    return abs(value - wanted) <= READ_BACK_TOLERANCE * abs(wanted)

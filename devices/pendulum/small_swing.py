@@ -2,10 +2,10 @@
 
 import math
 
-AGREED = 1e-12
+MAX_MEANS_DIFFERENCE = 1e-12
 """Difference of the two means at which they are one. Definition: rounding."""
-LEAST_COSINE = 0.01
-"""Of half an amplitude. Basis: a pendulum that reaches 180 degrees stays there, and its period has no bound."""
+MIN_COSINE = 0.01
+"""Least cosine of half an amplitude. Basis: a pendulum that reaches 180 degrees stays there, and its period has no bound."""
 
 
 def small_swing_rate_1_s(length_m: float, gravity_m_s2: float) -> float:
@@ -28,7 +28,7 @@ def period_ratio(amplitude_rad: float) -> float:
 
     The complete elliptic integral, by the arithmetic-geometric mean of 1 and cos(amplitude/2); constant from 178.9 degrees on.
     """
-    mean, other = 1.0, max(math.cos(amplitude_rad / 2), LEAST_COSINE)
-    while abs(mean - other) > AGREED:
+    mean, other = 1.0, max(math.cos(amplitude_rad / 2), MIN_COSINE)
+    while abs(mean - other) > MAX_MEANS_DIFFERENCE:
         mean, other = (mean + other) / 2, math.sqrt(mean * other)
     return 1 / mean

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from devices.block import DeviceInfo, RadioStatus, SampleBlock
 from devices.clock import Clock
 from devices.errors import DeviceError
-from devices.sample_clock import SampleClock
+from devices.sample_clock import RADIO_MISFIT_DELAY_S, SampleClock
 from devices.sample_sequence import SampleSequence
 from devices.saturation import mark_saturated
-from devices.serial.aspp_frames import SHORTEST_PACKET, AsppDecoder, AsppPacket
+from devices.serial.aspp_frames import MIN_PACKET_BYTES, AsppDecoder, AsppPacket
 from devices.serial.aspp_payloads import CALIBRATED, Diagnostic, Sweeps, read_diagnostic, read_sweeps
 from devices.serial.receiver_nodes import HeardNodes
 from devices.serial_port import SerialPort
@@ -22,9 +22,7 @@ from devices.usb_ports import SYSTEM_FOLDERS, PortFolders
 
 TICK_BITS = 16
 """Definition: of a sweep's number."""
-MISFIT_DELAY_S = 1.0
-"""The number of each sweep is certain. Basis: a radio may be late."""
-RATE_TOLERANCE = 0.01
+MAX_SWEEP_RATE_DIFFERENCE = 0.01
 """Relative difference from the rate as stated. Basis: a choice; crystals differ by 1e-4, and the next rate by a factor."""
 REMEMBERED_LENGTHS = 16
 """Basis: a choice; packets of a node have one or two lengths."""
@@ -87,8 +85,8 @@ class AsppPart:
         self._decoder = AsppDecoder()
         self._heard = HeardNodes(node)
         self._sequence = SampleSequence(TICK_BITS, odr_hz)
-        self._sample_clock = SampleClock(odr_hz, misfit_delay_s=MISFIT_DELAY_S)
-        self._lengths = deque[int]([SHORTEST_PACKET], maxlen=REMEMBERED_LENGTHS)
+        self._sample_clock = SampleClock(odr_hz, misfit_delay_s=RADIO_MISFIT_DELAY_S)
+        self._lengths = deque[int]([MIN_PACKET_BYTES], maxlen=REMEMBERED_LENGTHS)
         self._last_ns: int | None = None
         self._lost = self._invalid = 0  # before the next block
         self._diagnostic: tuple[int, Diagnostic] | None = None
@@ -159,7 +157,7 @@ class AsppPart:
         if missing:
             sent = f"node {self._node} sends channels {list(sweeps.channels)}"
             raise DeviceError(f"{sent}, but device.channels is {list(self._channels)}; activate them, or set the key")
-        if sweeps.rate_hz is not None and abs(sweeps.rate_hz / self._odr_hz - 1) > RATE_TOLERANCE:
+        if sweeps.rate_hz is not None and abs(sweeps.rate_hz / self._odr_hz - 1) > MAX_SWEEP_RATE_DIFFERENCE:
             sent = f"node {self._node} is set to {sweeps.rate_hz:g} samples/s"
             raise DeviceError(f"{sent}, but odr_hz is {self._odr_hz:g}; set odr_hz to the node's rate")
 

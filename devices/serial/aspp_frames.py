@@ -13,10 +13,10 @@ import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 
-LONGEST_PAYLOAD = 1024
+MAX_ASPP_PAYLOAD_BYTES = 1024
 """A longer one is noise. Basis: a choice; nodes send less, and a header that is waited for in vain must not stop the stream."""
 RSSI_ZERO_DBM = 205
-"""Of versions 2 and 3: -205 dBm is 0, which stands for an unknown value. Definition: of the protocol."""
+"""Signal of versions 2 and 3: -205 dBm is 0, which stands for an unknown value. Definition: of the protocol."""
 TO_HOST = 0x08
 """Delivery flag of a packet for the host; inverted in version 1."""
 
@@ -34,7 +34,7 @@ class AsppPacket:
     base_dbm: float | None
     """Received power at the base."""
     length: int
-    """Of the whole packet, in bytes."""
+    """Length of the whole packet, in bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class _Version:
     """Start, flags, type, address, length of the payload."""
     checksum: struct.Struct
     compute: Callable[[bytes], int]
-    """Of all bytes before the checksum."""
+    """The checksum of all bytes before the checksum."""
 
 
 def _sum16(data: bytes) -> int:
@@ -68,10 +68,10 @@ VERSIONS = {
 """Definition: of the protocol."""
 STARTS = re.compile(rb"[\xaa\xab\xac]")
 RSSI_BYTES = 2
-LEAST_EMBEDDED_PAYLOAD = 6
+MIN_EMBEDDED_BYTES = 6
 """Fewest bytes of a packet that is looked for inside another one. Basis: a choice; zeros after an AA look like an empty packet of
 version 1, and shorter packets carry no samples."""
-SHORTEST_PACKET = 10
+MIN_PACKET_BYTES = 10
 """Definition: version 1 without a payload, 10 bytes."""
 
 
@@ -87,7 +87,7 @@ def read_packet(data: bytes, at: int) -> AsppPacket | None:
     if len(data) - at < version.header.size:
         raise Incomplete
     _, flags, kind, address, payload_bytes = version.header.unpack_from(data, at)
-    if payload_bytes > LONGEST_PAYLOAD:
+    if payload_bytes > MAX_ASPP_PAYLOAD_BYTES:
         return None
     payload_at = at + version.header.size
     checksum_at = payload_at + payload_bytes + RSSI_BYTES
@@ -155,7 +155,7 @@ class AsppDecoder:
             except Incomplete:
                 waiting = at if waiting is None else waiting
                 continue
-            if packet is not None and (waiting is None or len(packet.payload) >= LEAST_EMBEDDED_PAYLOAD):
+            if packet is not None and (waiting is None or len(packet.payload) >= MIN_EMBEDDED_BYTES):
                 return at, packet
         self._discard(len(self._buffer) if waiting is None else waiting)
         return None

@@ -13,7 +13,7 @@ from devices.serial.aspp_frames import AsppPacket
 
 CALIBRATED = 2
 """Data type float32 in the unit that is set in the node; all others are uncalibrated or too coarse."""
-LARGEST_TYPE = 15
+MAX_TYPE = 15
 """Definition: four bits."""
 SAMPLE_RATES_HZ = {113 - power: float(1 << power) for power in range(14)} | {
     46: 300.0,
@@ -102,7 +102,7 @@ def read_sweeps(packet: AsppPacket) -> Sweeps | None:
         data_type &= 0x0F
     (tick,) = struct.unpack_from(">H", payload, layout.tick)
     channels = tuple(bit + 1 for bit in range(16) if mask >> bit & 1)
-    if not channels or not 1 <= data_type <= LARGEST_TYPE:
+    if not channels or not 1 <= data_type <= MAX_TYPE:
         return None
     data = payload[layout.data :] if data_type == CALIBRATED else b""
     if len(data) % (4 * len(channels)):

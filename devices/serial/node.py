@@ -10,9 +10,9 @@ from devices.sample_sequence import Placement, SampleSequence
 from devices.saturation import mark_saturated
 from devices.serial.node_frames import (
     HEADER,
-    LONGEST_ENCODED,
-    MOST_SAMPLES,
-    SHORTEST_FRAME,
+    MAX_ENCODED_BYTES,
+    MAX_FRAME_SAMPLES,
+    MIN_FRAME_BYTES,
     NodeFrame,
     NodeFrameDecoder,
 )
@@ -65,7 +65,7 @@ class NodePart:
         self._tick_clock = TickClock(odr_hz)
         self._boot: int | None = None
         self._last_ns: int | None = None
-        self._frame_bytes, self._frame_samples = SHORTEST_FRAME, MOST_SAMPLES  # not known yet
+        self._frame_bytes, self._frame_samples = MIN_FRAME_BYTES, MAX_FRAME_SAMPLES  # not known yet
         self._faults = {"repeated_frames": 0, "node_restarted": 0}
 
     def info(self, port: SerialPort) -> DeviceInfo:
@@ -129,7 +129,7 @@ class NodePart:
         self._last_ns = int(time_ns[-1])
         counts = frame.counts[placement.repeated :].astype(np.int32)
         self._frame_samples = len(frame.counts)
-        self._frame_bytes = min(HEADER.size + 6 * self._frame_samples + 4, LONGEST_ENCODED)
+        self._frame_bytes = min(HEADER.size + 6 * self._frame_samples + 4, MAX_ENCODED_BYTES)
         return SampleBlock(
             time_ns=time_ns,
             raw=counts.astype(np.float64) * (frame.scale_ng * G_PER_SCALE),

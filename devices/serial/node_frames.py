@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-LONGEST_RUN = 254
+MAX_RUN_BYTES = 254
 """Number of bytes without a zero that one code byte can announce. Definition: consistent overhead byte stuffing (Cheshire and
 Baker 1999)."""
 VERSION = 1
@@ -15,16 +15,16 @@ HEADER = struct.Struct("<BBHIIIQHhHbB")
 """version, flags, boot, node, sequence, scale_ng, t_us, full_scale, temperature, battery_mv, signal_dbm, count"""
 CRC = struct.Struct("<H")
 CRC_START = 0xFFFF
-MOST_SAMPLES = 40
+MAX_FRAME_SAMPLES = 40
 """Definition: docs/node.md."""
 BATTERY_LOW = 0x01
 NO_TEMPERATURE, NO_BATTERY, NO_SIGNAL = -32768, 0, 127
 """Definition: values that stand for an unknown one (docs/node.md)."""
-SHORTEST_FRAME = HEADER.size + 6 + CRC.size + 2
-"""Of one sample, stuffed and with its delimiter. Definition: docs/node.md."""
-LONGEST_FRAME = HEADER.size + 6 * MOST_SAMPLES + CRC.size
+MIN_FRAME_BYTES = HEADER.size + 6 + CRC.size + 2
+"""Shortest frame: one sample, stuffed and with its delimiter. Definition: docs/node.md."""
+MAX_FRAME_BYTES = HEADER.size + 6 * MAX_FRAME_SAMPLES + CRC.size
 """Definition: docs/node.md."""
-LONGEST_ENCODED = LONGEST_FRAME + LONGEST_FRAME // 254 + 1
+MAX_ENCODED_BYTES = MAX_FRAME_BYTES + MAX_FRAME_BYTES // 254 + 1
 """Definition: a code byte for each run (Cheshire and Baker 1999)."""
 
 
@@ -36,11 +36,11 @@ def cobs_encode(data: bytes) -> bytes:
     encoded = bytearray()
     runs = data.split(b"\0")
     for index, run in enumerate(runs):
-        for start in range(0, max(len(run), 1), LONGEST_RUN):
-            part = run[start : start + LONGEST_RUN]
+        for start in range(0, max(len(run), 1), MAX_RUN_BYTES):
+            part = run[start : start + MAX_RUN_BYTES]
             encoded.append(len(part) + 1)
             encoded += part
-        if run and len(run) % LONGEST_RUN == 0 and index < len(runs) - 1:
+        if run and len(run) % MAX_RUN_BYTES == 0 and index < len(runs) - 1:
             encoded.append(1)  # a code of 255 announces no zero; this one does
     return bytes(encoded)
 
@@ -56,7 +56,7 @@ def cobs_decode(encoded: bytes) -> bytes:
             raise ValueError("a code byte points beyond the end of the frame")
         data += encoded[at + 1 : at + code]
         at += code
-        if code <= LONGEST_RUN and at < len(encoded):
+        if code <= MAX_RUN_BYTES and at < len(encoded):
             data.append(0)
     return bytes(data)
 
@@ -130,7 +130,7 @@ def decode_frame(encoded: bytes) -> NodeFrame:
     )
     if version != VERSION:
         raise NodeFrameError("version")
-    if not 1 <= count <= MOST_SAMPLES or len(data) != HEADER.size + 6 * count or not scale_ng or not full_scale:
+    if not 1 <= count <= MAX_FRAME_SAMPLES or len(data) != HEADER.size + 6 * count or not scale_ng or not full_scale:
         raise NodeFrameError("length")
     return NodeFrame(
         node=node,
@@ -182,7 +182,7 @@ class NodeFrameDecoder:
                 frames.append(frame)
                 self.bytes_since_frame = 0
             self._joined = True
-        if len(rest) > LONGEST_ENCODED:  # no delimiter comes: not a node, or another baud rate
+        if len(rest) > MAX_ENCODED_BYTES:  # no delimiter comes: not a node, or another baud rate
             self.bytes_since_frame += len(rest)
             self.faults["length"] += self._joined
             self._joined = False

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-LARGEST_COUNT = 2**19 - 1
+MAX_COUNT = 2**19 - 1
 """Largest value of 20 bits in two's complement. Definition: of the part."""
 UNITS_PER_G_AT_2_G = 256000.0
 """Data sheet of the ADXL355."""
@@ -15,9 +15,9 @@ NOISE_DENSITY_G_PER_RT_HZ = 25e-6
 """Basis: a tenth more than the data sheet of an ADXL355 states (22.5e-6)."""
 ZERO_G_OFFSET_LIMIT_G = 0.075
 """Data sheet of the ADXL355."""
-ZERO_G_OFFSET_LIMIT_G_PER_K = 0.15e-3
+DATASHEET_ZERO_G_OFFSET_G_PER_K = 0.15e-3
 """Data sheet of the ADXL355."""
-SCALE_FACTOR_LIMIT_PER_K = 1e-4
+DATASHEET_SCALE_FACTOR_PER_K = 1e-4
 """Data sheet of the ADXL355."""
 
 
@@ -102,12 +102,12 @@ class Accelerometer:
     @property
     def full_scale_g(self) -> float:
         """The largest reading; at or beyond it the sensor has clipped."""
-        return LARGEST_COUNT / self.units_per_g
+        return MAX_COUNT / self.units_per_g
 
     @property
     def saturation_counts(self) -> tuple[int, int]:
         """Lowest and highest reading."""
-        return -LARGEST_COUNT - 1, LARGEST_COUNT
+        return -MAX_COUNT - 1, MAX_COUNT
 
     @property
     def noise_g(self) -> float:
@@ -122,5 +122,5 @@ class Accelerometer:
         reading_g = reading_g + errors.zero_g_offset_g + errors.zero_g_offset_g_per_c * warmer_c
         reading_g = reading_g + self.noise_g * random.standard_normal(force_g.shape)
         reading = np.rint(reading_g * self.units_per_g)
-        counts: NDArray[np.int32] = np.clip(reading, -LARGEST_COUNT - 1, LARGEST_COUNT).astype(np.int32)
+        counts: NDArray[np.int32] = np.clip(reading, -MAX_COUNT - 1, MAX_COUNT).astype(np.int32)
         return counts

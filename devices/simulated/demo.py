@@ -14,7 +14,7 @@ from devices.pendulum.small_swing import small_swing_period_s
 from devices.simulated.crane import Crane
 from devices.simulated.schedule import Event, Gust, Hoist, TrolleyMove
 
-DAMPING_RATIO = 0.006
+DEMO_DAMPING_RATIO = 0.006
 """Basis: a choice; a swing loses a third in ten periods, so that something is always seen."""
 CALM_SWING_RAD = np.radians(1.8)
 """Basis: a choice; below usual limits, and visible."""
@@ -54,7 +54,7 @@ def demo_crane(
         gravity_m_s2=gravity_m_s2,
         events=demo_events(random, length_m, azimuth_rad, gravity_m_s2, rest_s),
         motion=None if rest_s > 0 else start_motion(tilt_x_rad, tilt_y_rad, 0.0, 0.0),
-        damping_ratio=DAMPING_RATIO,
+        damping_ratio=DEMO_DAMPING_RATIO,
     )
 
 
@@ -113,4 +113,4 @@ def _hoists(start_s: float, period_s: float, by_m: float) -> Iterator[Event]:
 
 
 def _decay(periods: float) -> float:
-    return float(np.exp(-2 * np.pi * DAMPING_RATIO * periods))
+    return float(np.exp(-2 * np.pi * DEMO_DAMPING_RATIO * periods))

@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.clock import Clock
+from devices.device import MAX_READ_S
 from devices.errors import DeviceError
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.saturation import mark_saturated
 from devices.simulated.accelerometer import (
-    SCALE_FACTOR_LIMIT_PER_K,
+    DATASHEET_SCALE_FACTOR_PER_K,
+    DATASHEET_ZERO_G_OFFSET_G_PER_K,
     ZERO_G_OFFSET_LIMIT_G,
-    ZERO_G_OFFSET_LIMIT_G_PER_K,
     Accelerometer,
     InjectedErrors,
     typical_ambient,
@@ -28,12 +29,10 @@ from devices.simulated.factory import factory_calibration
 from devices.simulated.rigger import Rigger
 
 log = logging.getLogger("plumbline.device")
-LONGEST_WAIT_S: Final = 0.5
-"""Longest read. Basis: a thread that reads ends within it (`JOIN_S`)."""
-LONGEST_LAG_S: Final = 1.0
+MAX_LAG_S: Final = 1.0
 """After a longer delay (the host was suspended or overloaded) the device skips to the present, like a FIFO that overflows. Basis:
 a choice; some FIFOs, and no jump by a busy core."""
-LONGEST_CATCH_UP_S: Final = 30.0
+MAX_CATCH_UP_S: Final = 30.0
 """Longest time by which the crane advances when samples are skipped; it stands still during the rest of the absence. Basis: a
 choice; two swings of a long rope, computed in less than a second."""
 REST_S: Final = 90.0
@@ -107,8 +106,8 @@ class SimulatedCrane:
             full_scale_g=self.part.full_scale_g,
             noise_g=self.part.noise_g,
             zero_g_offset_g=ZERO_G_OFFSET_LIMIT_G,
-            zero_g_offset_g_per_k=ZERO_G_OFFSET_LIMIT_G_PER_K,
-            scale_factor_per_k=SCALE_FACTOR_LIMIT_PER_K,
+            zero_g_offset_g_per_k=DATASHEET_ZERO_G_OFFSET_G_PER_K,
+            scale_factor_per_k=DATASHEET_SCALE_FACTOR_PER_K,
             factory_calibration=self._factory_record,
             details={"simulated": "nothing here was measured"},
         )
@@ -121,11 +120,11 @@ class SimulatedCrane:
             self._ready.extend(self._simulate(self._opened_ns))
         now_ns = self._clock.now_ns()
         wait_s = (int(self._ready[0].time_ns[-1]) - now_ns) / 1e9
-        if wait_s < -LONGEST_LAG_S:
+        if wait_s < -MAX_LAG_S:
             self._drop_samples(self._opened_ns, now_ns)
             wait_s = 0.0
-        if wait_s > LONGEST_WAIT_S:
-            self._clock.sleep_s(LONGEST_WAIT_S)
+        if wait_s > MAX_READ_S:
+            self._clock.sleep_s(MAX_READ_S)
             return None
         if len(self._ready) == 1:
             wait_s = self._simulate_while_waiting(self._opened_ns, wait_s)
@@ -221,4 +220,4 @@ class SimulatedCrane:
 
     def _shift_own_time(self, absent_ns: int) -> None:
         """Shift the crane's own time by all but the last part of a long absence, which need not be simulated."""
-        self._crane_start_ns += max(0, absent_ns - round(LONGEST_CATCH_UP_S * 1e9))
+        self._crane_start_ns += max(0, absent_ns - round(MAX_CATCH_UP_S * 1e9))

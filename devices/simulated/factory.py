@@ -18,7 +18,7 @@ U_SCALE = 2e-4
 """Basis: a choice; as for the offsets, relative to 1 g."""
 U_CROSS_AXIS = 1e-4
 """Basis: a choice; as for the offsets, less by the means of pairs."""
-COVERAGE = 3.0
+PREDICTION_COVERAGE_FACTOR = 3.0
 """Coverage factor of the prediction interval. Basis: large that a sensor at rest is seldom refused."""
 
 
@@ -42,7 +42,8 @@ def factory_calibration(device_id: str, part: Accelerometer, random: np.random.G
         "offset": offset.tolist(),
         "correction_matrix": matrix.tolist(),
         "covariance": np.diag(np.concatenate([u_matrix.ravel(), u_offset]) ** 2).tolist(),
-        "prediction_interval_g": COVERAGE * float(np.sqrt(U_OFFSET_G**2 + U_SCALE**2 + part.noise_g**2)),
+        "prediction_interval_g": PREDICTION_COVERAGE_FACTOR
+        * float(np.sqrt(U_OFFSET_G**2 + U_SCALE**2 + part.noise_g**2)),
         "temperature_c": {"mean": temperature_c, "min": temperature_c - 0.5, "max": temperature_c + 0.5},
         "thermal": None,
         "poses": [],

@@ -113,7 +113,7 @@ UNITS: dict[str, TableUnit] = {
     "raw": "counts",
     "lsb": "counts",
 }
-CLOCK = "hms"
+CLOCK_UNIT = "hms"
 """Unit of a time of day that is written as one number, 161732.99 for 16:17:32.99."""
 TIME_UNITS_PER_S: dict[str, float] = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e3, "us": 1e6, "µs": 1e6, "ns": 1e9}
 """Definition: units."""

@@ -14,7 +14,7 @@ from devices.axes_map import SAME_AXES, AxesMap, map_axes
 from devices.errors import RecordingError
 from devices.recording import Recording
 from devices.tables.columns import (
-    CLOCK,
+    CLOCK_UNIT,
     RATE_UNITS_DPS,
     RECORD_GRAVITY,
     TIME_UNITS_PER_S,
@@ -33,7 +33,7 @@ from devices.tables.layout import NATIVE, UNITS_PER_G, TableLayout, TableUnit, s
 from devices.tables.native import read_table
 from devices.tables.notation import TableHead, is_number, read_head
 
-SLOWEST_HZ, FASTEST_HZ = 5.0, 5000.0
+MIN_RATE_HZ, MAX_RATE_HZ = 5.0, 5000.0
 """Sample rates of accelerometers. Basis: A table of time stamps has one unit among s, ms, µs and ns that gives such a rate."""
 
 
@@ -228,11 +228,11 @@ def _find_time(path: Path, head: TableHead, names: Sequence[str], options: Table
     if options.time is not None:
         column, _, unit = options.time.partition(":") if options.time not in names else (options.time, "", "")
         place = _place(path, head, names, column, "--time")
-        if unit and unit not in (*TIME_UNITS_PER_S, CLOCK):
+        if unit and unit not in (*TIME_UNITS_PER_S, CLOCK_UNIT):
             raise RecordingError(
-                f"{path}: --time: {unit} is no unit of time; {', '.join((*TIME_UNITS_PER_S, CLOCK))} are"
+                f"{path}: --time: {unit} is no unit of time; {', '.join((*TIME_UNITS_PER_S, CLOCK_UNIT))} are"
             )
-        if unit == CLOCK:
+        if unit == CLOCK_UNIT:
             return _Time(place, None, is_text=True, finding="")
         if options.rate_hz is not None:
             return _Time(place, options.rate_hz, is_text=False, finding="")
@@ -272,7 +272,7 @@ def _time(path: Path, head: TableHead, names: Sequence[str], place: int, per_s: 
 
 
 def _is_rate(per_s: float, interval: float) -> bool:
-    return interval > 0 and SLOWEST_HZ <= per_s / interval <= FASTEST_HZ
+    return interval > 0 and MIN_RATE_HZ <= per_s / interval <= MAX_RATE_HZ
 
 
 def _increases(head: TableHead, place: int) -> bool:

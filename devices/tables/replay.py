@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.clock import Clock
-from devices.device import EndOfRecording
+from devices.device import MAX_READ_S, EndOfRecording
 from devices.errors import RecordingError
 from devices.recording import Recording, typical_interval
 
-LONGEST_WAIT_S = 0.5
-"""Longest read. Basis: a thread that reads ends within it (`JOIN_S`)."""
 ROW_FAULTS = ("repeated", "backward", "invalid", "blank", "truncated")
 """The kinds of rows that a recording counts."""
 GYRO_DPS_PER_COUNT = 1e-2
@@ -78,8 +76,8 @@ class Replay:
         due_ns = self._start_ns + round(int(window.time_ns[end - 1] - self._first_ns) * self._seconds_per_recorded)
         wait_s = (due_ns - self._clock.now_ns()) / 1e9
         if self._seconds_per_recorded and wait_s > 0:
-            self._clock.sleep_s(min(wait_s, LONGEST_WAIT_S))
-            if wait_s > LONGEST_WAIT_S:
+            self._clock.sleep_s(min(wait_s, MAX_READ_S))
+            if wait_s > MAX_READ_S:
                 return None
         self._next = end
         return window.block(first, end)

@@ -14,7 +14,7 @@ from gateway.calibration.record import NotDeterminedError
 from gateway.numerics.array import Array
 from gateway.numerics.quantisation import smallest_steps
 
-AVERAGE_S = 0.1
+TILT_AVERAGE_S = 0.1
 """Duration of an average, s, as live. Definition: the period of the tilts, as live."""
 
 
@@ -77,7 +77,7 @@ def read_turns(
 
 def _average(time_s: Array, raw: Array) -> tuple[Array, Array, Array]:
     """Return times and means of the averages, (a,) and (a, 3), and the standard deviation of a reading within them, (3,)."""
-    _, place = np.unique(np.floor(time_s / AVERAGE_S), return_inverse=True)
+    _, place = np.unique(np.floor(time_s / TILT_AVERAGE_S), return_inverse=True)
     count = np.bincount(place)
     means = np.column_stack([np.bincount(place, axis) / count for axis in raw.T])
     freedom = max(len(raw) - len(count), 1)

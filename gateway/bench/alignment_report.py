@@ -8,13 +8,13 @@ from gateway.calibration.record_figure import FigureSeries, RecordFigure
 from gateway.certificate.bench_report import ReportTable, render_bench_report
 from gateway.documents.format import format_fixed, format_short
 
-MOST_TURNS = 500
+MAX_SHOWN_TURNS = 500
 """Turns that are shown, the last ones. Basis: a choice; more than anybody turns in a session, and a bound of the report."""
 
 
 def render_alignment_report(name: str, found: RecordedTurns, housing_deviation_rad: float) -> str:
     """Return the page."""
-    turns = found.turns[-MOST_TURNS:]
+    turns = found.turns[-MAX_SHOWN_TURNS:]
     last = turns[-1]
     numbers = tuple(float(number) for number in range(len(found.turns) - len(turns) + 1, len(found.turns) + 1))
     rows = tuple(

@@ -8,7 +8,7 @@ from gateway.certificate.method_figure import plot_figure
 from gateway.documents.environment import render
 from gateway.documents.text import printable_text
 
-CELL = 200
+MAX_CELL_CHARACTERS = 200
 """Characters of a cell. Basis: a choice; three lines of a column, and no page of hostile text."""
 
 
@@ -34,14 +34,14 @@ def render_bench_report(
     plots = [plot for plot in map(plot_figure, figures) if plot is not None]
     return render(
         "bench_report.html.j2",
-        title=printable_text(title, CELL),
-        facts=[(name, printable_text(value, CELL)) for name, value in facts],
+        title=printable_text(title, MAX_CELL_CHARACTERS),
+        facts=[(name, printable_text(value, MAX_CELL_CHARACTERS)) for name, value in facts],
         tables=[_bounded(table) for table in tables],
         plots=plots,
-        warnings=[printable_text(text, CELL) for text in warnings],
+        warnings=[printable_text(text, MAX_CELL_CHARACTERS) for text in warnings],
     )
 
 
 def _bounded(table: ReportTable) -> ReportTable:
-    rows = tuple(tuple(printable_text(cell, CELL) for cell in row) for row in table.rows)
+    rows = tuple(tuple(printable_text(cell, MAX_CELL_CHARACTERS) for cell in row) for row in table.rows)
     return ReportTable(table.title, table.header, rows, table.note)

@@ -10,9 +10,9 @@ from gateway.certificate.forecast import forecast, sentence
 from gateway.documents.format import UNKNOWN, format_fixed, format_with_uncertainty
 from gateway.documents.text import as_sentence, printable_text
 
-SIGNIFICANT = 2.0
+SIGNIFICANT_CHANGE_SIGMA = 2.0
 """A change beyond this many standard uncertainties is one. Definition: about 95 % (GUM 6.3)."""
-MOST = 260
+MAX_COMPARISON_CHARACTERS = 260
 """Characters of a text. Basis: a choice; three lines."""
 
 
@@ -73,7 +73,7 @@ def _significant_changes(change: DriftChange, axis: int) -> str:
         ("offset", change.offset_g[axis], change.u_offset_g[axis]),
         ("scale", change.scale[axis], change.u_scale[axis]),
     ]
-    changed = [name for name, value, u_value in pairs if abs(value) > SIGNIFICANT * u_value]
+    changed = [name for name, value, u_value in pairs if abs(value) > SIGNIFICANT_CHANGE_SIGMA * u_value]
     return " and ".join(changed) or "no"
 
 
@@ -96,5 +96,5 @@ def _forecast(records: list[CalibrationRecord]) -> tuple[str, str]:
     try:
         report = forecast(unique)
     except CalibrationError as error:
-        return "", printable_text(f"No forecast: {error}.", MOST)
-    return sentence(report), printable_text(as_sentence("; ".join(report.warnings)), MOST)
+        return "", printable_text(f"No forecast: {error}.", MAX_COMPARISON_CHARACTERS)
+    return sentence(report), printable_text(as_sentence("; ".join(report.warnings)), MAX_COMPARISON_CHARACTERS)

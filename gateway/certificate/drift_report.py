@@ -9,15 +9,15 @@ from gateway.calibration.record_figure import FigureSeries, RecordFigure
 from gateway.certificate.bench_report import ReportTable, render_bench_report
 from gateway.documents.format import UNKNOWN, format_fixed, format_number, format_with_uncertainty
 from gateway.numerics.array import Array
+from gateway.units import HOURS_PER_DAY
 
-MOST_SENSORS = 20
+MAX_SHOWN_SENSORS = 20
 """Sensors whose calibrations are shown one by one, the most urgent ones. Basis: a choice; a page each."""
-HOURS_PER_DAY = 24.0
 
 
 def render_drift_report(sensors: Sequence[SensorDrift], on: str, limit_deg: float, warnings: Sequence[str]) -> str:
     """Return the page."""
-    shown = sensors[:MOST_SENSORS]
+    shown = sensors[:MAX_SHOWN_SENSORS]
     return render_bench_report(
         "Drift of the sensors",
         facts=(

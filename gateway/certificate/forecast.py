@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from gateway.calibration.drift.forecast import SHORTEST_SPAN_DAYS, DriftReport, analyse_drift
+from gateway.calibration.drift.forecast import MIN_SPAN_DAYS, DriftReport, analyse_drift
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.documents.format import format_short
 from gateway.documents.text import printable_text
@@ -11,7 +11,7 @@ from gateway.documents.text import printable_text
 def forecast(records: Sequence[CalibrationRecord]) -> DriftReport:
     """Return the drift over records, in any order. Raises `CalibrationError` where they are too few, or too close in time."""
     report = analyse_drift(records)
-    if report.span_days < SHORTEST_SPAN_DAYS:
+    if report.span_days < MIN_SPAN_DAYS:
         raise CalibrationError(
             f"{report.records} calibrations within a day show their repeatability and nothing about ageing"
         )

@@ -11,12 +11,12 @@ from gateway.certificate.plot_axes import AREA, PlotArea, Scale, Tick
 from gateway.documents.format import format_short
 from gateway.documents.text import printable_text
 
-MOST_POINTS = 160
+MAX_SERIES_POINTS = 160
 """Points of a series that are drawn; a longer series is thinned. Basis: a choice; neighbours touch at the figure's width."""
 X_MARGIN, Y_MARGIN = 1.06, 1.35
 """Half ranges of the scales relative to those of the values. Basis: a choice of taste; the legend stands above the points, the
 unit below."""
-SMALLEST_SHARE, SMALLEST_HALF = 1e-6, 1e-9
+MIN_HALF_SCALE_SHARE, MIN_HALF_SCALE = 1e-6, 1e-9
 """Least half range of a scale, relative to its values and absolute. Basis: below it the labels could not tell the ticks apart."""
 
 
@@ -89,12 +89,12 @@ def plot_figure(figure: RecordFigure) -> MethodPlot | None:
 def _scale(values: list[float], margin: float, low_place: float, high_place: float) -> Scale | None:
     """Return a scale that shows all values with a margin; None where their range overflows."""
     low, high = min(values), max(values)
-    half = max(margin * (high - low) / 2, SMALLEST_SHARE * max(abs(low), abs(high)), SMALLEST_HALF)
+    half = max(margin * (high - low) / 2, MIN_HALF_SCALE_SHARE * max(abs(low), abs(high)), MIN_HALF_SCALE)
     return Scale((low + high) / 2, half, low_place, high_place) if math.isfinite(half) else None
 
 
 def _plot(series: FigureSeries, place: int, x_scale: Scale, y_scale: Scale) -> PlottedSeries:
-    every = math.ceil(len(series.x) / MOST_POINTS) or 1
+    every = math.ceil(len(series.x) / MAX_SERIES_POINTS) or 1
     points = tuple(
         FigurePoint(
             x=x_scale.place(x),

@@ -23,7 +23,7 @@ class PlotArea:
 
 
 AREA = PlotArea()
-"""Of every figure of a certificate."""
+"""Area of every figure of a certificate."""
 
 
 @dataclass(frozen=True, slots=True)

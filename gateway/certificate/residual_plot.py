@@ -3,20 +3,73 @@
 import math
 from dataclasses import dataclass
 
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
 from gateway.calibration.record import CalibrationRecord
 from gateway.certificate.plot_axes import AREA, PlotArea, Scale, Tick
-from gateway.certificate.residuals import PoseResidual, residuals
 from gateway.documents.format import format_short
 from gateway.documents.text import printable_text
 
-MOST_POSES = 160
+Three = tuple[float, float, float]
+MAX_SHOWN_POSES = 160
 """Basis: a choice; neighbours touch at the figure's width."""
-MOST_LABELS = 14
+MAX_POSE_LABELS = 14
 """Basis: a choice; labels do not touch."""
 BAND_SHOWN = 4.0
 """The prediction interval is drawn where it is at most so many times the residuals. Basis: else it would hide them."""
 BEYOND_U = 3.0
 """A residual of more standard uncertainties is counted in the caption. Basis: a choice; 0.3 % by chance."""
+
+
+class _RecordedPose(BaseModel):
+    """Fields of a pose that its residual needs."""
+
+    model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
+
+    mean: Three
+    type_a: Three = Field(default=(0.0, 0.0, 0.0))
+    face: str | None = None
+    used: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class PoseResidual:
+    """Residual of one pose after the correction: |m| - 1 g, which is zero at rest in any attitude."""
+
+    number: int
+    """Number of the pose from 1, in the order of the record."""
+    face: str | None
+    used: bool
+    residual_g: float
+    u_g: float
+    """Type A standard uncertainty of the pose's mean along its vertical."""
+
+    @property
+    def ratio(self) -> float:
+        """Residual over uncertainty; infinite where none is stated."""
+        return abs(self.residual_g) / self.u_g if self.u_g > 0 else math.inf
+
+
+def residuals(record: CalibrationRecord) -> tuple[PoseResidual, ...]:
+    """Return the residual of every pose that can be read; gravity is 1 g by definition."""
+    matrix = np.array(record.correction_matrix, dtype=np.float64)
+    offset = np.array(record.offset, dtype=np.float64)
+    found = []
+    for number, entry in enumerate(record.poses, 1):
+        try:
+            pose = _RecordedPose.model_validate(entry)
+        except ValidationError:
+            continue  # the certificate counts the poses that are not shown
+        corrected_g = matrix @ (np.array(pose.mean) - offset)
+        norm_g = float(np.linalg.norm(corrected_g))
+        if not 0 < norm_g < math.inf:
+            continue
+        u_g = float(np.linalg.norm(corrected_g / norm_g @ matrix * pose.type_a))
+        if not math.isfinite(u_g):
+            continue
+        found.append(PoseResidual(number, pose.face, pose.used, norm_g - 1, u_g))
+    return tuple(found)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +114,7 @@ class PoseResiduals:
 
 def pose_residuals(record: CalibrationRecord) -> PoseResiduals | None:
     """Return the residuals of a record; None where it holds no pose that can be shown."""
-    found = residuals(record)[:MOST_POSES]
+    found = residuals(record)[:MAX_SHOWN_POSES]
     if not found:
         return None
     used = [residual for residual in found if residual.used]
@@ -95,7 +148,7 @@ def _x(place: int, count: int) -> float:
 
 def _pose_labels(found: tuple[PoseResidual, ...]) -> tuple[Tick, ...]:
     """Return the numbers of the poses and their faces, as many as fit."""
-    every = math.ceil(len(found) / MOST_LABELS)
+    every = math.ceil(len(found) / MAX_POSE_LABELS)
     return tuple(
         Tick(
             _x(place, len(found)),

@@ -9,7 +9,7 @@ from importlib import import_module
 from devices.errors import DeviceError
 from gateway import __version__
 from gateway.cli.terminal.status_line import paint
-from gateway.errors import PlumblineError
+from gateway.errors import BAD_INPUT, PlumblineError
 from gateway.text import printable
 
 
@@ -85,7 +85,6 @@ COMMANDS: dict[str, str | CommandGroup] = {
     "keys": "machine",
 }
 """The commands in the order of the help; of one without verbs, the folder of the module with its name."""
-BAD_INPUT = 2
 
 
 def parser() -> argparse.ArgumentParser:

@@ -9,19 +9,19 @@ from pydantic import AfterValidator, Field, model_validator
 
 from gateway.configuration.section import KEY_PATTERN, Section
 
-ENCRYPTED = ("tls", "quic")
-NETWORK = ("tcp", "udp", "ws", *ENCRYPTED)
-LOCAL = ("unixsock-stream", "unixpipe")
+ENCRYPTED_PROTOCOLS = ("tls", "quic")
+NETWORK_PROTOCOLS = ("tcp", "udp", "ws", *ENCRYPTED_PROTOCOLS)
+LOCAL_PROTOCOLS = ("unixsock-stream", "unixpipe")
 CommonName = Annotated[str, Field(min_length=1, max_length=64)]
 SubtreeKey = Annotated[str, Field(pattern=f"^plumbline/v1(/{KEY_PATTERN.strip('^$')}){{1,3}}$")]
 
 
 def _check_endpoint(endpoint: str) -> str:
     protocol, _, address = endpoint.partition("/")
-    if protocol in LOCAL and address:
+    if protocol in LOCAL_PROTOCOLS and address:
         return endpoint
     host, _, port = address.partition("?")[0].partition("#")[0].rpartition(":")
-    if protocol not in NETWORK or not host or not re.fullmatch(r"[0-9]{1,5}", port) or int(port) > 65535:
+    if protocol not in NETWORK_PROTOCOLS or not host or not re.fullmatch(r"[0-9]{1,5}", port) or int(port) > 65535:
         raise ValueError(
             f"{endpoint} is not an endpoint; an endpoint has the form tcp/127.0.0.1:7447 or tls/10.0.0.5:7447"
         )
@@ -36,14 +36,14 @@ def is_loopback(endpoint: str) -> bool:
     protocol, _, address = endpoint.partition("/")
     host = address.rpartition(":")[0].strip("[]")
     try:
-        return protocol in LOCAL or host == "localhost" or ip_address(host).is_loopback
+        return protocol in LOCAL_PROTOCOLS or host == "localhost" or ip_address(host).is_loopback
     except ValueError:
         return False  # a name may mean any address
 
 
 def is_encrypted(endpoint: str) -> bool:
     """Return whether the links of an endpoint are encrypted and authenticated."""
-    return endpoint.partition("/")[0] in ENCRYPTED
+    return endpoint.partition("/")[0] in ENCRYPTED_PROTOCOLS
 
 
 class TlsSection(Section):

@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError, create_model
 
 from gateway.configuration.device_plugins import PluginError, load_plugin, plugin_names
-from gateway.configuration.device_sections import DEVICE_SECTIONS
+from gateway.configuration.device_sections import DEVICE_SECTIONS, ReplayDevice
 from gateway.configuration.model import Configuration
 from gateway.errors import InputError
 from gateway.file_input import MAX_TOML_BYTES, parse_toml, read_bounded
@@ -159,3 +159,11 @@ def _section_class(model: type[Configuration], section: str, device_kind: str | 
     if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
         raise TypeError(f"{section} is not a section")
     return annotation
+
+
+def missing_files(configuration: Configuration) -> list[str]:
+    """Return a phrase for each file that the configuration names and that does not exist."""
+    files = {f"bus.tls.{name}": path for name, path in configuration.bus.tls.files.items()}
+    if isinstance(configuration.device, ReplayDevice):
+        files["device.path"] = configuration.device.path
+    return [f"{key}: {path}: there is no such file" for key, path in files.items() if not path.is_file()]

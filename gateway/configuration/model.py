@@ -12,7 +12,7 @@ from gateway.configuration.relay_section import AnyRelay, NoRelay
 from gateway.configuration.section import KEY_PATTERN, Section, one_of
 from gateway.languages import LANGUAGES
 
-HIGHEST_CUTOFF = 0.4
+MAX_CUTOFF_SHARE = 0.4
 """Largest cut-off frequency of the low-pass, relative to the sample rate. Basis: a choice; below half the sample rate (Nyquist),
 where the bilinear transform ends."""
 SIMULATED_RHO = 0.75
@@ -56,7 +56,7 @@ ALIGNED_MOUNT_U_DEG = 0.06
 that of the rope as a plumb line, `zeroing.PLUMB_U_DEG`."""
 
 
-LONGEST_ABOVE_LOAD = 1.2
+MAX_ABOVE_LOAD_SHARE = 1.2
 """Largest distance above the load over the rope's length. Basis: the length is a belief that may be a fifth too short."""
 
 
@@ -130,11 +130,11 @@ class AlertsSection(Section):
         return self
 
 
-LONGEST_EVENT_S = 86_400.0
+MAX_EVENT_S = 86_400.0
 """Definition: a day."""
-LARGEST_QUOTA_MB = 1e9
+MAX_QUOTA_MB = 1e9
 """Basis: a choice; a petabyte, larger than any disk."""
-LARGEST_PORT = 65535
+MAX_PORT = 65535
 
 
 class RecorderSection(Section):
@@ -142,17 +142,17 @@ class RecorderSection(Section):
 
     segment_s: float = Field(600.0, ge=1, le=86400, description="length of a file")
     quota_mb: float = Field(
-        16000.0, gt=0, le=LARGEST_QUOTA_MB, description="total size beyond which the oldest closed files are deleted"
+        16000.0, gt=0, le=MAX_QUOTA_MB, description="total size beyond which the oldest closed files are deleted"
     )
     fsync_s: float = Field(1.0, gt=0, le=60, description="interval of syncs: the most that a power failure costs")
     pre_event_s: float = Field(
         60.0,
         ge=0,
-        le=LONGEST_EVENT_S,
+        le=MAX_EVENT_S,
         description="time before an alert, recalibration, fault or mark that is deleted last",
     )
     post_event_s: float = Field(
-        120.0, ge=0, le=LONGEST_EVENT_S, description="time after such an event that is deleted last"
+        120.0, ge=0, le=MAX_EVENT_S, description="time after such an event that is deleted last"
     )
     key: Path | None = Field(
         None,
@@ -204,8 +204,8 @@ class PageSection(Section):
     @field_validator("listen")
     @classmethod
     def _check_port(cls, listen: str) -> str:
-        if int(listen.rpartition(":")[2]) > LARGEST_PORT:
-            raise ValueError(f"listen: a port is at most {LARGEST_PORT}")
+        if int(listen.rpartition(":")[2]) > MAX_PORT:
+            raise ValueError(f"listen: a port is at most {MAX_PORT}")
         return listen
 
     @property
@@ -236,13 +236,13 @@ class Configuration(Section):
         if position_m is not None and position_m > self.rope.length_m:
             raise ValueError(f"housing.position_m {position_m:g} is beyond rope.length_m {self.rope.length_m:g}")
         above_m = self.housing.above_load_m
-        if above_m is not None and above_m > LONGEST_ABOVE_LOAD * self.rope.length_m:
+        if above_m is not None and above_m > MAX_ABOVE_LOAD_SHARE * self.rope.length_m:
             raise ValueError(f"housing.above_load_m {above_m:g} is more than rope.length_m {self.rope.length_m:g}")
         rate_hz = getattr(self.device, "odr_hz", None)
-        if rate_hz is not None and self.filter.cutoff_hz >= HIGHEST_CUTOFF * rate_hz:
+        if rate_hz is not None and self.filter.cutoff_hz >= MAX_CUTOFF_SHARE * rate_hz:
             raise ValueError(
-                f"filter.cutoff_hz {self.filter.cutoff_hz:g} must stay below {HIGHEST_CUTOFF * rate_hz:g}, "
-                f"{HIGHEST_CUTOFF} of device.odr_hz"
+                f"filter.cutoff_hz {self.filter.cutoff_hz:g} must stay below {MAX_CUTOFF_SHARE * rate_hz:g}, "
+                f"{MAX_CUTOFF_SHARE} of device.odr_hz"
             )
         return self
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from gateway.configuration.difference import KeyChange, difference
 from gateway.configuration.loading import ConfigurationError, load_text
-from gateway.configuration.remote_keys import REMOTE, is_network_key, require_remote
+from gateway.configuration.remote_keys import REMOTE_KEYS, is_network_key, require_remote
 
 Table = dict[str, Any]
 
@@ -60,7 +60,7 @@ def _merge(text: str, proposal: Table) -> str:
         if name not in document:
             document[name] = tomlkit.table()
         section: Any = document[name]
-        listed = REMOTE[name]
+        listed = REMOTE_KEYS[name]
         for key in [key for key in section if (listed is None or key in listed) and key not in keys]:
             del section[key]
         for key, value in keys.items():

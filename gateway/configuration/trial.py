@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gateway.atomic_io import sync_folder, write_durably
 
-MOST_STARTS = 3
+MAX_TRIAL_STARTS = 3
 """Starts of the gateway within a trial; at the next one the configuration before is put back. Basis: a choice; power may fail
 once within a trial, and a bad configuration is left soon."""
 
@@ -67,8 +67,8 @@ class ConfigurationTrial:
         if present != journal.after:
             self.end()
             return "edited_locally"
-        if journal.starts >= MOST_STARTS or journal.rolled_back is not None:
-            self.roll_back(journal.rolled_back or f"the gateway did not become healthy in {MOST_STARTS} starts")
+        if journal.starts >= MAX_TRIAL_STARTS or journal.rolled_back is not None:
+            self.roll_back(journal.rolled_back or f"the gateway did not become healthy in {MAX_TRIAL_STARTS} starts")
             return "rolled_back"
         self._write_journal(journal.model_copy(update={"starts": journal.starts + 1}))
         return "continued"

@@ -15,9 +15,9 @@ from collections.abc import Callable
 from contextlib import ExitStack, suppress
 
 from devices.block import DeviceInfo
-from devices.clock import HostClock
 from devices.device import Device
 from devices.errors import DeviceError
+from devices.host_clock import HostClock
 from gateway.bus.session import gateway_settings
 from gateway.configuration.known_data_folders import remember_data_folder
 from gateway.configuration.model import Configuration

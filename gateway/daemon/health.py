@@ -36,7 +36,7 @@ RATE_WINDOW = 60
 soon."""
 NO_SAMPLES_S = 2.0
 """A gateway without a new sample for this long is not healthy. Basis: a choice; longer than a restart of a device that returns
-(`sampler.LONGEST_PAUSE_S`) and twice the health's period."""
+(`sampler.MAX_REOPENING_PAUSE_S`) and twice the health's period."""
 
 
 @dataclass(slots=True)

@@ -8,8 +8,8 @@ from functools import partial
 from typing import Any
 
 from devices.block import DeviceInfo
-from devices.clock import HostClock
 from devices.device import Device
+from devices.host_clock import HostClock
 from gateway import __version__
 from gateway.bus.session import open_gateway_session
 from gateway.configuration.model import Configuration
@@ -51,7 +51,7 @@ from gateway.recalibration.recalibration import Recalibration
 from gateway.recording.chain.segment_chain import SegmentChain
 
 log = logging.getLogger("plumbline")
-BLOCKS = 256
+MAX_WAITING_BLOCKS = 256
 """Blocks that may wait for the processor; more are dropped and counted. Basis: a choice; 25 s of blocks of 0.1 s, longer than a
 load of the host lasts, and a bound of the memory."""
 RECALL_PATIENCE_S = 0.5
@@ -163,7 +163,7 @@ def compose(
     )
     page = PageProcess(configuration, page_channel, faults) if configuration.page.enabled else None
     drift_store = DriftStateStore(section.data_dir, commands.write_soon)
-    blocks: BoundedQueue[SamplerItem] = BoundedQueue(BLOCKS)
+    blocks: BoundedQueue[SamplerItem] = BoundedQueue(MAX_WAITING_BLOCKS)
     counters = SampleCounters()
     sampler = Sampler(device, info, blocks, faults)
     health = HealthReporter(

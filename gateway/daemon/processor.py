@@ -27,13 +27,12 @@ from gateway.daemon.storage.drift_state_store import DriftStateStore
 from gateway.daemon.storage.outbox_writer import OutboxWriter
 from gateway.daemon.storage.recording_worker import RecordingWorker
 from gateway.messages import Alert, ClockOffset
-from gateway.pipeline.calibration_state import PipelineCalibration
 from gateway.pipeline.clock_state import MessageTime
 from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.incidents import IncidentRegister
 from gateway.pipeline.outgoing_message import OutgoingMessage, PipelineOutput, encode_message
-from gateway.pipeline.pipeline import Pipeline
+from gateway.pipeline.pipeline import Pipeline, PipelineCalibration
 from gateway.topics import TOPICS
 
 log = logging.getLogger("plumbline.pipeline")
@@ -45,7 +44,7 @@ OUTBOX_PATIENCE_S = 1.0
 meanwhile."""
 CALIBRATION_PATIENCE_S = 10.0
 """Longest wait at start for the record in force and the session; the device is uncalibrated until they are read. Basis: a choice;
-a slow card reads some kilobytes in less, and samples wait meanwhile in `parts.BLOCKS`."""
+a slow card reads some kilobytes in less, and samples wait meanwhile in `parts.MAX_WAITING_BLOCKS`."""
 SINK_PATIENCE_S = 0.5
 """Longest wait for a sink with a full queue, where the source of the samples can wait. Basis: a choice; short beside the period
 of the watchdog, long beside a write."""
@@ -86,7 +85,7 @@ class Processor(Worker[SamplerItem]):
         self._wall_clock = wall_clock
         self._recalibration = recalibration
         self._commands = commands
-        self._told: PipelineInstruction | None = None
+        self._instruction: PipelineInstruction | None = None
         """The last message of the commands."""
         self._acknowledgements = acknowledgements
         self._recording = recording
@@ -130,11 +129,11 @@ class Processor(Worker[SamplerItem]):
         self._set_session(self._pipeline)
 
     def _set_session(self, pipeline: Pipeline) -> None:
-        if (told := self._told) is None:
+        if (instruction := self._instruction) is None:
             return
-        pipeline.set_session(told.session, told.suspended)
+        pipeline.set_session(instruction.session, instruction.suspended)
         if self._rigger is not None:
-            self._rigger.follow(told.session)
+            self._rigger.follow(instruction.session)
 
     def run(self) -> None:
         """Continue the numbers of alerts, then work until the end."""
@@ -170,13 +169,17 @@ class Processor(Worker[SamplerItem]):
 
     def _follow_commands(self) -> bool:
         """Take the newest message of the commands, and publish a change in it at once; return whether there was one."""
-        before, told = self._told, self._recalibration.instruction
-        if told is None or told is before or told.info is not self.info:
+        before, instruction = self._instruction, self._recalibration.instruction
+        if instruction is None or instruction is before or instruction.info is not self.info:
             return False
-        self._told = told
-        is_other_device = before is None or before.info is not told.info
-        if is_other_device or self._pipeline is None or self._present_calibration(told.correction) != self._made_for:
-            self._open_pipeline(told.info, told.correction, told.drift)
+        self._instruction = instruction
+        is_other_device = before is None or before.info is not instruction.info
+        if (
+            is_other_device
+            or self._pipeline is None
+            or self._present_calibration(instruction.correction) != self._made_for
+        ):
+            self._open_pipeline(instruction.info, instruction.correction, instruction.drift)
             self._next_second_ns = 0  # the health of the previous record must not be taken for that of the new one
         else:
             self._set_session(self._pipeline)
@@ -188,7 +191,7 @@ class Processor(Worker[SamplerItem]):
 
     def _present_calibration(self, correction: Correction) -> PipelineCalibration:
         """Return what a pipeline is made for; a replay finds the same in the recorded messages."""
-        is_suspended = self._told is not None and self._told.suspended is not None
+        is_suspended = self._instruction is not None and self._instruction.suspended is not None
         return PipelineCalibration(correction.calibration_id, correction.status, is_suspended)
 
     def _serve_acknowledgements(self, time_ns: int) -> None:
@@ -229,7 +232,7 @@ class Processor(Worker[SamplerItem]):
         """Send the pipeline's messages, and pass the block and its verdict on to the recalibration."""
         self._send(output.messages)
         if block is not None or output.verdict is not None:
-            changes = -1 if self._told is None else self._told.changes
+            changes = -1 if self._instruction is None else self._instruction.changes
             processed = ProcessedBlock(block, output.verdict, time_ns, changes)
             self._commands.feed(processed, SINK_PATIENCE_S if self._can_wait else 0.0)
 

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING
 
 from gateway.documents.format import format_number, format_p_value, format_percent, format_short, format_time_span
 from gateway.documents.palette import PALETTE
-from gateway.documents.text import as_sentence, human_name, join_names, printable_text
+from gateway.documents.text import REPLACEMENT, as_sentence, human_name, join_names, printable_text
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 TEMPLATES = Path(__file__).parent / "templates"
-REPLACEMENT = "\ufffd"
 UNSAFE = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f"  # control characters
     "\u200e\u200f\u202a-\u202e\u2066-\u2069"  # characters that change the direction of writing

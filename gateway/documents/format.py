@@ -4,11 +4,11 @@ import math
 
 COVERAGE_FACTOR = 2.0
 """k: about 95 % of a normal distribution (GUM 6.3)."""
-MOST_DECIMALS = 9
+MAX_DECIMALS = 9
 """Basis: a choice; a billionth of a unit is below any result."""
-LARGEST_WRITTEN_OUT = 1e9
+MAX_WRITTEN_OUT = 1e9
 """Basis: a choice; ten digits are still read."""
-SMALLEST_P = 0.001
+MIN_STATED_P = 0.001
 """Basis: a choice; the tail of a smaller probability is not known so well."""
 INSTANT_S = 0.05
 """A shorter span of time is printed as an instant. Basis: a choice; it would be printed as 0.0 s."""
@@ -47,7 +47,7 @@ def format_with_uncertainty(value: float, u_value: float) -> str:
     if not math.isfinite(expanded) or expanded <= 0:
         return _minus(f"{value:.6g}")
     decimals = 1 - math.floor(math.log10(expanded))
-    if decimals > MOST_DECIMALS or abs(value) >= LARGEST_WRITTEN_OUT or expanded >= LARGEST_WRITTEN_OUT:
+    if decimals > MAX_DECIMALS or abs(value) >= MAX_WRITTEN_OUT or expanded >= MAX_WRITTEN_OUT:
         return _minus(f"{value:.6g} ± {expanded:.2g}")
     return f"{format_fixed(value, decimals)} ± {format_fixed(expanded, decimals)}"
 
@@ -57,7 +57,7 @@ def format_with_interval(value: float, low: float, high: float) -> tuple[str, st
     half = (high - low) / 2
     if not math.isfinite(half) or half <= 0:
         return format_number(value, 4), "not determined" if not math.isfinite(half) else "held fixed"
-    decimals = min(max(0, 1 - math.floor(math.log10(half))), MOST_DECIMALS)
+    decimals = min(max(0, 1 - math.floor(math.log10(half))), MAX_DECIMALS)
     shown = [_minus(f"{each:.{decimals}f}") for each in (value, low, high)]
     return shown[0], f"{shown[1]} to {shown[2]}"
 
@@ -71,7 +71,7 @@ def format_p_value(p: float) -> str:
     """Return `p = 0.42`, or `p < 0.001` below a thousandth, without a line break inside."""
     if not math.isfinite(p):
         return "p not known"
-    text = f"p < {SMALLEST_P:g}" if p < SMALLEST_P else f"p = {p:.2g}"
+    text = f"p < {MIN_STATED_P:g}" if p < MIN_STATED_P else f"p = {p:.2g}"
     return text.replace(" ", "\N{NO-BREAK SPACE}")
 
 

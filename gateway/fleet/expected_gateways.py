@@ -5,8 +5,8 @@ from pathlib import Path
 from gateway.bus.untrusted import GATEWAY_KEY
 from gateway.errors import InputError
 
-PREFIX = "plumbline/v1/"
-LONGEST_LINE_WORDS = 2
+KEY_PREFIX = "plumbline/v1/"
+MAX_LINE_WORDS = 2
 
 
 def read_expected(path: Path) -> dict[str, str]:
@@ -24,8 +24,8 @@ def read_expected(path: Path) -> dict[str, str]:
         words = line.partition("#")[0].split()
         if not words:
             continue
-        key = words[0] if words[0].startswith(PREFIX) else PREFIX + words[0]
-        if GATEWAY_KEY.fullmatch(key) is None or len(words) > LONGEST_LINE_WORDS:
+        key = words[0] if words[0].startswith(KEY_PREFIX) else KEY_PREFIX + words[0]
+        if GATEWAY_KEY.fullmatch(key) is None or len(words) > MAX_LINE_WORDS:
             raise InputError(f"{path}, line {number}: {line.strip()!r} is no gateway; write <site>/<crane>/<sensor>")
         gateways[key] = words[1] if len(words) > 1 else key.split("/")[-2]
     if not gateways:

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
-from gateway.fleet.gateway_status import LABELS, GatewayStatus
+from gateway.fleet.gateway_status import STATE_LABELS, GatewayStatus
 from gateway.page.exposition import Family, counter, gauge, labelled_gauge, render, with_labels
 from gateway.page.metrics import gateway_families
 from gateway.page.verdict import PageEvidence
@@ -23,7 +23,7 @@ def _gateways(evidence: Mapping[str, PageEvidence]) -> Iterator[Family]:
 
 def _fleet(statuses: Sequence[GatewayStatus], *, connected: bool, invalid: int) -> Iterator[Family]:
     counts = Counter(status.state for status in statuses)
-    by_state = {label: counts[word] for word, label in LABELS.items()}
+    by_state = {label: counts[word] for word, label in STATE_LABELS.items()}
     yield labelled_gauge("fleet_gateways", "state", "Gateways by state.", by_state)
     for status in statuses:
         if status.state == "MISSING":

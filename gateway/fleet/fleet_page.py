@@ -17,8 +17,7 @@ from starlette.routing import Route
 from gateway.fleet.gateway_status import FleetWord, GatewayStatus
 from gateway.fleet.report import FleetReport
 from gateway.messages import SCHEMA_VERSION
-from gateway.page.guard import Guard
-from gateway.page.hosts import AllowedHosts
+from gateway.page.guard import AllowedHosts, Guard
 from gateway.page.http_server import HttpServer
 from gateway.page.hub import EventStream, event
 from gateway.page.static_files import static_routes
@@ -26,7 +25,7 @@ from gateway.page.verdict import STYLES, VerdictStyle, Word
 
 PUSH_S = 0.5
 """Interval between two pushes. Basis: a choice; a person overlooks a fleet, and states come once per second."""
-STALE_S = 1.5
+MAX_PUSH_AGE_S = 1.5
 """A browser without a push for this time shows that its data are old. Basis: three pushes."""
 CARD_STYLES: dict[FleetWord, VerdictStyle] = {
     **{word: STYLES[word] for word in get_args(Word)},
@@ -77,7 +76,7 @@ class FleetPage:
             "schema_version": SCHEMA_VERSION,
             "now_s": round(time.monotonic(), 3),
             "connected": report.connected,
-            "page": {"stale_s": STALE_S, "language": self._language},
+            "page": {"stale_s": MAX_PUSH_AGE_S, "language": self._language},
             "gateways": [_card(status) for status in report.listed],
         }
 

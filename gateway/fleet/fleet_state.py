@@ -12,11 +12,11 @@ from gateway.messages import Health, Message
 from gateway.page.verdict import PageEvidence
 from gateway.topics import adapter
 
-JUDGED = ("swing", "condition", "alert")
+JUDGED_TOPICS = ("swing", "condition", "alert")
 """The topics on whose freshness a state depends."""
 HEARTBEAT = "alert"
 """Sent each second whatever is measured; a message of another topic is new only if it describes a newer sample."""
-PATIENCE_S = 2.0
+FLEET_PATIENCE_S = 2.0
 """A topic is stale when its next message is overdue by this time. Basis: twice the default of a gateway's own page."""
 DUPLICATE_S = 10.0
 """A boot id that comes back after another one within this time belongs to a second gateway of the same name. Basis: a choice; two
@@ -75,8 +75,10 @@ class _GatewayMessages:
     def evidence(self, now_s: float) -> PageEvidence:
         """Return everything on which the verdict depends; a message of unknown age is no evidence."""
         ages = {topic: age for topic in self.latest if (age := self.age_s(topic, now_s)) is not None}
-        known = {topic: message for topic, message in self.latest.items() if topic in ages or topic not in JUDGED}
-        return PageEvidence(self.alive, known, ages, PATIENCE_S, JUDGED)
+        known = {
+            topic: message for topic, message in self.latest.items() if topic in ages or topic not in JUDGED_TOPICS
+        }
+        return PageEvidence(self.alive, known, ages, FLEET_PATIENCE_S, JUDGED_TOPICS)
 
     def is_duplicate(self, now_s: float) -> bool:
         """Return whether two gateways sent under this name lately."""
@@ -141,6 +143,6 @@ class FleetState:
         """Whether every gateway that is alive has sent what its state depends on, and every expected one is alive."""
         alive = {key: gateway for key, gateway in self._gateways.items() if gateway.alive}
         return self.expected <= alive.keys() and all(
-            HEARTBEAT in gateway.live_at_s and {*JUDGED, "health"} <= gateway.latest.keys()
+            HEARTBEAT in gateway.live_at_s and {*JUDGED_TOPICS, "health"} <= gateway.latest.keys()
             for gateway in alive.values()
         )

@@ -1,17 +1,18 @@
 """The status of one gateway, judged from its latest messages: a pure function."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Literal
 
-from gateway.fleet.status_causes import StatusCauses, status_causes
-from gateway.messages import Alert, Calibration, Health, Level, Swing
-from gateway.page.calibration_time import created_utc
+from gateway.messages import ActiveAlert, Alert, Calibration, Condition, Health, Level, SessionPhase, Swing, Validity
+from gateway.messages.calibration import created_utc
 from gateway.page.verdict import STYLES, PageEvidence, Word, is_fresh, is_swing_known, verdict
+from gateway.units import DAY_S
 
 FleetWord = Literal["MISSING", "GONE", "DUPLICATE", "FAULT", "BATTERY LOW"] | Word
 """The words of the operator's page, and five that only a list of gateways needs."""
-LABELS: dict[FleetWord, str] = {
+STATE_LABELS: dict[FleetWord, str] = {
     "MISSING": "MISSING",
     "GONE": "GONE",
     "DUPLICATE": "DUPLICATE",
@@ -21,7 +22,39 @@ LABELS: dict[FleetWord, str] = {
     "OK": STYLES["OK"].label,
 }
 """In the order of urgency, the labels that people read."""
-DAY_S = 86400.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatusCauses:
+    """What the status of a gateway follows from, as codes, so that a page can say it in its own language; None: not known."""
+
+    alerts: tuple[ActiveAlert, ...] = ()
+    validity: Validity | None = None
+    session: SessionPhase | None = None
+    """Phase of the recalibration."""
+    failed_gates: tuple[str, ...] = ()
+    """Gates that a reading which cannot be trusted has not passed."""
+    faulty_parts: tuple[str, ...] = ()
+    age_s: float | None = None
+    """Age of the oldest message on which the state depends."""
+
+
+def status_causes(evidence: PageEvidence) -> StatusCauses:
+    """Return the codes in the last messages of a gateway."""
+    alert, condition = evidence.get(Alert), evidence.get(Condition)
+    calibration, health = evidence.get(Calibration), evidence.get(Health)
+    return StatusCauses(
+        alerts=() if alert is None else tuple(alert.active),
+        validity=None if alert is None else alert.validity,
+        session=None if calibration is None else calibration.session.phase,
+        failed_gates=() if condition is None or condition.trusted else _failed(condition.gates),
+        faulty_parts=() if health is None else tuple(health.standing_faults),
+        age_s=max((evidence.age_s[topic] for topic in evidence.judged if topic in evidence.age_s), default=None),
+    )
+
+
+def _failed(gates: Mapping[str, bool]) -> tuple[str, ...]:
+    return tuple(name for name, passed in gates.items() if not passed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +108,7 @@ class GatewayStatus:
     @property
     def label(self) -> str:
         """The state as people read it."""
-        return LABELS[self.state]
+        return STATE_LABELS[self.state]
 
 
 def gateway_status(

@@ -6,19 +6,19 @@ from fnmatch import fnmatchcase
 from math import inf
 from typing import Any, get_args
 
-from gateway.fleet.gateway_status import LABELS, FleetWord, GatewayStatus
+from gateway.fleet.gateway_status import STATE_LABELS, FleetWord, GatewayStatus
 from gateway.messages import Level
 
-URGENCY = {word: number for number, word in enumerate(LABELS)}
+URGENCY = {word: number for number, word in enumerate(STATE_LABELS)}
 WELL: FleetWord = "OK"
 
 
 def parse_states(text: str) -> frozenset[FleetWord]:
     """Return the states of a comma-separated list of their words or labels. Raises `ValueError` for another word."""
-    known = {name: word for word, label in LABELS.items() for name in (_plain(word), _plain(label))}
+    known = {name: word for word, label in STATE_LABELS.items() for name in (_plain(word), _plain(label))}
     names = [_plain(name) for name in text.split(",")]
     if unknown := [name for name in names if name not in known]:
-        raise ValueError(f"{', '.join(unknown)}: choose from {', '.join(map(_plain, LABELS.values()))}")
+        raise ValueError(f"{', '.join(unknown)}: choose from {', '.join(map(_plain, STATE_LABELS.values()))}")
     return frozenset(known[name] for name in names)
 
 

@@ -14,7 +14,7 @@ from gateway.fleet.table import format_age
 from gateway.messages import Alert, Calibration, Condition, Health, Message, Motion, Swing
 from gateway.topics import TOPICS
 
-LONGEST_LINE = 200
+MAX_STATUS_CHARACTERS = 200
 """Basis: a choice; a wide terminal, and no page of hostile text."""
 NAME_WIDTH = 12
 """Basis: a choice; names of cranes are shorter, and longer ones push their line."""
@@ -56,7 +56,7 @@ def status_lines(
                 lines += _entries("drift", [f"at rest {drift['at_rest']}", f"by records {drift['by_records']}"])
             case Health():
                 lines += _health_lines(message, now_utc)
-    return [printable_text(line, LONGEST_LINE) for line in lines]
+    return [printable_text(line, MAX_STATUS_CHARACTERS) for line in lines]
 
 
 def _entries(name: str, texts: "Iterator[str] | list[str] | tuple[str, ...]") -> list[str]:

@@ -4,16 +4,15 @@ from collections import Counter
 from collections.abc import Sequence
 
 from gateway.documents.text import printable_text
-from gateway.fleet.gateway_status import LABELS, GatewayStatus
+from gateway.fleet.gateway_status import STATE_LABELS, GatewayStatus
+from gateway.units import DAY_S, HOUR_S, MINUTE_S
 
-HEADER = ("gateway", "state", "level", "swing", "battery", "signal", "calibrated", "seen", "software", "why")
-LONGEST_CELL = 48
+TABLE_HEADER = ("gateway", "state", "level", "swing", "battery", "signal", "calibrated", "seen", "software", "why")
+MAX_COLUMN_CHARACTERS = 48
 """Basis: a choice; columns stay side by side in a terminal."""
-LONGEST_REASON = 160
+MAX_REASON_CHARACTERS = 160
 """Basis: a choice; a sentence, in the last column."""
-UNKNOWN = "-"
-MINUTE_S, HOUR_S, DAY_S = 60, 3600, 86400
-"""Definition: seconds."""
+UNKNOWN_CELL = "-"
 
 
 def summary_line(statuses: Sequence[GatewayStatus], failing: Sequence[GatewayStatus]) -> str:
@@ -21,52 +20,52 @@ def summary_line(statuses: Sequence[GatewayStatus], failing: Sequence[GatewaySta
     if not statuses:
         return "no gateway"
     counts = Counter(status.state for status in statuses)
-    states = ", ".join(f"{counts[word]} {label}" for word, label in LABELS.items() if counts[word])
+    states = ", ".join(f"{counts[word]} {label}" for word, label in STATE_LABELS.items() if counts[word])
     verdict = "all well" if not failing else f"{len(failing)} not well"
     return f"{len(statuses)} {'gateway' if len(statuses) == 1 else 'gateways'}, {verdict}: {states}"
 
 
 def format_table(statuses: Sequence[GatewayStatus]) -> list[str]:
     """Return the lines of the table, the header first."""
-    rows = [HEADER, *(_row(status) for status in statuses)]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(HEADER) - 1)]
+    rows = [TABLE_HEADER, *(_row(status) for status in statuses)]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(TABLE_HEADER) - 1)]
     return ["  ".join((*map(str.ljust, row, widths), row[-1])).rstrip() for row in rows]
 
 
 def _row(status: GatewayStatus) -> tuple[str, ...]:
     return (
-        printable_text(status.name, LONGEST_CELL),
+        printable_text(status.name, MAX_COLUMN_CHARACTERS),
         status.label,
         status.level,
         _swing(status),
         _battery(status),
-        UNKNOWN if status.signal_dbm is None else f"{status.signal_dbm:.0f} dBm",
+        UNKNOWN_CELL if status.signal_dbm is None else f"{status.signal_dbm:.0f} dBm",
         _calibration(status),
-        UNKNOWN if status.seen_s is None else format_age(status.seen_s),
-        UNKNOWN if status.software is None else printable_text(status.software, LONGEST_CELL),
-        printable_text("; ".join(status.reasons), LONGEST_REASON),
+        UNKNOWN_CELL if status.seen_s is None else format_age(status.seen_s),
+        UNKNOWN_CELL if status.software is None else printable_text(status.software, MAX_COLUMN_CHARACTERS),
+        printable_text("; ".join(status.reasons), MAX_REASON_CHARACTERS),
     )
 
 
 def _swing(status: GatewayStatus) -> str:
     swing = status.swing
     if swing is None:
-        return UNKNOWN
+        return UNKNOWN_CELL
     if swing.phi_max_deg is not None:
         return f"{swing.phi_max_deg:.2f} deg" + ("" if swing.u_deg is None else f" u {swing.u_deg:.2f}")
-    return UNKNOWN if swing.upper95_deg is None else f"< {swing.upper95_deg:.2f} deg"
+    return UNKNOWN_CELL if swing.upper95_deg is None else f"< {swing.upper95_deg:.2f} deg"
 
 
 def _battery(status: GatewayStatus) -> str:
     if status.battery_percent is not None:
         return f"{status.battery_percent:.0f} %"
-    return UNKNOWN if status.battery_v is None else f"{status.battery_v:.2f} V"
+    return UNKNOWN_CELL if status.battery_v is None else f"{status.battery_v:.2f} V"
 
 
 def _calibration(status: GatewayStatus) -> str:
     if status.calibration_age_days is not None:
         return f"{max(status.calibration_age_days, 0.0):.0f} d ago"
-    return UNKNOWN if status.calibration is None else status.calibration.replace("_", " ")
+    return UNKNOWN_CELL if status.calibration is None else status.calibration.replace("_", " ")
 
 
 def format_age(age_s: float) -> str:

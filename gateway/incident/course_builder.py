@@ -30,12 +30,12 @@ from gateway.messages import (
 from gateway.numerics.array import Array
 from gateway.pipeline.alert_rules import RULE_NAMES
 from gateway.recording.reading.sample_calibration import CalibratedBlock
-from gateway.recording.summary.sample_summary import GAP_PERIODS
+from gateway.recording.summary.sample_summary import MIN_GAP_PERIODS
 
-TOPICS = frozenset({"/motion", "/condition", "/alert", "/health", "/calibration", "/mark", "/clock", "/log"})
+COURSE_TOPICS = frozenset({"/motion", "/condition", "/alert", "/health", "/calibration", "/mark", "/clock", "/log"})
 """The topics of which a course is made, beside the samples."""
 MOTION_NUMBERS = ("angle_deg", "u_deg", "azimuth_deg", "hoist_m_s", "hoist_u_m_s", "length_m", "lean_deg", "lean_u_deg")
-TRUSTED = "trusted"
+TRUSTED_TEXT = "trusted"
 
 
 @dataclass(slots=True)
@@ -113,7 +113,7 @@ class CourseBuilder:
         match content:
             case Condition():
                 self._add_state("condition", time_s, content.verdict)
-                self._add_state("trusted", time_s, TRUSTED if content.trusted else "; ".join(content.reasons))
+                self._add_state("trusted", time_s, TRUSTED_TEXT if content.trusted else "; ".join(content.reasons))
             case Alert():
                 levels = {active.rule: active.level for active in content.active}
                 for rule in RULE_NAMES:
@@ -167,7 +167,7 @@ class CourseBuilder:
         time_s, force_g = time_s[order], force_g[order]
         steps_s = np.diff(time_s)
         period_s = float(np.median(steps_s)) if len(steps_s) else 0.0
-        late = np.flatnonzero((steps_s > GAP_PERIODS * period_s) & (period_s > 0))
+        late = np.flatnonzero((steps_s > MIN_GAP_PERIODS * period_s) & (period_s > 0))
         gaps = tuple(TimeGap(float(time_s[index]), float(time_s[index + 1])) for index in late)
         rate_hz = 1 / period_s if period_s > 0 else None
         return ForceCourse(time_s, force_g), SampleCounts(len(time_s), rate_hz, self._lost, self._invalid, gaps)

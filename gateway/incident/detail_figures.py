@@ -8,26 +8,25 @@ from gateway.documents.palette import AFTER, BEFORE, EVENT, FAINT
 from gateway.documents.plots import add_panels, label_decades, plot_curve, render_svg
 from gateway.incident.course import Course, ForceCourse
 from gateway.incident.facts import IncidentFacts
-from gateway.incident.report_clock import ReportClock
-from gateway.incident.time_axis import label_times
+from gateway.incident.time_axis import ReportClock, label_times
 from gateway.numerics.array import Array
 
 AROUND_PEAK_S = 5.0
 """Time shown on either side of the peak. Basis: a choice; a swing of a long rope, and single blows still show."""
-MOST_POINTS = 4000
-"""Of each axis around the peak. Basis: every sample up to 400 Hz."""
-AXES = (("x", AFTER), ("y", BEFORE), ("z", "#009e73"))
+MAX_AXIS_POINTS = 4000
+"""Points of each axis around the peak. Basis: every sample up to 400 Hz."""
+AXIS_COLOURS = (("x", AFTER), ("y", BEFORE), ("z", "#009e73"))
 STEP_PARTS = 10
 """Points of the polar plot from one message to the next. Basis: a choice; a curve without corners, at some messages per
 second."""
 SPECTRUM_BINS = 900
 """Bins that are drawn. Basis: more than the figure has pixels."""
-FEWEST_SAMPLES = 64
+MIN_SPECTRUM_SAMPLES = 64
 """Samples without which there is no spectrum. Basis: a choice; 32 lines."""
-MOST_MISSING_SHARE = 0.05
+MAX_MISSING_SHARE = 0.05
 """Share of missing samples up to which there is a spectrum. Basis: a choice; missing ones are interpolated, which weakens a line
 by some per cent."""
-LOWEST_SHOWN_MG = 0.001
+MIN_SHOWN_MG = 0.001
 """Lower end of the scale. Basis: a choice; below the noise of any sensor in a line."""
 
 
@@ -42,8 +41,8 @@ def acceleration_figure(course: Course, facts: IncidentFacts) -> Figure | None:
 
     def draw(canvas: Canvas) -> None:
         panels = add_panels(canvas, gap=0.15, top_margin_in=0.1)[:, 0]
-        for column, (axes, (name, colour)) in enumerate(zip(panels, AXES, strict=True)):
-            plot_curve(axes, part.time_s, part.force_g[:, column], colour, points=MOST_POINTS)
+        for column, (axes, (name, colour)) in enumerate(zip(panels, AXIS_COLOURS, strict=True)):
+            plot_curve(axes, part.time_s, part.force_g[:, column], colour, points=MAX_AXIS_POINTS)
             axes.set_ylabel(f"{name}, g")
             axes.axvline(middle_s, color=EVENT, linewidth=0.9, linestyle=":")
             for time_s in (facts.raised_s, facts.cleared_s):
@@ -70,7 +69,7 @@ def spectrum_figure(course: Course, facts: IncidentFacts) -> Figure | None:
 
     def draw(canvas: Canvas) -> None:
         axes = canvas.subplots(gridspec_kw={"left": 0.11, "right": 0.985, "bottom": 0.17, "top": 0.97})
-        for column, (name, colour) in enumerate(AXES):
+        for column, (name, colour) in enumerate(AXIS_COLOURS):
             axes.plot(frequency_hz, amplitude_mg[:, column], color=colour, linewidth=0.8, label=name)
         axes.set_xscale("log")
         axes.set_yscale("log")
@@ -79,7 +78,7 @@ def spectrum_figure(course: Course, facts: IncidentFacts) -> Figure | None:
         axes.set_xlabel("frequency, Hz")
         axes.set_ylabel("amplitude, mg")
         axes.set_xlim(frequency_hz[0], frequency_hz[-1])
-        axes.set_ylim(bottom=max(LOWEST_SHOWN_MG, float(amplitude_mg.min())))
+        axes.set_ylim(bottom=max(MIN_SHOWN_MG, float(amplitude_mg.min())))
         axes.legend(loc="upper right", ncols=3)
 
     return Figure(
@@ -129,11 +128,11 @@ def _between(acceleration: ForceCourse, begin_s: float, end_s: float) -> ForceCo
 def _amplitude_spectrum(part: ForceCourse) -> tuple[Array, Array] | None:
     """Return frequencies (m,) in Hz and amplitudes (m, 3) in mg without the mean; None where they cannot be computed."""
     count = len(part.time_s)
-    if count < FEWEST_SAMPLES or not np.isfinite(part.force_g).all():
+    if count < MIN_SPECTRUM_SAMPLES or not np.isfinite(part.force_g).all():
         return None
     period_s = float(np.median(np.diff(part.time_s)))
     even_s = np.arange(part.time_s[0], part.time_s[-1], period_s)
-    if not len(even_s) or len(even_s) - count > MOST_MISSING_SHARE * len(even_s):
+    if not len(even_s) or len(even_s) - count > MAX_MISSING_SHARE * len(even_s):
         return None
     even_g = np.stack([np.interp(even_s, part.time_s, column) for column in part.force_g.T], axis=1)
     trend = np.polynomial.polynomial.polyfit(even_s - even_s[0], even_g, 1)
@@ -153,7 +152,7 @@ def _logarithmic_bins(frequency_hz: Array, amplitude: Array) -> tuple[Array, Arr
 def _through_the_middle(azimuth_rad: Array, angle_deg: Array) -> tuple[Array, Array]:
     """Return a curve in polar coordinates whose jumps of the azimuth go straight across and not around the middle."""
     x, y = angle_deg * np.cos(azimuth_rad), angle_deg * np.sin(azimuth_rad)
-    parts = max(1, min(STEP_PARTS, MOST_POINTS // len(x)))
+    parts = max(1, min(STEP_PARTS, MAX_AXIS_POINTS // len(x)))
     steps = np.linspace(0, len(x) - 1, parts * (len(x) - 1) + 1)
     fine_x, fine_y = np.interp(steps, np.arange(len(x)), x), np.interp(steps, np.arange(len(y)), y)
     return np.unwrap(np.arctan2(fine_y, fine_x)), np.hypot(fine_x, fine_y)

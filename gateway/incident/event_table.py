@@ -6,15 +6,15 @@ from dataclasses import dataclass
 from gateway.documents.text import as_sentence, human_name, printable_text
 from gateway.incident.course import Course, StateCourse
 from gateway.incident.evidence import IncidentEvidence
-from gateway.incident.report_clock import ReportClock
+from gateway.incident.time_axis import ReportClock
 
 ALERT, MARK = "alert", "mark"
 ALWAYS_SHOWN = (ALERT, MARK)
-MOST_EVENTS = 120
+MAX_SHOWN_EVENTS = 120
 """Basis: a choice; two or three printed pages."""
-LONGEST_TEXT = 260
+MAX_EVENT_CHARACTERS = 260
 """Basis: a choice; two or three lines of the table."""
-SHORTEST_STATE_S = 1.0
+MIN_STATE_S = 1.0
 """A condition that lasted shorter is left out. Basis: two verdicts."""
 
 
@@ -43,7 +43,7 @@ def event_table(evidence: IncidentEvidence) -> EventTable:
     course, clock = evidence.course, ReportClock(evidence.course)
     found = sorted(_events(evidence, course), key=lambda event: event[0])
     inside = [event for event in found if course.begin_s <= event[0] <= course.end_s]
-    room = max(0, MOST_EVENTS - sum(kind in ALWAYS_SHOWN for _, kind, _ in inside))
+    room = max(0, MAX_SHOWN_EVENTS - sum(kind in ALWAYS_SHOWN for _, kind, _ in inside))
     shown = []
     for event in inside:
         room -= event[1] not in ALWAYS_SHOWN
@@ -57,7 +57,7 @@ def _row(clock: ReportClock, time_s: float, kind: str, text: str) -> EventRow:
         utc=clock.time(time_s),
         local=clock.time(time_s, is_local=True),
         kind=kind,
-        text=printable_text(text, LONGEST_TEXT),
+        text=printable_text(text, MAX_EVENT_CHARACTERS),
         is_alert=kind == ALERT,
     )
 
@@ -89,5 +89,5 @@ def _events(evidence: IncidentEvidence, course: Course) -> Iterator[tuple[float,
 
 def _state_events(kind: str, states: StateCourse, course: Course) -> Iterator[tuple[float, str, str]]:
     for begin_s, end_s, state in states.spans(course.end_s):
-        if end_s - begin_s >= SHORTEST_STATE_S:
+        if end_s - begin_s >= MIN_STATE_S:
             yield max(begin_s, course.begin_s), kind, as_sentence(f"{human_name(state)} for {end_s - begin_s:.1f} s")

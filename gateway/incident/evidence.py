@@ -10,7 +10,7 @@ from typing import BinaryIO
 from devices.errors import RecordingError
 from gateway import __version__
 from gateway.incident.course import Course
-from gateway.incident.course_builder import TOPICS, CourseBuilder
+from gateway.incident.course_builder import COURSE_TOPICS, CourseBuilder
 from gateway.incident.incident_selection import IncidentWindow
 from gateway.recording.format import header as names
 from gateway.recording.format.mcap_writer import DENSE, McapWriter
@@ -25,15 +25,15 @@ from gateway.recording.reading.timeline import (
     TimelineSegment,
     ignore_progress,
 )
-from gateway.recording.segments.copying import STATED, RecordCopier
+from gateway.recording.segments.copying import STATEMENTS, RecordCopier
 from gateway.recording.summary.segment_summary import SUMMARY
 
 CERTIFICATE_NAME = re.compile(names.CERTIFICATE.format(id=r"[A-Za-z0-9._-]+"))
 """Names of certificates: no attachment of another name is written beside the report."""
-CUT = "cut"
+CUT_RECORD = "cut"
 """Name of the metadata record on what was cut out of the recordings."""
 NOTHING_READ = "no message of this time could be read"
-LEAD_NS = 15_000_000_000
+CONTEXT_LEAD_NS = 15_000_000_000
 """Calibration and clock are read from so long before the begin. Basis: both are recorded more often, calibrations every 10 s."""
 
 
@@ -81,14 +81,14 @@ def read_evidence(
     builder = CourseBuilder(window.origin_ns)
     samples = CalibratedReader(timeline, Selection(window.begin_ns, window.end_ns + 1))
     files: dict[Path, RecordingFile] = {}
-    wanted = Selection(window.begin_ns - LEAD_NS, window.end_ns + 1)
+    wanted = Selection(window.begin_ns - CONTEXT_LEAD_NS, window.end_ns + 1)
     for message in timeline.messages(wanted, report):
         files[message.segment.path] = message.file
         recorded = message.recorded
         if recorded.log_time_ns < window.begin_ns and recorded.topic not in REPEATED_PATHS:
             continue
         copier.add_message(recorded, message.file.schemas.get(recorded.channel.schema_id))
-        if recorded.topic in TOPICS:
+        if recorded.topic in COURSE_TOPICS:
             builder.add(recorded.log_time_ns, message.decode())
         if recorded.topic in NEEDED_TOPICS and (block := samples.add(message)) is not None:
             builder.add_block(block)
@@ -96,7 +96,7 @@ def read_evidence(
     if not course.samples.count:
         raise RecordingError(f"{timeline.name}: has no samples in this time; choose another")
     _copy_descriptions(copier, list(files.values()))
-    copier.add_metadata(CUT, _cut_metadata(timeline, window, course, list(files)))
+    copier.add_metadata(CUT_RECORD, _cut_metadata(timeline, window, course, list(files)))
     writer.finish()
     newest = list(files.values())[-1]
     attachments = {name: each for file in files.values() for name, each in file.attachments.items()}
@@ -127,7 +127,7 @@ def _copy_descriptions(copier: RecordCopier, files: Sequence[RecordingFile]) -> 
 
     Signature, number and summary of a segment are of the whole of it, and stay out.
     """
-    metadata = {name: content for file in files for name, content in file.metadata.items() if name not in STATED}
+    metadata = {name: content for file in files for name, content in file.metadata.items() if name not in STATEMENTS}
     for name, content in metadata.items():
         copier.add_metadata(name, {key: value for key, value in content.items() if key != names.SEGMENT})
     attachments = {name: each for file in files for name, each in file.attachments.items() if name != SUMMARY}

@@ -7,7 +7,7 @@ import numpy as np
 
 from gateway.incident.alert_incidents import AlertIncident
 from gateway.incident.course import Course
-from gateway.incident.course_builder import TRUSTED
+from gateway.incident.course_builder import TRUSTED_TEXT
 from gateway.incident.evidence import IncidentEvidence
 from gateway.incident.recording_verdict import RecordVerdict
 from gateway.messages import SCHEMA_VERSION
@@ -18,7 +18,7 @@ from gateway.recording.reading.interval import iso_utc
 CAUSE_BEFORE_S = 20.0
 """What moved within this time before the peak is stated as what went before it. Basis: three periods of a rope of 10 m."""
 MOVES = ("driven", "hoisting", "wind")
-SHORTEST_MOVE_S = 0.5
+MIN_MOVE_S = 0.5
 """A shorter state is left out of the sentences. Basis: five updates."""
 
 
@@ -105,7 +105,7 @@ def incident_facts(course: Course, incident: AlertIncident | None) -> IncidentFa
         lean_deg=None if at_peak is None else _finite(motion.lean_deg[at_peak]),
         length_m=None if at_peak is None else _finite(motion.length_m[at_peak]),
         force=_extremes(course, begin_s, end_s),
-        trusted_share=course.trusted.share_of(TRUSTED, course.end_s),
+        trusted_share=course.trusted.share_of(TRUSTED_TEXT, course.end_s),
         known_share=float(np.isfinite(motion.angle_deg).mean()) if len(motion.time_s) else None,
     )
 
@@ -134,14 +134,14 @@ def _moves(course: Course, peak_s: float) -> tuple[CraneMove, ...]:
     motion = course.motion
     spans: list[tuple[float, float, str]] = []
     for from_s, to_s, state in motion.states.spans(course.end_s):
-        if spans and spans[-1][2] == state and from_s - spans[-1][1] < SHORTEST_MOVE_S:
+        if spans and spans[-1][2] == state and from_s - spans[-1][1] < MIN_MOVE_S:
             spans[-1] = (spans[-1][0], to_s, state)
         elif state in MOVES:
             spans.append((from_s, to_s, state))
     found = []
     for from_s, to_s, state in spans:
         begin_s, end_s = max(from_s, peak_s - CAUSE_BEFORE_S), min(to_s, peak_s)
-        if end_s - begin_s >= SHORTEST_MOVE_S:
+        if end_s - begin_s >= MIN_MOVE_S:
             inside = (motion.time_s >= begin_s) & (motion.time_s <= end_s)
             pivot_m_s2 = np.hypot(*motion.pivot_m_s2[inside].T)
             hoist_m_s = motion.hoist_m_s[inside]

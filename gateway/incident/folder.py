@@ -17,7 +17,7 @@ from gateway.incident.incident_summary import summary_sentences
 from gateway.incident.recording_verdict import RecordVerdict
 from gateway.recording.reading.timeline import ReportProgress, Timeline, ignore_progress
 
-PAGE, CUT, FACTS = "incident.html", "incident.mcap", "incident.json"
+PAGE_FILE, CUT_FILE, FACTS_FILE = "incident.html", "incident.mcap", "incident.json"
 
 Verify = Callable[[Sequence[Path]], RecordVerdict]
 """Takes the files of which the report is made."""
@@ -33,7 +33,7 @@ class IncidentReport:
     sentences: tuple[str, ...]
     """The summary."""
     content: dict[str, Any]
-    """The numbers, as in the file FACTS."""
+    """The numbers, as in the file FACTS_FILE."""
 
 
 def write_report(
@@ -53,7 +53,7 @@ def write_report(
     """
     try:
         with _new_folder(folder) as partial:
-            with (partial / CUT).open("wb") as stream:
+            with (partial / CUT_FILE).open("wb") as stream:
                 evidence = read_evidence(timeline, window, stream, report)
             verification = verify([source.path for source in evidence.sources])
             facts = incident_facts(evidence.course, window.incident)
@@ -61,13 +61,13 @@ def write_report(
                 evidence,
                 facts,
                 verification=verification,
-                cause=None if analyse is None else analyse(partial / CUT),
-                cut=(("File", CUT), ("SHA-256", file_sha256(partial / CUT))),
+                cause=None if analyse is None else analyse(partial / CUT_FILE),
+                cut=(("File", CUT_FILE), ("SHA-256", file_sha256(partial / CUT_FILE))),
                 computed=tuple(computed.items()),
             )
-            (partial / PAGE).write_text(page, encoding="utf-8")
+            (partial / PAGE_FILE).write_text(page, encoding="utf-8")
             content = facts_json(evidence, facts, verification)
-            (partial / FACTS).write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+            (partial / FACTS_FILE).write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
             for name, certificate in evidence.certificates.items():
                 (partial / Path(name).name).write_bytes(certificate)
     except OSError as error:

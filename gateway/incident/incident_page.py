@@ -12,12 +12,12 @@ from gateway.incident.evidence import IncidentEvidence, SourceFile
 from gateway.incident.facts import IncidentFacts
 from gateway.incident.incident_summary import summary_sentences
 from gateway.incident.recording_verdict import RecordVerdict
-from gateway.incident.report_clock import ReportClock
+from gateway.incident.time_axis import ReportClock
 from gateway.incident.timeline_figure import timeline_figure
 from gateway.messages import Calibration, Health
 from gateway.recording.reading.interval import iso_utc
 
-LABELS = {"trip": ("Trip", "trip"), "warn": ("Warning", "warning")}
+LEVEL_LABELS = {"trip": ("Trip", "trip"), "warn": ("Warning", "warning")}
 NO_ALERT = ("No alert", "none")
 Pairs = tuple[tuple[str, str], ...]
 
@@ -42,7 +42,7 @@ def render_page(
 ) -> str:
     """Return the page; `cut` states name and hash of the recording that was cut out, `computed` how the report was made."""
     course, incident = evidence.course, evidence.window.incident
-    label, kind = NO_ALERT if incident is None else LABELS.get(incident.level, NO_ALERT)
+    label, kind = NO_ALERT if incident is None else LEVEL_LABELS.get(incident.level, NO_ALERT)
     return render(
         "incident.html.j2",
         title=f"Incident report: {evidence.gateway}",

@@ -12,18 +12,17 @@ from gateway.recording.reading.recording_file import Selection, open_recording
 from gateway.recording.reading.timeline import ReportProgress, Timeline, TimelineSpan, ignore_progress
 
 ALERTS = frozenset({"/alert"})
-LONGEST_S = 4 * 3600.0
+MAX_REPORT_S = 4 * 3600.0
 """Longest time of a report. Basis: a choice; an incident is shorter, and a longer span needs more memory than a laptop has to
 spare."""
 
 
 @dataclass(frozen=True, slots=True)
 class IncidentChoice:
-    """What the user asks for: one of the four, or nothing, which is the last incident."""
+    """What the user asks for: one of the three, or nothing, which is the last incident."""
 
     around: RecordingTime | None = None
     number: int | None = None
-    is_last: bool = False
     interval: RecordingInterval | None = None
 
 
@@ -87,7 +86,7 @@ def _window(
     origin_ns: int | None = None,
 ) -> IncidentWindow:
     begin_ns, end_ns = max(begin_ns, span.first_ns), min(end_ns, span.last_ns)
-    latest_ns = begin_ns + round(LONGEST_S * 1e9)
+    latest_ns = begin_ns + round(MAX_REPORT_S * 1e9)
     others = tuple(each for each in _within(incidents, begin_ns, min(end_ns, latest_ns)) if each is not incident)
     if origin_ns is None:
         origin_ns = begin_ns if incident is None else incident.raised_ns

@@ -6,14 +6,15 @@ from gateway.documents.format import format_fixed, format_percent, format_short
 from gateway.incident.alert_incidents import STANDING, AlertIncident
 from gateway.incident.course import Course
 from gateway.incident.facts import CraneMove, IncidentFacts, PeakAngle
-from gateway.incident.report_clock import ReportClock
+from gateway.incident.time_axis import ReportClock
 from gateway.pipeline.alert_rules import SWING
 
-MOST_MARKS = 3
-"""Of the summary; the events have all of them. Basis: a choice; the summary stays on one page, the events have all of them."""
-LATE_S = 5.0
+MAX_SUMMARY_MARKS = 3
+"""Marks in the summary; the events have all of them. Basis: a choice; the summary stays on one page, the events have all of
+them."""
+MAX_ALERT_SILENCE_S = 5.0
 """An alert is stated each second. Basis: after a longer silence the gateway has ended."""
-LEVELS = {"warn": "warning", "trip": "trip"}
+LEVEL_WORDS = {"warn": "warning", "trip": "trip"}
 CLOCKS = {
     "synchronised": "The gateway's clock was synchronised.",
     "free_running": "The gateway's clock was not synchronised: UTC is only as good as when it was last set.",
@@ -47,13 +48,13 @@ def _what_was_raised(
     highest = incident.highest
     highest_s = (highest.time_ns - course.origin_ns) / 1e9
     limit = "" if highest.limit_deg is None else f" (limit {highest.limit_deg:.1f}°)"
-    level = LEVELS.get(highest.level, highest.level)
+    level = LEVEL_WORDS.get(highest.level, highest.level)
     if highest.event == STANDING:
         yield f"The {incident.rule} alert stood at {level}{limit} when the recordings begin, {clock.both(highest_s)}."
     else:
         yield f"The {incident.rule} alert was raised to {level}{limit} at {clock.both(highest_s)}."
     if highest_s - facts.raised_s > 0.05:
-        first = LEVELS.get(incident.changes[0].level, incident.changes[0].level)
+        first = LEVEL_WORDS.get(incident.changes[0].level, incident.changes[0].level)
         yield f"The incident began {highest_s - facts.raised_s:.1f} s before, with a {first}."
     if highest.is_bound and highest.value_deg is not None:
         yield (
@@ -109,12 +110,14 @@ def _when_it_ended(
     if incident is None or facts.raised_s is None:
         return
     if facts.cleared_s is None:
-        ended = "the gateway was stopped or restarted" if course.end_s - facts.end_s > LATE_S else "they end"
+        ended = (
+            "the gateway was stopped or restarted" if course.end_s - facts.end_s > MAX_ALERT_SILENCE_S else "they end"
+        )
         yield f"The recordings state no end of it: it stood at {clock.both(facts.end_s)}, after which {ended}."
     else:
         yield f"It cleared at {clock.both(facts.cleared_s)}, {facts.cleared_s - facts.raised_s:.1f} s after it began."
     yield _acknowledgement(course, clock, incident)
-    for mark in course.marks[:MOST_MARKS]:
+    for mark in course.marks[:MAX_SUMMARY_MARKS]:
         yield f"Mark at {clock.both(mark.time_s)}, by {mark.text}."
 
 

@@ -11,17 +11,16 @@ from gateway.documents.palette import AFTER, ALARM, BEFORE, EVENT, FAINT, INK, L
 from gateway.documents.plots import WIDTH_IN, plot_curve, render_svg
 from gateway.incident.alert_incidents import AlertIncident
 from gateway.incident.course import Course, StateCourse
-from gateway.incident.course_builder import TRUSTED
+from gateway.incident.course_builder import TRUSTED_TEXT
 from gateway.incident.facts import IncidentFacts
-from gateway.incident.report_clock import ReportClock
-from gateway.incident.time_axis import label_local_times, label_times
+from gateway.incident.time_axis import ReportClock, label_local_times, label_times
 from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
 from gateway.pipeline.alert_rules import SWING
 
 HEIGHT_IN = 8.4
 """Basis: a choice; the figure and its caption fill one page of A4."""
-PANELS = (3.4, 1.5, 1.2, 1.2, 2.6)
+PANEL_HEIGHTS = (3.4, 1.5, 1.2, 1.2, 2.6)
 """Relative heights: angle, pivot, hoist, lean, states. Basis: a choice of taste; the angle is what is asked for, and states need
 a line each."""
 COLOURS = {
@@ -39,7 +38,7 @@ COLOURS = {
     "disturbed": BEFORE,
     "running": LINE,
     "synchronised": LINE,
-    TRUSTED: LINE,
+    TRUSTED_TEXT: LINE,
 }
 """Other states, such as unknown, are white with a frame. Okabe and Ito 2008."""
 DARK = frozenset({"trip", "disturbed"})
@@ -50,7 +49,7 @@ HALF_HEIGHT = 0.36
 """Half the height of a bar of a state. Basis: a choice of taste; rows are one apart."""
 LABEL_BOX = {"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.6}
 """Box around a label. Basis: a choice of taste; the curve shows through."""
-LEAST_ANGLE_DEG, LEAST_HOIST_M_S = 0.5, 0.1
+MIN_REACH_DEG, MIN_REACH_M_S = 0.5, 0.1
 """Reach of a scale at least. Basis: a wide interval of a moment does not stretch it."""
 
 
@@ -60,7 +59,9 @@ def timeline_figure(course: Course, incident: AlertIncident | None, facts: Incid
 
     def draw(canvas: Canvas) -> None:
         margins = {"left": 0.15, "right": 0.985, "bottom": 0.06, "top": 0.94, "hspace": 0.12}
-        panels = canvas.subplots(len(PANELS), 1, sharex=True, gridspec_kw={"height_ratios": PANELS, **margins})
+        panels = canvas.subplots(
+            len(PANEL_HEIGHTS), 1, sharex=True, gridspec_kw={"height_ratios": PANEL_HEIGHTS, **margins}
+        )
         _draw_angle(panels[0], course, incident, facts)
         _draw_motion(panels[1:4], course)
         _draw_states(panels[4], course)
@@ -85,7 +86,7 @@ def _draw_angle(axes: Axes, course: Course, incident: AlertIncident | None, fact
     _draw_band(axes, motion.time_s, motion.angle_deg, motion.u_deg)
     axes.set_ylabel("angle, °")
     limit_deg = 0.0 if incident is None else incident.highest.limit_deg or 0.0
-    axes.set_ylim(0, max(LEAST_ANGLE_DEG, 1.15 * max(limit_deg, _largest(motion.angle_deg))))
+    axes.set_ylim(0, max(MIN_REACH_DEG, 1.15 * max(limit_deg, _largest(motion.angle_deg))))
     if incident is None or incident.rule != SWING.name:
         return
     levels: dict[str, float | None] = {
@@ -130,7 +131,7 @@ def _draw_motion(panels: Sequence[Axes], course: Course) -> None:
     pivot.legend(loc="upper right", ncols=2, handlelength=1.2)
     _draw_band(hoist, motion.time_s, motion.hoist_m_s, motion.hoist_u_m_s)
     hoist.set_ylabel("hoist, m/s")
-    reach_m_s = max(LEAST_HOIST_M_S, 1.3 * _largest(motion.hoist_m_s))
+    reach_m_s = max(MIN_REACH_M_S, 1.3 * _largest(motion.hoist_m_s))
     hoist.set_ylim(-reach_m_s, reach_m_s)
     for axes in (pivot, hoist):
         axes.axhline(0, color=FAINT, linewidth=0.5)
@@ -148,7 +149,7 @@ def _draw_band(axes: Axes, time_s: Array, values: Array, u_values: Array) -> Non
 
 def _draw_states(axes: Axes, course: Course) -> None:
     reading = StateCourse(
-        course.trusted.time_s, tuple(state if state == TRUSTED else NOT_TRUSTED for state in course.trusted.state)
+        course.trusted.time_s, tuple(state if state == TRUSTED_TEXT else NOT_TRUSTED for state in course.trusted.state)
     )
     rows = [
         *((f"{rule} alert", states) for rule, states in course.alert_levels.items()),

@@ -45,9 +45,9 @@ def _in_g(path: Path, options: TableOptions) -> tuple[Recording, tuple[str, ...]
 
 
 def _check_gravity(path: Path, force_g: NDArray[np.float64]) -> None:
-    """Raise `InputError` for readings from which gravity was removed: they point nowhere on average."""
+    """Raise `InputError` for readings whose mean is not gravity."""
     if lacks_gravity(force_g):
         raise InputError(
-            f"{path}: its readings point nowhere on average: gravity was removed, or the sensor was turned over; "
+            f"{path}: the mean reading is not gravity: gravity was removed, or the sensor was turned over; "
             f"let the sensor hang, and {RECORD_GRAVITY}"
         )

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from gateway.measurement.source import Source
 from gateway.swing.detection.free_swing import FreeSwing, Interval, find_free_swing
 
-LONGEST_S = 1800.0
+MAX_SEARCHED_S = 1800.0
 """Longest recording that is searched. Basis: hands hold test set-ups; what is longer comes from a crane."""
 
 
@@ -21,7 +21,7 @@ class CutSource:
 def cut_to_free_swing(source: Source) -> CutSource:
     """Return a recording without what was held or moved by hand, with a remark that says so."""
     time_s = source.recording.time_s
-    if float(time_s[-1] - time_s[0]) > LONGEST_S:
+    if float(time_s[-1] - time_s[0]) > MAX_SEARCHED_S:
         return CutSource(source, None)
     found = find_free_swing(time_s, source.force_g, source.noise_g)
     longest = found.longest

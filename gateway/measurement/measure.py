@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from gateway.configuration.model import HIGHEST_CUTOFF
+from gateway.configuration.model import MAX_CUTOFF_SHARE
 from gateway.measurement.conditions import ConditionSummary, summarise_conditions
 from gateway.measurement.formulas import FormulaEvaluation, FormulaResult
 from gateway.measurement.free_swing import cut_to_free_swing
@@ -52,7 +52,7 @@ def measure(source: Source, *, cutoff_hz: float = 1.0, order: int = 2, with_moti
     cut = cut_to_free_swing(source)
     source = cut.source
     rate_hz = source.recording.rate_hz
-    lowpass = LowPass(min(cutoff_hz, HIGHEST_CUTOFF * rate_hz), order, rate_hz)
+    lowpass = LowPass(min(cutoff_hz, MAX_CUTOFF_SHARE * rate_hz), order, rate_hz)
     lowpassed_g = lowpass.apply(source.force_g)
     mean_g = lowpassed_g.mean(axis=0)
     swing = estimate_source_swing(source)

@@ -12,27 +12,27 @@ from gateway.motion.estimate import MotionState
 from gateway.motion.gyro_reading import GyroPrior
 from gateway.motion.history import LargestAngle, MotionHistory, MotionPhase
 from gateway.motion.smoother import smooth_motion
-from gateway.numerics.saturation import saturation_level
+from gateway.numerics.foreign_readings import saturation_level
 from gateway.swing.data.input_checks import find_fault_in_means
 from gateway.swing.estimate import SwingEstimate
 from gateway.swing.estimation.make_estimate import NO_MOTION
 from gateway.swing.rig import MountedHousing
 
-LONGEST_DRIVE_S, LARGEST_DRIVE_SHARE = 12.0, 0.5
+MAX_DRIVE_S, MAX_DRIVE_SHARE = 12.0, 0.5
 """Duration of a drive, and its share of the recording, from which on the smoothed motion is doubted. Basis: ramps of cranes last
 up to 9 s; what is taken for one drive lasts up to 27 s in simulated work of three minutes."""
 WORKING: frozenset[MotionState] = frozenset({"driven", "hoisting", "wind"})
 """States that no free swing explains."""
 MOVING: frozenset[MotionState] = frozenset({"driven", "hoisting"})
 """States in which the crane moves."""
-NEGLIGIBLE_PERIODS = 0.5
+MAX_UNKNOWN_PERIODS = 0.5
 """Time without a known angle up to which the largest angle of a recording is known, in periods of a small swing. Basis: an angle
 reaches its largest value twice in a period."""
 CONTRADICTION_SQUARED, CONTRADICTION_SHARE = 9.0, 0.05
 """Squared difference of two angles over its variance that is a contradiction (three sigma), and the share of the time from which
 on a gyroscope is left out. Basis: a choice; chance has 0.3 % beyond three sigma, and a wrong gyroscope most of the time."""
 DOUBTED = (
-    "the smoothed motion is doubted: it has trolley or bridge accelerate for {:.0f} s without a break, as no crane does; "
+    "the smoothed motion is unreliable: it has trolley or bridge accelerate for {:.0f} s without a break, as no crane does; "
     "a load that swings in two ways, or a housing that is not where stated, looks like this"
 )
 BY_SMOOTHING = "largest angle from the smoothed motion, because the crane worked"
@@ -66,7 +66,7 @@ class RecordingMotion:
     def is_doubted(self) -> bool:
         """One drive fills most of the recording and lasts longer than that of a crane: what moves is none."""
         duration_s = float(self.history.time_s[-1] - self.history.time_s[0])
-        return self.longest_drive_s > max(LONGEST_DRIVE_S, LARGEST_DRIVE_SHARE * duration_s)
+        return self.longest_drive_s > max(MAX_DRIVE_S, MAX_DRIVE_SHARE * duration_s)
 
     @property
     def state_at_largest(self) -> MotionState | None:
@@ -140,7 +140,7 @@ def with_smoothed_angle(swing: SwingEstimate, motion: RecordingMotion) -> SwingE
     if largest is None or swing.coverage95_rad is not None or not motion.crane_worked:
         return swing
     unknown_s = (1 - motion.known_share) * (swing.to_s - swing.from_s)
-    if unknown_s > NEGLIGIBLE_PERIODS * motion.housing.small_swing_period_s:
+    if unknown_s > MAX_UNKNOWN_PERIODS * motion.housing.small_swing_period_s:
         return swing
     at = int(np.abs(history.time_s - largest.time_s).argmin())
     if motion.is_doubted:

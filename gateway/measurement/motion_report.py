@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 
-from gateway.measurement.motion import RecordingMotion
+from gateway.measurement.motion import MAX_DRIVE_S, RecordingMotion
 from gateway.motion.estimate import MotionState
 from gateway.motion.history import LargestAngle, MotionHistory
 from gateway.motion.hypotheses import IS_DRIVEN, IS_FREE, IS_GUST, IS_HOISTING
 from gateway.units import degrees
 
-MOST_PHASES = 12
+MAX_SHOWN_PHASES = 12
 """Phases in the text for the terminal. Basis: a choice; half a screen."""
 GYRO_TEXT = {True: "used", False: "left out: its rates contradict the accelerometer", None: None}
 STATE_TEXT: dict[MotionState, str] = {
@@ -65,10 +65,10 @@ def motion_rows(motion: RecordingMotion) -> list[tuple[str, str]]:
     rows = [("motion", _largest_text(motion))]
     if (gyroscope := GYRO_TEXT[motion.uses_gyro]) is not None:
         rows.append(("", f"gyroscope {gyroscope}"))
-    for phase in motion.phases[:MOST_PHASES]:
+    for phase in motion.phases[:MAX_SHOWN_PHASES]:
         angle = "" if phase.largest is None else f", up to {_angle_text(phase.largest)}"
         rows.append(("", f"{phase.from_s:.1f}-{phase.to_s:.1f} s {STATE_TEXT[phase.state]}{angle}"))
-    if (others := len(motion.phases) - MOST_PHASES) > 0:
+    if (others := len(motion.phases) - MAX_SHOWN_PHASES) > 0:
         rows.append(("", f"and {others} more phases; --json has all of them"))
     return rows
 
@@ -77,7 +77,7 @@ def _largest_text(motion: RecordingMotion) -> str:
     if motion.largest is None or motion.state_at_largest is None:
         return "not known"
     moved = "the crane moved" if motion.crane_moved_at_largest else f"{STATE_TEXT[motion.state_at_largest]}"
-    doubt = "doubted, because a drive lasts longer than any crane's: " if motion.is_doubted else ""
+    doubt = f"unreliable, because one drive lasts longer than {MAX_DRIVE_S:.0f} s: " if motion.is_doubted else ""
     text = f"{doubt}largest angle {_angle_text(motion.largest)} at {motion.largest.time_s:.1f} s, {moved}"
     if motion.known_share > WHOLLY_KNOWN:
         return text

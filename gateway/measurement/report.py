@@ -14,7 +14,7 @@ from gateway.swing.estimate import FormulaAngles, SwingEstimate
 from gateway.swing.formulas import VALID_RHO
 from gateway.units import degrees
 
-MOST_REMARKS = 8
+MAX_SHOWN_REMARKS = 8
 """Remarks in the text for the terminal. Basis: a choice; half a screen."""
 
 
@@ -174,9 +174,9 @@ def _judged_text(source: Source, found: Measurement) -> str:
 
 def _remarks(source: Source) -> list[str]:
     """Return the first remarks, and the number of the others."""
-    others = len(source.remarks) - MOST_REMARKS
+    others = len(source.remarks) - MAX_SHOWN_REMARKS
     more = [f"and {others} more; --json has all of them"] if others > 0 else []
-    return [*source.remarks[:MOST_REMARKS], *more]
+    return [*source.remarks[:MAX_SHOWN_REMARKS], *more]
 
 
 def measured_period_s(estimate: SwingEstimate) -> float | None:

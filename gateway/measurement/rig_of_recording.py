@@ -6,13 +6,14 @@ from pathlib import Path
 
 from devices.tables.foreign import NOTHING_STATED, TableOptions
 from gateway.errors import InputError
-from gateway.measurement.rig import Rig, read_rig, rig_without_length
+from gateway.measurement.rig_file import read_rig, rig_without_length
 from gateway.measurement.source import Source, read_source
+from gateway.pipeline.rig import Rig
 from gateway.recording.reading.interval import WHOLE_RECORDING, RecordingInterval
 from gateway.swing.detection.rope_length import rope_length_by_period
 from gateway.swing.offline import estimate_swing
 
-NOMINAL_RATIO, LARGEST_U_REL = 3.0, 0.2
+NOMINAL_RATIO, MAX_LENGTH_U_REL = 3.0, 0.2
 """Standard uncertainty of the nominal length over that by the period, and the largest. Basis: a choice; the fit finds the length
 itself, and a rope a fifth longer starts in its reach."""
 AGREEMENT_SIGMA = 3.0
@@ -60,7 +61,7 @@ def read_rig_of_recording(
     found = rope_length_by_period(source.recording.time_s, source.force_g, gravity_m_s2)
     if found is None:
         raise InputError(f"{path}: rope.length_m is missing, and nothing in {source.name} repeats as a swing; state it")
-    u_rel = min(NOMINAL_RATIO * found.u_rel, LARGEST_U_REL)
+    u_rel = min(NOMINAL_RATIO * found.u_rel, MAX_LENGTH_U_REL)
     remark = (
         f"rope length {found.length_m:.3g} m +- {found.length_m * found.u_rel:.2g} m by the period of {found.period_s:.3g} s, "
         "because the rig states none"

@@ -17,12 +17,10 @@ from gateway.configuration.model import ALIGNED_MOUNT_U_DEG
 from gateway.errors import InputError
 from gateway.measurement.foreign_file import read_foreign
 from gateway.measurement.recording_settings import calibration_in_force, common_configuration
-from gateway.measurement.rig import CALIBRATED, UNCALIBRATED, DefaultUncertainty, Rig
 from gateway.motion.gyro_reading import GyroPrior
-from gateway.numerics.dropouts import find_dropouts
-from gateway.numerics.repeated_readings import find_fresh_rows
+from gateway.numerics.foreign_readings import find_dropouts, find_fresh_rows
 from gateway.pipeline.angular_rate import device_gyro, gyro_prior
-from gateway.pipeline.mounting import mounted_housing, with_sensor
+from gateway.pipeline.rig import CALIBRATED, UNCALIBRATED, DefaultUncertainty, Rig, configured_housing, with_sensor
 from gateway.pipeline.temperature_filter import TemperatureFilter
 from gateway.recording.reading.catalogue import list_recordings
 from gateway.recording.reading.correction_in_force import recorded_correction
@@ -44,7 +42,7 @@ class HeldRows:
     """The rows of a file in which a sensor repeats its readings."""
 
     time_s: NDArray[np.float64]
-    """Of all n rows, shape (n,)."""
+    """Times of all n rows, shape (n,)."""
     reading: NDArray[np.int64]
     """The reading that each row holds, counted from 0, shape (n,)."""
 
@@ -251,7 +249,7 @@ def _from_run(files: Sequence[Path], rig: Rig | None, interval: RecordingInterva
         calibration=correction.text,
         noise_g=run.device.noise_g,
         full_scale_g=run.device.full_scale_g,
-        housing=None if configuration is None else mounted_housing(configuration, widened, bandwidth_hz),
+        housing=None if configuration is None else configured_housing(configuration, widened, bandwidth_hz),
         correction=widened,
         bandwidth_hz=bandwidth_hz,
         rate_rad_s=None if recording.gyro_dps is None else np.radians(map_axes(recording.gyro_dps, axes)),

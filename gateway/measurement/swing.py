@@ -11,11 +11,11 @@ from gateway.swing.estimate import SwingEstimate
 from gateway.swing.offline import estimate_planar_swing, estimate_swing
 from gateway.swing.rig import MountedHousing
 
-LONGEST_GAP_PERIODS = 8.0
+MAX_JOINED_GAP_PERIODS = 8.0
 """Gap up to which one estimate covers both sides, in periods of a small swing. Beyond it the phase of the swing is not known, and
 nothing is gained from a fit across the gap, whose cost grows with its length. Basis: a choice; the phase of the swing is lost
 beyond it, and the cost of the fit grows with it."""
-NEGLIGIBLE_PERIODS = 0.5
+MAX_UNESTIMATED_PERIODS = 0.5
 """Length of a part without an estimate up to which it leaves the uncertainty as it is, in periods of a small swing. Basis: an
 angle reaches its largest value twice in a period."""
 
@@ -26,7 +26,7 @@ def estimate_source_swing(source: Source) -> SwingEstimate:
     if housing is None:
         reason = "where the housing is on the rope is not known: give --rig"
         return SwingEstimate(from_s=float(time_s[0]), to_s=float(time_s[-1]), swinging=None, reasons=(reason,))
-    gap_s = LONGEST_GAP_PERIODS * housing.small_swing_period_s
+    gap_s = MAX_JOINED_GAP_PERIODS * housing.small_swing_period_s
     bounds = [0, *(np.flatnonzero(np.diff(time_s) > gap_s) + 1).tolist(), len(time_s)]
     estimate_part = estimate_planar_swing if source.is_planar else estimate_swing
     parts = [
@@ -42,7 +42,7 @@ def combine_parts(parts: Sequence[SwingEstimate], housing: MountedHousing) -> Sw
 
     The interval is missing where that of a part is, unless the part is very short.
     """
-    negligible_s = NEGLIGIBLE_PERIODS * housing.small_swing_period_s
+    negligible_s = MAX_UNESTIMATED_PERIODS * housing.small_swing_period_s
     relevant = [part for part in parts if part.coverage95_rad is not None or part.to_s - part.from_s > negligible_s]
     unknown = [part for part in relevant if part.coverage95_rad is None]
     largest = max(relevant or parts, key=lambda part: (part.swinging is True, part.phi_max_rad or 0.0))

@@ -1,6 +1,7 @@
 """The messages of the calibration in force and of a recalibration."""
 
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -89,3 +90,12 @@ class Calibration(Message):
     ]
     text: str
     session: CalibrationSession = NO_SESSION
+
+
+def created_utc(calibration: Calibration) -> datetime | None:
+    """Return when the record in force was made; None where there is none, or it states no time."""
+    try:
+        created = datetime.fromisoformat(str(calibration.record.get("created_utc", "")))
+    except ValueError:
+        return None
+    return created if created.tzinfo is not None else created.replace(tzinfo=UTC)

@@ -14,7 +14,7 @@ housing may as well come down the rope from a moving pivot."""
 LINE_SEARCH_HZ = 1.0
 """Width of the band around a line whose median is the floor. Basis: a choice; many bins at recordings of some ten seconds, and no
 slope of the spectrum."""
-MIN_LINE_POWER = 20.0
+MIN_LINE_RATIO = 20.0
 """Over the median around it, summed over three axes: noise alone gets there once in 10^18 bins. Basis: noise alone gets there
 once in 10^18 bins."""
 ZERO_PADDING = 4
@@ -57,7 +57,7 @@ def find_machine_line(time_s: Array, residual_g: Array, noise_g: Array) -> Machi
     for i in range(len(tried_hz)):
         power[i] = (np.abs(turning @ residual) ** 2).sum()
         turning = turning * turn
-    if power.max() < MIN_LINE_POWER * np.median(power):
+    if power.max() < MIN_LINE_RATIO * np.median(power):
         return None
     line_hz = refine_frequency(time_s, residual, float(tried_hz[int(np.argmax(power))]))
     if power.argmax() == 0 or line_hz < MIN_MACHINE_LINE_HZ:

@@ -11,7 +11,7 @@ MIN_SPIKE_SIGMA = 8.0
 10^14 samples of three axes."""
 MAX_SPIKE_SHARE = 0.01
 """Largest share of the samples that can be spikes. Basis: a choice; more are a real event."""
-MIN_SAMPLES = 8
+MIN_SPIKE_SAMPLES = 8
 """Fewest samples in which a spike can be told from a motion. Basis: the stencils need six."""
 STENCIL_REACH = 3
 """Samples on either side whose distance a spike changes, because it is one of their neighbours. Definition: of the stencils of
@@ -27,7 +27,7 @@ and the squared weights 3, -3, 1."""
 def lone_spikes(values: Array, noise: Array) -> NDArray[np.bool_]:
     """Return which samples (n, k) no smooth motion can have made, shape (n,); `noise` is 1 sigma per sample, shape (k,)."""
     count = len(values)
-    if count < MIN_SAMPLES:
+    if count < MIN_SPIKE_SAMPLES:
         return np.zeros(count, dtype=bool)
     v, distance = values, np.empty_like(values)
     distance[3:-3] = (v[3:-3] - (4 * (v[2:-4] + v[4:-2]) - v[1:-5] - v[5:-1]) / 6) / (INTERIOR_DISTANCE_SIGMA * noise)

@@ -4,7 +4,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-MOST_DIGITS = 18
+MAX_DIGITS = 18
 """Digits of a number. Basis: Python refuses to read one of thousands; 18 digits fit 64 bits."""
 
 
@@ -32,7 +32,7 @@ def parse_line(line: bytes) -> StoredChange | None:
     if checksum != b"%08x" % zlib.crc32(content):
         return None
     parts = content.split(b" ", 2)
-    if len(parts) != 3 or not parts[1].isdigit() or len(parts[1]) > MOST_DIGITS:
+    if len(parts) != 3 or not parts[1].isdigit() or len(parts[1]) > MAX_DIGITS:
         return None
     return StoredChange(parts[0].decode(errors="replace"), int(parts[1]), parts[2])
 

@@ -11,13 +11,13 @@ from pathlib import Path
 
 from gateway.atomic_io import make_folder, sync_folder
 from gateway.outbox.change import StoredChange, encode_line, parse_lines, readable_size
-from gateway.outbox.position import MOST_BYTES, ChangePage, FileSpan, Position, find_span, make_page, span_of
+from gateway.outbox.position import MAX_PAGE_BYTES, ChangePage, FileSpan, Position, find_span, make_page, span_of
 
 FOLDER = "alerts"
 FIRST_NAME = "changes-00000000.log"
 FILE_CHANGES = 256
 """Changes in a file. Basis: a choice; a file is rewritten as a whole, and files are deleted one by one."""
-MOST_FILES = 40
+MAX_OUTBOX_FILES = 40
 """With files of some 400 kB, at most 16 MB and 10 000 changes. Basis: a choice; with files of some 400 kB, at most 16 MB and 10
 000 changes."""
 KEPT_FILES = 4
@@ -35,7 +35,7 @@ class AlertOutbox:
         self._count = 0
         """Changes in the last file."""
         self._spans: dict[Path, FileSpan] = {}
-        """Of the files that do not grow any more."""
+        """Spans of the files that do not grow any more."""
 
     def open(self) -> int:
         """Open the last file, without an incomplete end; return the largest number in it, 0 for none. Raises `OSError`."""
@@ -63,7 +63,7 @@ class AlertOutbox:
         self._count += len(changes)
 
     def page_after(
-        self, position: Position, unstored: Sequence[StoredChange] = (), most_bytes: int = MOST_BYTES
+        self, position: Position, unstored: Sequence[StoredChange] = (), most_bytes: int = MAX_PAGE_BYTES
     ) -> ChangePage:
         """Return the changes behind a position; `unstored` are those that follow the files. Raises `OSError`."""
         paths = self._paths()
@@ -111,7 +111,7 @@ class AlertOutbox:
         last = self._paths()[-1]
         self._open_file(last.with_name(_next_name(last)))
         paths = self._paths()
-        excess = max(len(paths) - MOST_FILES, 0)
+        excess = max(len(paths) - MAX_OUTBOX_FILES, 0)
         old_s = time.time() - KEPT_S
         for place, path in enumerate(paths[:-KEPT_FILES]):
             if place < excess or path.stat().st_mtime < old_s:

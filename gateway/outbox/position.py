@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from gateway.outbox.change import StoredChange
 
-MOST_BYTES = 48_000
+MAX_PAGE_BYTES = 48_000
 """Size of a page. Basis: a message on the bus may have 64 KiB."""
 
 

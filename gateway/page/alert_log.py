@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from gateway.alert_periods import AlertPeriod, AlertPeriods
 from gateway.messages import Alert, Level
 
-MOST_ALERTS = 200
+MAX_LISTED_ALERTS = 200
 """Alerts that the page lists. Basis: a choice; more than a shift has, and a bound of the memory."""
 SHIFT_NS = 12 * 3600 * 10**9
 """Age at which an alert leaves the list. Basis: the longest shift."""
@@ -71,7 +71,7 @@ class AlertLog:
 
     def _is_forgotten(self, period: AlertPeriod[Alert], now_ns: int) -> bool:
         is_old = period.end_ns is not None and period.end_ns < now_ns - SHIFT_NS
-        return is_old or len(self._periods.all) > MOST_ALERTS
+        return is_old or len(self._periods.all) > MAX_LISTED_ALERTS
 
     def _logged(self, period: AlertPeriod[Alert]) -> LoggedAlert | None:
         """Return an alert as the page lists it; None for one that was not raised."""

@@ -10,8 +10,7 @@ from starlette.routing import Route
 
 from gateway.page import exposition, metrics
 from gateway.page.actions import Actions
-from gateway.page.guard import Guard
-from gateway.page.hosts import AllowedHosts
+from gateway.page.guard import AllowedHosts, Guard
 from gateway.page.hub import EventStream, event
 from gateway.page.state import PageState
 from gateway.page.static_files import static_routes

@@ -6,7 +6,7 @@ The page inherits its end as standard input. Nobody else can reach the channel, 
 import socket
 from dataclasses import dataclass
 
-LARGEST_FRAME = 65536
+MAX_FRAME_BYTES = 65536
 """Largest packet, bytes. Basis: a message on the bus may have as much; the socket takes it at once."""
 PARAMETERS = "parameters"
 """The first frame of the gateway."""
@@ -50,9 +50,9 @@ def receive_frame(channel: socket.socket) -> Frame | None:
 
     Raises `ValueError` for a packet of wrong form or size, and `OSError`.
     """
-    packet = channel.recv(LARGEST_FRAME + 1)
+    packet = channel.recv(MAX_FRAME_BYTES + 1)
     if not packet:
         return None
-    if len(packet) > LARGEST_FRAME:
+    if len(packet) > MAX_FRAME_BYTES:
         raise ValueError("a frame is too large")
     return decode_frame(packet)

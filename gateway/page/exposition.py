@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
-PREFIX = "plumbline_"
+METRIC_PREFIX = "plumbline_"
 Value = float | int | bool | None
 """None: not known, and left out."""
 Labels = Mapping[str, str]
@@ -23,12 +23,12 @@ class Family:
 
 def gauge(name: str, text: str, value: Value) -> Family:
     """Return a gauge without labels."""
-    return Family(PREFIX + name, "gauge", text, (({}, value),))
+    return Family(METRIC_PREFIX + name, "gauge", text, (({}, value),))
 
 
 def labelled_gauge(name: str, label: str, text: str, values: Mapping[str, Value]) -> Family:
     """Return a gauge with one sample for each value of a label."""
-    return Family(PREFIX + name, "gauge", text, tuple(({label: key}, value) for key, value in values.items()))
+    return Family(METRIC_PREFIX + name, "gauge", text, tuple(({label: key}, value) for key, value in values.items()))
 
 
 def state_gauge(name: str, label: str, text: str, states: Sequence[str], present: str) -> Family:
@@ -38,18 +38,18 @@ def state_gauge(name: str, label: str, text: str, states: Sequence[str], present
 
 def info_gauge(name: str, text: str, labels: Labels) -> Family:
     """Return a gauge that is always 1 and states its labels."""
-    return Family(f"{PREFIX}{name}_info", "gauge", text, ((labels, 1),))
+    return Family(f"{METRIC_PREFIX}{name}_info", "gauge", text, ((labels, 1),))
 
 
 def counter(name: str, text: str, value: int | None) -> Family:
     """Return a counter without labels."""
-    return Family(f"{PREFIX}{name}_total", "counter", text, (({}, value),))
+    return Family(f"{METRIC_PREFIX}{name}_total", "counter", text, (({}, value),))
 
 
 def labelled_counter(name: str, label: str, text: str, counts: Mapping[str, int]) -> Family:
     """Return a counter with one sample for each value of a label."""
     samples = tuple(({label: key}, count) for key, count in counts.items())
-    return Family(f"{PREFIX}{name}_total", "counter", text, samples)
+    return Family(f"{METRIC_PREFIX}{name}_total", "counter", text, samples)
 
 
 def with_labels(families: Iterable[Family], labels: Labels) -> Iterator[Family]:

@@ -11,9 +11,9 @@ from pydantic_core import to_json
 
 from gateway.page.channel import REQUEST, Frame, encode_frame
 
-PATIENCE_S = 6.0
+MAX_GATEWAY_ANSWER_S = 6.0
 """Longest wait for an answer. Basis: the gateway answers within 4 s, and the browser waits for 10 s (`post.js`)."""
-MOST_WAITING = 8
+MAX_WAITING_REQUESTS = 8
 """Requests that may wait. Basis: a choice; persons ask one by one, and half of what the gateway queues."""
 
 
@@ -35,7 +35,7 @@ class GatewayRequests:
 
     async def submit(self, verb: str, request: dict[str, object]) -> GatewayAnswer:
         """Send a request and wait for its answer; without one in time it says so."""
-        if len(self._waiting) >= MOST_WAITING:
+        if len(self._waiting) >= MAX_WAITING_REQUESTS:
             return GatewayAnswer(accepted=False, text="too many requests are waiting")
         number = next(self._numbers)
         payload = to_json({"number": number, "verb": verb, "payload": to_json(request).decode()})
@@ -43,7 +43,7 @@ class GatewayRequests:
         self._waiting[number] = answer
         try:
             self._channel.send(encode_frame(Frame(REQUEST, time.monotonic(), payload)))
-            async with asyncio.timeout(PATIENCE_S):
+            async with asyncio.timeout(MAX_GATEWAY_ANSWER_S):
                 return await answer
         except (OSError, TimeoutError):
             return GatewayAnswer(accepted=False, text="the gateway does not answer")

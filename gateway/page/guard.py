@@ -1,20 +1,60 @@
 """What every request passes before an endpoint: the host, and for changes the origin, the type and the size."""
 
 import asyncio
-from collections.abc import Collection
+import ipaddress
+from collections.abc import Collection, Sequence
 from typing import Any
+from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from gateway.page.hosts import AllowedHosts, is_same_origin
-
-LARGEST_BODY = 2048
+LOOPBACK = ("localhost", "127.0.0.1", "::1")
+MAX_BODY_BYTES = 2048
 """Largest body of a request, bytes. Basis: a choice; an acknowledgement has some hundred bytes."""
 BODY_S = 5.0
 """Longest time for a body. Basis: as for the head, `http_protocol.REQUEST_S`."""
+
+
+class AllowedHosts:
+    """The Host headers that are answered: loopback, the address of `page.listen`, and the names of `page.hosts`.
+
+    So no other site can read the page by DNS rebinding.
+    Where the page listens at all addresses, every address is allowed and no name: rebinding needs a name.
+    """
+
+    def __init__(self, listen_host: str, names: Sequence[str] = ()) -> None:
+        self._names = {name.lower() for name in (*LOOPBACK, listen_host, *names)}
+        self._any_address = _is_unspecified(listen_host)
+
+    def allows(self, host_header: str) -> bool:
+        """Return whether a Host header is allowed; its port does not matter."""
+        try:
+            name = urlsplit(f"//{host_header}").hostname
+        except ValueError:
+            return False
+        if not name or "@" in host_header or "/" in host_header:
+            return False
+        return name in self._names or (self._any_address and _is_address(name))
+
+
+def is_same_origin(origin: str, host_header: str) -> bool:
+    """Return whether the Origin header of a browser names the host that it asks."""
+    return origin in (f"http://{host_header}", f"https://{host_header}")
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def _is_unspecified(host: str) -> bool:
+    return _is_address(host) and ipaddress.ip_address(host).is_unspecified
 
 
 class Guard:
@@ -60,7 +100,7 @@ async def read_body(request: Request) -> bytes:
         async with asyncio.timeout(BODY_S):
             async for chunk in stream:
                 body += chunk
-                if len(body) > LARGEST_BODY:
+                if len(body) > MAX_BODY_BYTES:
                     raise BodyError("the request is too large")
     except (TimeoutError, ClientDisconnect):
         raise BodyError("the request is not complete") from None

@@ -5,10 +5,8 @@ from typing import Any
 
 from gateway.messages import Health
 from gateway.page.exposition import Family, counter, gauge, info_gauge, labelled_counter, labelled_gauge
+from gateway.units import BYTES_PER_MB, DAY_S
 
-MEGA = 1e6
-"""Definition: a million."""
-DAY_S = 86400
 HEALTH_STATES = ("starting", "running", "recovering", "stopping")
 
 
@@ -55,9 +53,11 @@ def _sample_families(health: Health) -> Iterator[Family]:
 def _resource_families(health: Health) -> Iterator[Family]:
     yield gauge("recording", "1 while a recording is written.", health.recording is not None)
     yield gauge("recording_error", "1 while the recorder reports an error.", health.recording_error is not None)
-    yield gauge("disk_free_bytes", "Free space for recordings.", _scaled(health.disk_free_mb, MEGA))
+    yield gauge("disk_free_bytes", "Free space for recordings.", _scaled(health.disk_free_mb, BYTES_PER_MB))
     yield gauge("gateway_cpu_ratio", "Processor time of the gateway; 1 is one core.", _scaled(health.cpu_percent, 0.01))
-    yield gauge("gateway_resident_memory_bytes", "Resident memory of the gateway.", _scaled(health.resident_mb, MEGA))
+    yield gauge(
+        "gateway_resident_memory_bytes", "Resident memory of the gateway.", _scaled(health.resident_mb, BYTES_PER_MB)
+    )
     text = "Time until the bus certificate of the gateway expires, in whole days."
     yield gauge("certificate_remaining_seconds", text, _scaled(health.certificate_days_left, DAY_S))
     if health.relay is not None:

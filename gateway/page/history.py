@@ -11,7 +11,7 @@ SPAN_S = 600.0
 """Time that the trend shows. Basis: a choice; some lifts, at the pixels of a tablet."""
 SPACING_S = 0.5
 """Shortest time between two points. Basis: the trend of `SPAN_S` is drawn on a few hundred pixels."""
-MOST_POINTS = 2000
+MAX_HISTORY_POINTS = 2000
 """Limits the memory at any rate; at two points per second `SPAN_S` is reached first. Basis: a choice; more than `SPAN_S` has at
 two points per second."""
 
@@ -37,7 +37,7 @@ class History:
     """The points of the trend, bounded by time and number, oldest first."""
 
     def __init__(self) -> None:
-        self._points: deque[TrendPoint] = deque(maxlen=MOST_POINTS)
+        self._points: deque[TrendPoint] = deque(maxlen=MAX_HISTORY_POINTS)
         self._next = 0
 
     @property

@@ -5,26 +5,26 @@ from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from gateway.page.admission import Admission
+from gateway.page.connection_limiter import ConnectionLimiter
 
-MOST_CONNECTIONS = 192
-"""Basis: a choice; two for each of the `hub.MOST_CLIENTS` streams, and a bound of the files."""
-MOST_PER_ADDRESS = 96
+MAX_CONNECTIONS = 192
+"""Basis: a choice; two for each of the `hub.MAX_STREAMS` streams, and a bound of the files."""
+MAX_CONNECTIONS_PER_ADDRESS = 96
 """Basis: half of all, so that one address does not lock others out."""
 REQUEST_S = 5.0
 """Longest time from the connection, or from the last response, until the head of a request is complete. Basis: a choice; a slow
 link needs less, and an idle connection holds its place no longer."""
-LARGEST_HEAD = 16384
+MAX_HEAD_BYTES = 16384
 """Largest head of a request, bytes. Basis: a choice; browsers with cookies send a few kilobytes."""
 
 
 def make_protocol() -> type[H11Protocol]:
     """Return the protocol for `uvicorn.Config(http=...)`; its connections share one limit."""
-    admission: Admission[LimitedProtocol] = Admission(MOST_CONNECTIONS, MOST_PER_ADDRESS)
+    limiter: ConnectionLimiter[LimitedProtocol] = ConnectionLimiter(MAX_CONNECTIONS, MAX_CONNECTIONS_PER_ADDRESS)
 
     class Protocol(LimitedProtocol):
         def __init__(self, *arguments: Any, **options: Any) -> None:
-            super().__init__(admission, *arguments, **options)
+            super().__init__(limiter, *arguments, **options)
 
     return Protocol
 
@@ -32,9 +32,9 @@ def make_protocol() -> type[H11Protocol]:
 class LimitedProtocol(H11Protocol):
     """One connection. While no request is answered it is idle, and may be ended."""
 
-    def __init__(self, admission: "Admission[LimitedProtocol]", *arguments: Any, **options: Any) -> None:
+    def __init__(self, limiter: "ConnectionLimiter[LimitedProtocol]", *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        self._admission = admission
+        self._limiter = limiter
         self._deadline: asyncio.TimerHandle | None = None
 
     @property
@@ -54,14 +54,14 @@ class LimitedProtocol(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Take a place, and wait for a request."""
         super().connection_made(transport)
-        if self._admission.admit(self):
+        if self._limiter.admit(self):
             self._set_deadline()
         else:
             transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Give the place back."""
-        self._admission.release(self)
+        self._limiter.release(self)
         self._clear_deadline()
         super().connection_lost(exc)
 

@@ -3,15 +3,20 @@
 import asyncio
 import logging
 import socket
+import time
 from collections.abc import Callable
 
 import uvicorn
 from starlette.types import ASGIApp
 
-from gateway.page.http_protocol import LARGEST_HEAD, make_protocol
+from gateway.page.http_protocol import MAX_HEAD_BYTES, make_protocol
 from gateway.page.hub import EventStream
-from gateway.page.log_limit import LogLimit
 
+LOG_INTERVAL_S = 10.0
+"""Basis: a choice; a person who looks at a fault waits no longer."""
+MAX_LINES_PER_INTERVAL = 5
+"""Lines in an interval; the first of the next one says how many were left out. Basis: a choice; five show a pattern, and a flood
+of requests fills no disk."""
 HEADERS = [
     ("Content-Security-Policy", "default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"),
     ("X-Content-Type-Options", "nosniff"),
@@ -24,6 +29,27 @@ STALLED_MS = 5000
 memory no longer."""
 SEND_BUFFER_BYTES = 32768
 """Basis: a choice; a few pushes, so that a stalled browser gets no old data."""
+
+
+class LogRateLimiter(logging.Filter):
+    """A limit on the lines that browsers can cause: passes `MAX_LINES_PER_INTERVAL` in each interval and counts the others."""
+
+    def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
+        super().__init__()
+        self._now_s = now_s
+        self._begin_s = now_s()
+        self._lines = 0
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Return whether a line is written."""
+        now_s = self._now_s()
+        if now_s - self._begin_s >= LOG_INTERVAL_S:
+            left_out = max(self._lines - MAX_LINES_PER_INTERVAL, 0)
+            self._begin_s, self._lines = now_s, 0
+            if left_out:
+                record.msg, record.args = f"{record.getMessage()} ({left_out} lines were left out)", ()
+        self._lines += 1
+        return self._lines <= MAX_LINES_PER_INTERVAL
 
 
 class HttpServer(uvicorn.Server):
@@ -54,9 +80,9 @@ class HttpServer(uvicorn.Server):
 
 
 def log_to_stderr(prefix: str) -> None:
-    """Write warnings to standard error, as many lines as `LogLimit` allows."""
+    """Write warnings to standard error, as many lines as `LogRateLimiter` allows."""
     handler = logging.StreamHandler()
-    handler.addFilter(LogLimit())
+    handler.addFilter(LogRateLimiter())
     logging.basicConfig(level=logging.WARNING, format=f"{prefix}: %(message)s", handlers=[handler])
 
 
@@ -71,7 +97,7 @@ def _settings(application: ASGIApp) -> uvicorn.Config:
         application,
         loop="asyncio",
         http=make_protocol(),
-        h11_max_incomplete_event_size=LARGEST_HEAD,
+        h11_max_incomplete_event_size=MAX_HEAD_BYTES,
         ws="none",
         lifespan="off",
         log_config=None,

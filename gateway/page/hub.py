@@ -5,16 +5,16 @@ from collections.abc import AsyncIterator
 
 from pydantic_core import to_json
 
-from gateway.page.admission import Admission
+from gateway.page.connection_limiter import ConnectionLimiter
 
-RETRY_MS = 500
+RECONNECT_MS = 500
 """Time after which a browser connects again. Basis: a choice; a person sees no pause, and a restart no flood."""
-MOST_CLIENTS = 96
+MAX_STREAMS = 96
 """Browsers with a stream. Basis: a choice; more than look at one crane, and a bound of the work."""
-MOST_PER_ADDRESS = 40
+MAX_STREAMS_PER_ADDRESS = 40
 """Further browsers replace the oldest, so that forgotten or hostile streams lock nobody out. Basis: a choice; tabs and tablets
 behind one proxy, and less than half of all."""
-LONGEST_QUEUE = 20
+MAX_WAITING_PUSHES = 20
 """Pushes that wait for a browser. Basis: a choice; some seconds, after which its link counts as stalled."""
 
 
@@ -31,7 +31,7 @@ class BrowserQueue:
 
     def __init__(self, address: str) -> None:
         self.address = address
-        self.queue: asyncio.Queue[bytes | None] = asyncio.Queue(LONGEST_QUEUE)
+        self.queue: asyncio.Queue[bytes | None] = asyncio.Queue(MAX_WAITING_PUSHES)
 
     def end(self) -> None:
         """End the stream and discard the payloads that were not sent: they are out of date."""
@@ -44,7 +44,7 @@ class EventStream:
     """The browsers that receive the events."""
 
     def __init__(self) -> None:
-        self._browsers: Admission[BrowserQueue] = Admission(MOST_CLIENTS, MOST_PER_ADDRESS)
+        self._browsers: ConnectionLimiter[BrowserQueue] = ConnectionLimiter(MAX_STREAMS, MAX_STREAMS_PER_ADDRESS)
         self._too_slow = 0
         self.closed = False
 
@@ -79,7 +79,7 @@ class EventStream:
         if self.closed or not self._browsers.admit(browser):
             return
         try:
-            yield b"retry: %d\n\n" % RETRY_MS + greeting
+            yield b"retry: %d\n\n" % RECONNECT_MS + greeting
             while (payload := await browser.queue.get()) is not None:
                 yield payload
         finally:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from gateway.page.channel import PARAMETERS, Frame
 from gateway.page.parameters import Parameters, encode
 
-PATIENCE_S = 2.0
+MAX_START_S = 2.0
 """Longest wait for the start. Basis: a choice; an interpreter starts in less on a small board that is idle."""
 
 
@@ -36,7 +36,7 @@ def stop(process: subprocess.Popen[bytes]) -> int:
     """End the page, or clean up after one that has ended, and return its exit code. It is killed if it does not end in time."""
     process.terminate()
     try:
-        return process.wait(PATIENCE_S)
+        return process.wait(MAX_START_S)
     except subprocess.TimeoutExpired:
         process.kill()
         return process.wait()

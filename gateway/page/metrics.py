@@ -7,7 +7,7 @@ from math import inf
 from typing import get_args
 
 from gateway.messages import Alert, Calibration, CalibrationStatus, Condition, Health, Level, Motion, Swing
-from gateway.page.calibration_time import created_utc
+from gateway.messages.calibration import created_utc
 from gateway.page.exposition import (
     Family,
     counter,

@@ -6,9 +6,9 @@ from contextlib import suppress
 from pathlib import Path
 
 PIN_NAME = "page-pin"
-DIGITS = 8
-"""Basis: with `sign_in.LONGEST_PAUSE_S` half of the numbers need 95 years; a person types eight digits."""
-LONGEST_FILE = 256
+PIN_DIGITS = 8
+"""Basis: with `sign_in.MAX_SIGN_IN_PAUSE_S` half of the numbers need 95 years; a person types eight digits."""
+MAX_PIN_FILE_BYTES = 256
 """Largest file with a PIN, bytes. Basis: a choice; the digits and a line's end, with room for spaces."""
 
 
@@ -18,7 +18,7 @@ def make_pin(path: Path) -> None:
     with suppress(FileExistsError):
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o640)
         with os.fdopen(descriptor, "w", encoding="ascii") as file:
-            file.write(f"{secrets.randbelow(10**DIGITS):0{DIGITS}d}\n")
+            file.write(f"{secrets.randbelow(10**PIN_DIGITS):0{PIN_DIGITS}d}\n")
             file.flush()
             os.fsync(file.fileno())
 
@@ -29,7 +29,7 @@ def read_pin(path: Path | None) -> str | None:
         return None
     try:
         with path.open(encoding="ascii") as file:
-            pin = file.read(LONGEST_FILE).strip()
+            pin = file.read(MAX_PIN_FILE_BYTES).strip()
     except (OSError, ValueError):
         return None
-    return pin if pin.isdigit() and len(pin) >= DIGITS else None
+    return pin if pin.isdigit() and len(pin) >= PIN_DIGITS else None

@@ -11,7 +11,7 @@ from gateway.page.actions import Actions
 from gateway.page.application import make_application
 from gateway.page.channel import ANSWER, PARAMETERS, Frame, receive_frame
 from gateway.page.gateway_requests import GatewayRequests
-from gateway.page.hosts import AllowedHosts
+from gateway.page.guard import AllowedHosts
 from gateway.page.http_server import HttpServer, log_to_stderr
 from gateway.page.hub import EventStream, event
 from gateway.page.parameters import Parameters, parse
@@ -19,13 +19,13 @@ from gateway.page.state import PageState
 
 PUSH_INTERVAL_S = 0.04
 """Shortest interval between two pushes. Basis: motion comes at 10 Hz, so that a message seldom waits for it."""
-HEARTBEAT_S = 0.25
+MAX_PUSH_INTERVAL_S = 0.25
 """Longest interval between two pushes. Silence shows a browser that the page has ended. Basis: a browser calls the data old after
 1 to 1.5 s (`link.js`): four pushes or more."""
 GATHER_S = 0.01
 """Short wait that joins the messages of one block into one push. Basis: a choice; a block's messages come within milliseconds,
 and 10 ms are not seen."""
-MOST_FRAMES = 256
+MAX_FRAMES_AT_ONCE = 256
 """Frames that are taken before browsers are served again. Basis: a choice; more than come between two pushes, and no browser
 waits for a flood."""
 
@@ -81,7 +81,7 @@ class Page:
         """Take what has come through the channel, and end with it."""
         frames: list[Frame] = []
         try:
-            while len(frames) < MOST_FRAMES:
+            while len(frames) < MAX_FRAMES_AT_ONCE:
                 frame = receive_frame(self._channel)
                 if frame is None:
                     self._end_with_gateway()
@@ -116,7 +116,7 @@ class Page:
 
     async def _wait_for_news(self) -> None:
         try:
-            async with asyncio.timeout(HEARTBEAT_S - PUSH_INTERVAL_S):
+            async with asyncio.timeout(MAX_PUSH_INTERVAL_S - PUSH_INTERVAL_S):
                 await self._news.wait()
         except TimeoutError:
             return

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 EXPIRY_S = 8 * 3600.0
 """Length of a session. Basis: a shift."""
-MOST_SESSIONS = 64
+MAX_SESSIONS = 64
 """Persons who are signed in. Basis: a choice; more than a crane has, and a bound of the memory."""
-FIRST_PAUSE_S = 1.0
+MIN_SIGN_IN_PAUSE_S = 1.0
 """Pause after a wrong PIN, doubled with each. Basis: a choice; a mistyped digit costs a second."""
-LONGEST_PAUSE_S = 60.0
+MAX_SIGN_IN_PAUSE_S = 60.0
 """With one attempt a minute an address needs 95 years for half of the eight-digit numbers. Basis: with one attempt a minute an
 address needs 95 years for half of the eight-digit numbers."""
-MOST_ADDRESSES = 1024
+MAX_ADDRESSES = 1024
 """Addresses whose failures are remembered. Basis: a choice; more than a site has, and a bound of the memory."""
 
 
@@ -36,7 +36,7 @@ class _Failures:
 
     @property
     def pause_s(self) -> float:
-        return min(FIRST_PAUSE_S * 2.0 ** min(self.count - 1, 16), LONGEST_PAUSE_S)
+        return min(MIN_SIGN_IN_PAUSE_S * 2.0 ** min(self.count - 1, 16), MAX_SIGN_IN_PAUSE_S)
 
 
 class SignIn:
@@ -57,12 +57,12 @@ class SignIn:
         if not hmac.compare_digest(entered.encode(), pin.encode()):
             before = self._failures.pop(network, None)
             self._failures[network] = _Failures(1 if before is None else before.count + 1, now_s)
-            _limit(self._failures, MOST_ADDRESSES)
+            _limit(self._failures, MAX_ADDRESSES)
             return None
         self._failures.pop(network, None)
         token = secrets.token_urlsafe(32)
         self._sessions[token] = SignedInPerson(name, pin, now_s + EXPIRY_S)
-        _limit(self._sessions, MOST_SESSIONS)
+        _limit(self._sessions, MAX_SESSIONS)
         return token
 
     def session(self, token: str | None, pin: str | None, now_s: float) -> SignedInPerson | None:

@@ -10,9 +10,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from gateway.calibration.alignment.assistant import AlignmentAssistant, AlignmentView
+from gateway.calibration.alignment.assistant import AlignmentAssistant, AlignmentReadout
 from gateway.calibration.alignment.turn_assistant import TurnAssistant, format_errors, format_turn
-from gateway.calibration.alignment.turn_monitor import TurnView
+from gateway.calibration.alignment.turn_monitor import TurnReadout
 from gateway.gateway_state import is_overdue
 from gateway.messages import SCHEMA_VERSION, Alert, Calibration, Message, Motion, Swing, Tilt
 from gateway.page.alert_log import AlertLog
@@ -22,15 +22,15 @@ from gateway.page.parameters import Parameters
 from gateway.page.verdict import PageEvidence, PageVerdict, is_fresh, is_swing_known, verdict
 from gateway.topics import adapter
 
-MEASURED = ("tilt", "motion", "swing", "condition")
+MEASURED_TOPICS = ("tilt", "motion", "swing", "condition")
 """A message of these topics is new only if it describes a newer sample; a repeated one must not look fresh."""
-PATIENCE_S = 2.0
+GATEWAY_PATIENCE_S = 2.0
 """The gateway has hung if the next message of any topic is overdue by this time. Basis: a choice; its health comes every second,
 so that three are missing."""
 
 
 @dataclass(frozen=True, slots=True)
-class LastSoundSwing:
+class LastValidSwing:
     """The last swing with a sound verdict."""
 
     at_s: float
@@ -50,11 +50,11 @@ class PageState:
         self._heard_s = -math.inf
         self._latest: dict[str, Message] = {}
         self._newest_s: dict[str, float] = {}
-        self._last_sound: LastSoundSwing | None = None
+        self._last_valid: LastValidSwing | None = None
         self._aligning = AlignmentAssistant()
-        self._alignment: AlignmentView | None = None
+        self._alignment: AlignmentReadout | None = None
         self._turning = TurnAssistant()
-        self._turn: TurnView | None = None
+        self._turn: TurnReadout | None = None
 
     def receive(self, frames: Iterable[Frame]) -> None:
         """Take messages of the gateway, and judge the swing by all of them."""
@@ -70,7 +70,7 @@ class PageState:
             and swing is not before.get("swing")
             and self.verdict(self._newest_s["swing"]).sound
         ):
-            self._last_sound = LastSoundSwing(self._newest_s["swing"], swing)
+            self._last_valid = LastValidSwing(self._newest_s["swing"], swing)
 
     def _receive(self, frame: Frame) -> None:
         topic = "alert" if frame.kind == PAST_ALERT else frame.kind
@@ -85,7 +85,7 @@ class PageState:
         self._heard_s = max(self._heard_s, frame.at_s)
         self.received[topic] = self.received.get(topic, 0) + 1
         before = self._latest.get(topic)
-        if topic not in MEASURED or before is None or message.time_ns != before.time_ns:
+        if topic not in MEASURED_TOPICS or before is None or message.time_ns != before.time_ns:
             self._newest_s[topic] = frame.at_s
         self._latest[topic] = message
         self._follow(message, before)
@@ -109,7 +109,7 @@ class PageState:
     def evidence(self, now_s: float) -> PageEvidence:
         """Return everything on which the verdict and the metrics depend."""
         age_s = {topic: max(now_s - at_s, 0.0) for topic, at_s in self._newest_s.items()}
-        is_heard = not is_overdue(now_s - self._heard_s, PATIENCE_S)
+        is_heard = not is_overdue(now_s - self._heard_s, GATEWAY_PATIENCE_S)
         return PageEvidence(is_heard, dict(self._latest), age_s, self.parameters.stale_s)
 
     def verdict(self, now_s: float) -> PageVerdict:
@@ -148,11 +148,11 @@ class PageState:
         return state
 
     def _last_sound_now(self, now_s: float) -> dict[str, float | None] | None:
-        if self._last_sound is None:
+        if self._last_valid is None:
             return None
         return {
-            "age_s": round(now_s - self._last_sound.at_s, 3),
-            "phi_max_deg": self._last_sound.swing.phi_max_deg if self._last_sound.swing.swinging else None,
+            "age_s": round(now_s - self._last_valid.at_s, 3),
+            "phi_max_deg": self._last_valid.swing.phi_max_deg if self._last_valid.swing.swinging else None,
         }
 
     def _page(self) -> dict[str, Any]:

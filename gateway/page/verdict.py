@@ -44,10 +44,10 @@ ALARMS = ("TRIP", "WARN")
 USUAL_INTERVAL_S = {"tilt": 0.1, "swing": 1.0, "condition": 0.5, "alert": HEARTBEAT_S}
 """The topics on which a verdict depends, and the longest usual interval between two messages. Definition: the periods at which
 the pipeline sends them."""
-LONGEST_SWING_INTERVAL_S = 15.0
+MAX_SWING_AGE_S = 15.0
 """Half the period of the longest rope; a swing estimate that is older is late, whatever its period. Basis: a rope of 220 m swings
 in 30 s."""
-STATED: dict[GatewayState, tuple[Word, str]] = {
+STATED_VERDICTS: dict[GatewayState, tuple[Word, str]] = {
     GatewayState.SENSOR_GONE: ("STALE", "no samples come from the sensor"),
     GatewayState.SUSPENDED: ("SUSPENDED", "the swing is not monitored"),
     GatewayState.UNCALIBRATED: ("UNCALIBRATED", "the sensor has no calibration"),
@@ -133,7 +133,7 @@ def is_fresh(evidence: PageEvidence, topic: str) -> bool:
 def _interval_s(evidence: PageEvidence, topic: str) -> float:
     swing = evidence.get(Swing)
     if topic == "swing" and swing is not None and swing.period_s is not None:
-        return min(max(USUAL_INTERVAL_S[topic], swing.period_s / 2), LONGEST_SWING_INTERVAL_S)
+        return min(max(USUAL_INTERVAL_S[topic], swing.period_s / 2), MAX_SWING_AGE_S)
     return USUAL_INTERVAL_S[topic]
 
 
@@ -193,7 +193,11 @@ def _trust(evidence: PageEvidence) -> Iterator[tuple[Word, str]]:
 
 def _stated(evidence: PageEvidence) -> Iterator[tuple[Word, str]]:
     alert = evidence.get(Alert)
-    if alert is not None and alert.validity is not None and (finding := STATED.get(stated_state(alert))) is not None:
+    if (
+        alert is not None
+        and alert.validity is not None
+        and (finding := STATED_VERDICTS.get(stated_state(alert))) is not None
+    ):
         yield finding
 
 

@@ -5,12 +5,38 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from gateway.configuration.model import AlertsSection
-from gateway.messages import CALIBRATION_RULE, ActiveAlert, Level
+from gateway.messages import CALIBRATION_RULE, ActiveAlert, CalibrationStatus, Level, Validity
 from gateway.pipeline.alert_rules import ALERT_RULES, AlertRule
 from gateway.pipeline.alert_text import acknowledged_text, change_text, limits_text, reading_text, refuted_text
 from gateway.pipeline.incidents import Acknowledgement, Incident, IncidentRegister
 from gateway.stages.alerts import Event, Reading, RuleState, event_between, judge, judge_alarm, overall_level
+from gateway.stages.conditions.verdict import ConditionResult
 from gateway.units import degrees
+
+URGENT: tuple[Validity, ...] = ("no_samples", "suspended", "uncalibrated")
+"""Their begin and end do not wait for the next heartbeat."""
+
+
+class ValidityMonitor:
+    """Whether the levels of one pipeline's alerts are known, as one word for receivers, and when that must be sent at once."""
+
+    def __init__(self) -> None:
+        self.present: Validity = "not_known"
+
+    def update(self, condition: ConditionResult, calibration: CalibrationStatus, swing: Reading | None) -> bool:
+        """Take the present state; return whether receivers must know at once."""
+        before, self.present = self.present, _validity(condition, calibration, swing)
+        return before != self.present and (before in URGENT or self.present in URGENT)
+
+
+def _validity(condition: ConditionResult, calibration: CalibrationStatus, swing: Reading | None) -> Validity:
+    if condition.gates.get("fresh") is False:
+        return "no_samples"
+    if condition.gates.get("on_rope") is False:
+        return "suspended"
+    if calibration == "uncalibrated":
+        return "uncalibrated"
+    return "not_known" if swing is None or not math.isfinite(swing.value_rad) else "valid"
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from gateway.pipeline.incidents import Acknowledgement, Incident
 from gateway.stages.alerts import Event, Reading
 from gateway.units import degrees
 
-SHORTEST_LEAD_S = 0.05
+MIN_LEAD_S = 0.05
 """A peak that comes sooner is the present angle. Definition: the resolution of the text."""
 
 
@@ -16,7 +16,7 @@ def reading_text(reading: Reading | None, limit_rad: float) -> str:
     value_deg = None if reading is None else degrees(reading.value_rad)
     if reading is None or value_deg is None:
         return "not known now"
-    when = "now" if reading.expected_in_s < SHORTEST_LEAD_S else f"expected in {reading.expected_in_s:.1f} s"
+    when = "now" if reading.expected_in_s < MIN_LEAD_S else f"expected in {reading.expected_in_s:.1f} s"
     text = f"up to {value_deg:.1f} deg {when}"
     if reading.value_rad >= limit_rad and reading.is_bound(limit_rad):
         text += f", an upper bound, angle now {math.degrees(reading.now.best_rad):.1f} deg"
@@ -42,17 +42,19 @@ def largest_text(incident: Incident) -> str:
     return f"largest {known} {largest_deg:.1f} deg, at most {upper_deg:.1f} deg"
 
 
-def change_text(rule: str, event: Event, level: Level, told: str, incident: Incident | None, time_s: float) -> str:
-    """Return the line of one change; `told` is what the present reading or its reason says, with the limits."""
+def change_text(
+    rule: str, event: Event, level: Level, description: str, incident: Incident | None, time_s: float
+) -> str:
+    """Return the line of one change; `description` is what the present reading or its reason says, with the limits."""
     match event:
         case "raised":
-            text = f"{rule} raised to {level}: {told}"
+            text = f"{rule} raised to {level}: {description}"
         case "cleared" if incident is not None:
             text = f"{rule} cleared after {time_s - incident.begin_s:.1f} s: {_course_text(incident)}"
         case "corrected" if incident is not None:
             text = f"{rule} {level} corrected: {refuted_text(incident)}; the first value was an upper bound"
         case _:
-            text = f"{rule} changed to {level}" + (f": {told}" if told else "")
+            text = f"{rule} changed to {level}" + (f": {description}" if description else "")
     return text if incident is None else f"{text} [incident {incident.id}]"
 
 

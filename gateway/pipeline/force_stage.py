@@ -12,7 +12,7 @@ from gateway.calibration.correction import Correction
 from gateway.pipeline.temperature_filter import TemperatureFilter
 from gateway.stages.lowpass import LowPass
 
-LONGEST_BRIDGE_S = 0.05
+MAX_BRIDGED_GAP_S = 0.05
 """A longer gap restarts the low-pass filter, which would otherwise invent data. Basis: a choice; some samples at 100 Hz, half a
 period of the updates."""
 
@@ -56,7 +56,7 @@ class ForceStage:
         first_ns = int(block.time_ns[0])
         if self.newest_ns is None:
             self._origin_ns = first_ns
-        elif first_ns - self.newest_ns > LONGEST_BRIDGE_S * 1e9:
+        elif first_ns - self.newest_ns > MAX_BRIDGED_GAP_S * 1e9:
             self._runs.append([])
         self._runs[-1].append(block)
         self.newest_ns = int(block.time_ns[-1])

@@ -12,7 +12,7 @@ CHECK_S = 2.0
 """Time after the expected peak until a bound is refuted. Basis: a third of the period of a rope of 9 m."""
 OFFLINE = "offline"
 """The boot id of a pipeline outside a gateway."""
-REMEMBERED = 32
+MAX_ENDED_INCIDENTS = 32
 """Number of incidents that can be acknowledged after their end. Basis: a choice; more than a shift has to acknowledge, and a
 bound of the memory."""
 
@@ -79,7 +79,7 @@ class IncidentRegister:
         """Number of the last change."""
         self._count = 0
         self._open: dict[str, Incident] = {}
-        self._ended: deque[Incident] = deque(maxlen=REMEMBERED)
+        self._ended: deque[Incident] = deque(maxlen=MAX_ENDED_INCIDENTS)
 
     def number_change(self, rule: str | None) -> None:
         """Give the next number to the change of a rule; a heartbeat, of no rule, keeps that of the last change."""

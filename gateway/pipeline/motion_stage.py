@@ -17,7 +17,7 @@ from gateway.pipeline.angular_rate import device_gyro
 from gateway.pipeline.header import Header
 from gateway.pipeline.motion_context import motion_context
 from gateway.pipeline.motion_messages import motion_message, swing_message
-from gateway.pipeline.mounting import mounted_housing, with_sensor
+from gateway.pipeline.rig import configured_housing, with_sensor
 from gateway.stages.conditions.gates import MotionContext
 from gateway.swing.data.recent_extremes import RecentExtremes
 from gateway.swing.formulas import as_published
@@ -31,10 +31,10 @@ NOT_CONFIGURED = "where the housing is on the rope is not configured"
 SWINGS_PER_PERIOD = 3
 """Messages of the swing in a period. Basis: a choice; the estimate covers whole periods, so that more messages say little that is
 new."""
-LONGEST_INTERVAL_S, UNSETTLED_INTERVAL_S = 2.5, 1.0
+MAX_SWING_INTERVAL_S, UNSETTLED_SWING_INTERVAL_S = 2.5, 1.0
 """Longest time between two of them; while the load rests or the angle is not known. Basis: a choice; a person reads the swing
 while it changes, and a load at rest changes in a second as well."""
-LONGEST_PERIODS = 2.0
+MAX_KEPT_PERIODS = 2.0
 """Periods of the rope as configured for which extremes are kept. Basis: a rope four times as long."""
 TEMPERATURE_HYSTERESIS_K = 1
 """Basis: a temperature that varies about a whole kelvin changes nothing again and again."""
@@ -44,13 +44,13 @@ class MotionStage:
     """Keeps the motion of the rope at the newest sample."""
 
     def __init__(self, configuration: Configuration, info: DeviceInfo, correction: Correction) -> None:
-        rig = mounted_housing(configuration, correction, info.bandwidth_hz)
+        rig = configured_housing(configuration, correction, info.bandwidth_hz)
         self._rig, self._correction, self._bandwidth_hz = rig, correction, info.bandwidth_hz
         self._monitor = None
         if rig is not None:
             mount_u_rad = math.hypot(math.radians(configuration.housing.mount_u_deg), correction.u_cross_axis)
             self._monitor = MotionMonitor(rig, mount_u_rad=mount_u_rad, noise_g=info.noise_g, gyro=device_gyro(info))
-        longest_s = LONGEST_PERIODS * small_swing_period_s(
+        longest_s = MAX_KEPT_PERIODS * small_swing_period_s(
             configuration.rope.length_m, configuration.site.local_gravity_m_s2
         )
         self._extremes = RecentExtremes(longest_s)
@@ -128,9 +128,9 @@ class MotionStage:
     def _is_swing_due(self, now_s: float) -> bool:
         if now_s < self._swing_due_s:
             return False
-        interval_s = UNSETTLED_INTERVAL_S
+        interval_s = UNSETTLED_SWING_INTERVAL_S
         if self.estimate.period_s is not None and self.estimate.state not in ("rest", "unknown"):
-            interval_s = min(self.estimate.period_s / SWINGS_PER_PERIOD, LONGEST_INTERVAL_S)
+            interval_s = min(self.estimate.period_s / SWINGS_PER_PERIOD, MAX_SWING_INTERVAL_S)
         self._swing_due_s = now_s + interval_s
         return True
 

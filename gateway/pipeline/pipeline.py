@@ -7,6 +7,7 @@ call. The same blocks give the same messages. No clock is read, so a live run an
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +16,11 @@ from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
 from gateway.errors import InputError
-from gateway.messages import NO_SESSION, CalibrationSession, Message
+from gateway.messages import NO_SESSION, CalibrationSession, CalibrationStatus, Message
 from gateway.packing import pack
 from gateway.pipeline import compose
-from gateway.pipeline.alert_manager import AlertChange, AlertManager
+from gateway.pipeline.alert_manager import AlertChange, AlertManager, ValidityMonitor
 from gateway.pipeline.alert_rules import ALERT_RULES, Evaluation, swing_reading
-from gateway.pipeline.alert_validity import ValidityMonitor
 from gateway.pipeline.angular_rate import housing_rates
 from gateway.pipeline.clock_state import ClockState, MessageTime
 from gateway.pipeline.drift_monitor import DriftMonitor
@@ -304,3 +304,14 @@ class Pipeline:
         """Return the message of a topic that is made of its header."""
         header = self._headers.make(topic, now, self._correction.calibration_id)
         return OutgoingMessage(topic, now.log_time_ns, make(header))
+
+
+class PipelineCalibration(NamedTuple):
+    """What a pipeline was made for: the calibration in force, and whether a recalibration suspends the alerts.
+
+    When any of it changes, another pipeline begins.
+    """
+
+    calibration_id: str | None
+    status: CalibrationStatus
+    suspended: bool

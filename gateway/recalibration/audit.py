@@ -8,7 +8,7 @@ from typing import Any
 
 from gateway.atomic_io import append_durably, append_line
 
-MAX_FILE_BYTES = 8_000_000
+MAX_AUDIT_BYTES = 8_000_000
 """Size at which the file becomes the previous file; there is one previous file. Basis: a choice; years of changes, and two files
 are nothing to a card."""
 
@@ -24,7 +24,7 @@ class Audit:
         """Append an entry, and wait for the disk where it is to be durable. Raises `OSError`."""
         line = json.dumps({"time_utc": time_utc, "event": event, **content})
         self._log_line(f"audit {line}")
-        if self._path.exists() and self._path.stat().st_size > MAX_FILE_BYTES:
+        if self._path.exists() and self._path.stat().st_size > MAX_AUDIT_BYTES:
             self._path.replace(self._path.with_suffix(".previous.jsonl"))
         (append_durably if durable else append_line)(self._path, line.encode())
 

@@ -3,7 +3,7 @@
 from collections import deque
 from dataclasses import dataclass
 
-from gateway.calibration.methods.zeroing import MIN_REST_S
+from gateway.calibration.methods.zeroing import MIN_UNBROKEN_REST_S
 from gateway.messages import Verdict
 
 MEMORY_S = 60.0
@@ -11,7 +11,7 @@ MEMORY_S = 60.0
 MAX_VERDICTS = 600
 """Largest number of verdicts that are remembered. Basis: `MEMORY_S` has 120 at two verdicts per second; a bound of the memory at
 any rate."""
-MIN_STATIC_S = MIN_REST_S + 2.0
+MIN_STATIC_S = MIN_UNBROKEN_REST_S + 2.0
 """Least time, s, for which a load must have been static before its rope is used as a plumb line. Basis: the rest that zeroing
 reads, and one window of the conditions."""
 LOAD_SIGNAL_VALID_S = 10.0

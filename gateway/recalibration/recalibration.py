@@ -13,7 +13,7 @@ from typing import Any, Literal
 from devices.axes_map import AxesMap
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.acceptance import judge
-from gateway.calibration.methods.zeroing import MIN_REST_S
+from gateway.calibration.methods.zeroing import MIN_UNBROKEN_REST_S
 from gateway.calibration.pose_plans import make_procedure
 from gateway.calibration.pose_procedure import PoseProcedure, PoseProgress
 from gateway.calibration.poses.pose import NominalSensitivity
@@ -64,7 +64,7 @@ class Recalibration:
         self._log_line = log_line
         self._journal = Journal(folder / "session.json")
         self._audit = Audit(folder / "audit.jsonl", log_line)
-        self._recent_samples = RecentSamples(MIN_REST_S + BUFFER_MARGIN_S)
+        self._recent_samples = RecentSamples(MIN_UNBROKEN_REST_S + BUFFER_MARGIN_S)
         self._procedure: PoseProcedure | None = None
         self._progress: PoseProgress | None = None
         self._handler: CommandHandler | None = None

@@ -10,7 +10,7 @@ from typing import Literal
 
 ENERGISE, RELEASE = b"energise\n", b"release\n"
 RelayState = Literal["energised", "released", "failed"]
-STATES: dict[bytes, RelayState] = {b"energised": "energised", b"released": "released", b"failed": "failed"}
+STATES_BY_LINE: dict[bytes, RelayState] = {b"energised": "energised", b"released": "released", b"failed": "failed"}
 """failed: the output could not be switched; what the relay does is not known."""
 
 

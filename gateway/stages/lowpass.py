@@ -10,7 +10,7 @@ import numpy as np
 
 from gateway.numerics.array import Array
 
-LONGEST_BLOCK = 64
+MAX_FILTERED_SAMPLES = 64
 """Longer blocks are split, because the matrix grows with the square of the block's length. Basis: a choice; two blocks of a FIFO,
 and a matrix of some thousand numbers."""
 
@@ -26,7 +26,7 @@ class LowPass:
         self._poles = _butterworth_poles(cutoff_hz, order, rate_hz)
         self._system = _state_space(self._poles)
         self._state: Array | None = None
-        self._matrix = lru_cache(maxsize=LONGEST_BLOCK)(self._block_matrix)
+        self._matrix = lru_cache(maxsize=MAX_FILTERED_SAMPLES)(self._block_matrix)
 
     def restart(self) -> None:
         """Discard the state: the next sample is taken as constant in the past."""
@@ -38,11 +38,11 @@ class LowPass:
             self._state = self._steady_state(values[0])
         filtered = np.empty_like(values)
         order = len(self._poles)
-        for begin in range(0, len(values), LONGEST_BLOCK):
-            block = values[begin : begin + LONGEST_BLOCK]
+        for begin in range(0, len(values), MAX_FILTERED_SAMPLES):
+            block = values[begin : begin + MAX_FILTERED_SAMPLES]
             both = self._matrix(len(block)) @ np.concatenate([self._state, block])
             self._state = both[:order]
-            filtered[begin : begin + LONGEST_BLOCK] = both[order:]
+            filtered[begin : begin + MAX_FILTERED_SAMPLES] = both[order:]
         return filtered
 
     def gain(self, frequency_hz: float) -> float:

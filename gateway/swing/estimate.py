@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-SURE = 3.0
-"""Standard uncertainties."""
-SLOWEST_HOIST_M_S = 0.02
+DETECTION_SIGMA = 3.0
+"""Standard uncertainties from which on a value differs from zero."""
+MIN_HOIST_M_S = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

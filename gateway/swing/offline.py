@@ -12,10 +12,10 @@ from gateway.swing.data.input_checks import axially_clipped, find_fault
 from gateway.swing.data.noise import effective_noise_g, shared_quantisation
 from gateway.swing.detection.dead_axis import check_axes
 from gateway.swing.detection.rest_detection import (
-    FAINTEST_AXIAL_GAIN,
-    FAINTEST_GAIN,
-    RESTLESS,
-    WORTH_A_FIT,
+    MIN_AXIAL_GAIN,
+    MIN_FIT_GAIN,
+    MIN_GAIN,
+    MIN_UNEXPLAINED_RATIO,
     at_rest_estimate,
     irregular_motion_estimate,
     is_below_detection,
@@ -46,19 +46,19 @@ from gateway.swing.rig import MountedHousing
 FIRST_WINDOW_PERIODS, FIRST_WINDOW_OF_WIDE_PERIODS = 3.0, 2.0
 """First window, in periods of a small swing. Basis: the period of a wide swing falls as it decays, so that harmonics of one
 frequency do not describe three periods; from two, drawn swings of up to 140 degrees converge."""
-GROWTH = 2.2
-FEWEST_PERIODS = 0.8
-FEWEST_SAMPLES = 8
+WINDOW_GROWTH = 2.2
+MIN_PERIODS = 0.8
+MIN_SAMPLES = 8
 FIRST_ITERATIONS = 25
 NO_EVENT_MISFIT = 0.01
 """Unexplained part of the signal above which the recording is looked through for an event."""
-HOPELESS_MISFIT = 0.3
+ABANDON_MISFIT = 0.3
 """Unexplained part of the signal at which longer windows are not tried."""
-LARGEST_BESIDE_RAD = np.radians(15.0)
+MAX_BESIDE_RAD = np.radians(15.0)
 """Angle between the swing and the plane of two recorded axes. Basis: how well a sensor is turned into the plane by eye."""
 NO_Y = "y is not recorded: the load is taken to swing in the plane of x and z, or up to 15 degrees beside it"
-MARGIN = 0.05
-"""Of a period, that a grid reaches beyond the last sample."""
+GRID_MARGIN_PERIODS = 0.05
+"""Share of a period by which a grid reaches beyond the last sample."""
 
 
 def estimate_swing(
@@ -80,7 +80,7 @@ def estimate_planar_swing(
     found = _estimate_swing(time_s, specific_force_g, rig, noise_g, "xz")
     if found.coverage95_rad is None or found.phi_max_rad is None or found.u_rad is None or not found.swinging:
         return found
-    beside = 1 / float(np.cos(LARGEST_BESIDE_RAD)) - 1
+    beside = 1 / float(np.cos(MAX_BESIDE_RAD)) - 1
     low_rad, high_rad = found.coverage95_rad
     return replace(
         found,
@@ -101,7 +101,7 @@ def _estimate_swing(
     is_clipped = axially_clipped(force_g)
     time_s, force_g = time_s[~is_clipped], force_g[~is_clipped]
     fault = find_fault(force_g, axes)
-    if to_s - from_s < FEWEST_PERIODS * nominal_period_s or len(time_s) < FEWEST_SAMPLES:
+    if to_s - from_s < MIN_PERIODS * nominal_period_s or len(time_s) < MIN_SAMPLES:
         fault = "shorter than one swing"
     if fault is not None:
         return SwingEstimate(from_s=from_s, to_s=to_s, swinging=None, reasons=(fault,))
@@ -122,21 +122,23 @@ def _estimate_swing(
 def _estimate(bins: Bins, noise_g: Array, rig: MountedHousing, from_s: float, to_s: float) -> SwingEstimate:
     """Decide between at rest, hardly visible, irregular and swinging."""
     harmonics = find_harmonics(bins, noise_g, rig)
-    if harmonics.gain < FAINTEST_GAIN:
+    if harmonics.gain < MIN_GAIN:
         return _faint_estimate(bins, noise_g, rig, at_rest_estimate(bins, noise_g, rig, harmonics, from_s))
-    irregular = irregular_motion_estimate(bins, noise_g, rig, from_s) if harmonics.unexplained > RESTLESS else None
+    irregular = (
+        irregular_motion_estimate(bins, noise_g, rig, from_s) if harmonics.unexplained > MIN_UNEXPLAINED_RATIO else None
+    )
     return irregular or _swinging_estimate(bins, noise_g, rig, harmonics, from_s, to_s)
 
 
 def _faint_estimate(bins: Bins, noise_g: Array, rig: MountedHousing, at_rest: SwingEstimate) -> SwingEstimate:
     """Return the estimate where only the axial force may show a swing: one that may be none, or that of a load at rest."""
     harmonics = find_harmonics(bins, noise_g, rig, axial=True)
-    if harmonics.axial_gain < WORTH_A_FIT:
+    if harmonics.axial_gain < MIN_FIT_GAIN:
         return at_rest
     from_s, to_s = at_rest.from_s, at_rest.to_s
-    guesses = initial_motions(harmonics, rig, from_s, to_s + MARGIN * rig.small_swing_period_s)
+    guesses = initial_motions(harmonics, rig, from_s, to_s + GRID_MARGIN_PERIODS * rig.small_swing_period_s)
     result = fit_robust_from(bins, noise_g, guesses, nominal_prior(rig), FIRST_ITERATIONS)
-    if result is None or not result.is_valid or likelihood_gains(result)[2] < FAINTEST_AXIAL_GAIN:
+    if result is None or not result.is_valid or likelihood_gains(result)[2] < MIN_AXIAL_GAIN:
         return at_rest
     return upper_bound_amplitude(make_estimate(result, noise_g, from_s, to_s), at_rest)
 
@@ -145,7 +147,7 @@ def _swinging_estimate(
     bins: Bins, noise_g: Array, rig: MountedHousing, harmonics: Harmonics, from_s: float, to_s: float
 ) -> SwingEstimate:
     """Return the estimate of a load that moves: a pendulum on the nominal rig, with the relaxed prior, or in segments."""
-    guesses = initial_motions(harmonics, rig, from_s, to_s + MARGIN * rig.small_swing_period_s)
+    guesses = initial_motions(harmonics, rig, from_s, to_s + GRID_MARGIN_PERIODS * rig.small_swing_period_s)
     result = _whole_fit(bins, noise_g, guesses, nominal_prior(rig), from_s, to_s)
     axes = check_axes(bins, noise_g, rig, _length_m(result, harmonics, rig))
     if axes.fault is not None:
@@ -222,14 +224,14 @@ def grow_window(bins: Bins, noise_g: Array, prior: Prior, from_s: float, to_s: f
     result: FitResult | None = None
     while True:
         window = bins.select(bins.time_s < from_s + window_s)
-        end_s = min(from_s + window_s, to_s) + MARGIN * nominal_period_s
+        end_s = min(from_s + window_s, to_s) + GRID_MARGIN_PERIODS * nominal_period_s
         if result is None:
             guesses = initial_motions(find_harmonics(window, noise_g, rig), rig, from_s, end_s)
             result = fit_robust_from(window, noise_g, guesses, prior, FIRST_ITERATIONS)
         else:
             start = result.fit.motion.extended(from_s, end_s)
             result = fit_robust(window, noise_g, start, prior, FIRST_ITERATIONS)
-        is_hopeless = result is None or result.uncertainty.misfit > HOPELESS_MISFIT
-        if is_hopeless or len(window) == len(bins):
+        is_abandoned = result is None or result.uncertainty.misfit > ABANDON_MISFIT
+        if is_abandoned or len(window) == len(bins):
             return result
-        window_s *= GROWTH
+        window_s *= WINDOW_GROWTH

@@ -5,6 +5,10 @@ from dataclasses import dataclass
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.pendulum.small_swing import small_swing_length_m, small_swing_period_s
 
+NOMINAL_LENGTH_U_REL = 0.2
+"""Standard uncertainty of a nominal length over it, where none is stated. Basis: a choice; a rope a fifth longer or shorter
+starts in the reach of a fit, and the measured period takes precedence."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MountedHousing:
@@ -20,7 +24,7 @@ class MountedHousing:
     """Pivot to the accelerometer, along the rope."""
     above_load_m: float | None = None
     """Accelerometer to the load's centre; constant while hoisting, because the housing is clamped."""
-    length_u_rel: float = 0.2
+    length_u_rel: float = NOMINAL_LENGTH_U_REL
     position_u_m: float = 0.0
     gravity_m_s2: float = STANDARD_GRAVITY_M_S2
     zero_g_offset_u_g: tuple[float, float, float] = (0.0, 0.0, 0.0)

@@ -10,7 +10,7 @@ import numpy as np
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.pendulum.small_swing import small_swing_period_s, small_swing_rate_1_s
 from gateway.errors import InputError
-from gateway.measurement.rig import Rig
+from gateway.pipeline.rig import Rig
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Parameter, Value
 from gateway.twin.effects.term_library import register_terms

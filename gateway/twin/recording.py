@@ -27,7 +27,7 @@ from gateway.twin.simulation import Simulated
 START_NS = 1_735_689_600_000_000_000
 """The time of the first sample of every simulated recording. Definition: 2025-01-01T00:00:00Z."""
 BLOCK_SAMPLES = 32
-"""Samples in a block. Basis: as a device's, `device_factory.LONGEST_BLOCK`."""
+"""Samples in a block. Basis: as a device's, `device_factory.MAX_BLOCK_SAMPLES`."""
 ONE_SEGMENT_S, QUOTA_MB = 1e7, 1e6
 """Limits of the recorder that are never reached. Basis: a choice; it then writes one file."""
 CLOCK = ClockState("replayed", 0)

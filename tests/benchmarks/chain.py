@@ -9,7 +9,7 @@ from pathlib import Path
 import zenoh
 
 from devices.block import DeviceInfo, SampleBlock
-from devices.clock import HostClock
+from devices.host_clock import HostClock
 from devices.simulated.device import SimulatedCrane
 from gateway import __version__
 from gateway.bus.session import open_session

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.measurement.rig import UNCALIBRATED, Rig
+from gateway.pipeline.rig import UNCALIBRATED, Rig
 from gateway.swing.estimate import SwingEstimate
 from gateway.swing.offline import estimate_swing
 from tests.blind.rigid_pendulum import GRAVITY_M_S2, RigidPendulum, simulate

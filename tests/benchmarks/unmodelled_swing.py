@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from gateway.measurement.rig import UNCALIBRATED, Rig
+from gateway.pipeline.rig import UNCALIBRATED, Rig
 from gateway.swing.detection.rope_length import rope_length_by_period
 from gateway.swing.offline import estimate_swing
 from gateway.swing.uncertainty.uncertainty_model import SMALL_MISFIT

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.measurement.rig import read_rig
+from gateway.measurement.rig_file import read_rig
 from gateway.twin.model import Model, model_of
 from gateway.twin.reconcile import reconcile
 from gateway.twin.reconcile.data.data_checks import CheckedRecording

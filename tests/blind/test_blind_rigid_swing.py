@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gateway.measurement.rig import UNCALIBRATED, Rig
+from gateway.pipeline.rig import UNCALIBRATED, Rig
 from gateway.swing.estimate import SwingEstimate
 from gateway.swing.model.mount import rotation
 from gateway.swing.offline import estimate_swing

@@ -9,7 +9,7 @@ import pytest
 from devices.errors import DeviceError
 from devices.recovery import RecoveringDevice
 from gateway.daemon.runtime.faults import Backoff
-from gateway.daemon.sampling.sampler import FIRST_PAUSE_S, LONGEST_PAUSE_S
+from gateway.daemon.sampling.sampler import MAX_REOPENING_PAUSE_S, MIN_REOPENING_PAUSE_S
 from tests.devices.i2c.part_rig import PARTS, Part, PartRig
 
 each_part = pytest.mark.parametrize("part", PARTS, ids=str)
@@ -25,7 +25,7 @@ def done(step: Callable[[], None]) -> Callable[[], bool]:
 
 def open_again(rig: PartRig, device: RecoveringDevice, at_most_s: float = 60.0) -> None:
     """Try to open the device with the pauses of the sampling thread."""
-    backoff = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
+    backoff = Backoff(MIN_REOPENING_PAUSE_S, MAX_REOPENING_PAUSE_S)
     end_s = rig.clock.elapsed_s + at_most_s
     while True:
         rig.clock.sleep_s(backoff.pause_s)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from devices.sample_clock import BUCKETS, SampleClock, slope_below
+from devices.sample_clock import N_BUCKETS, SampleClock, slope_below
 from tests.values import present
 
 START_NS = 1_700_000_000_000_000_000
@@ -217,7 +217,7 @@ def test_memory_and_precision_are_bounded_after_weeks() -> None:
     clock.stamp(1, START_NS, lost=12 * 7 * 86400 * 1000)
     part = Part(1000, 200)
     times_ns = part.seen_late(clock, 32, 0.001)
-    assert len(clock._window._observations) <= BUCKETS + 1
+    assert len(clock._window._observations) <= N_BUCKETS + 1
     assert error_ms(times_ns, part.made_ns, after_s=10)[1] < 0.02
 
 

@@ -29,7 +29,7 @@ from gateway.calibration.offline.record_files import read_record
 from gateway.calibration.store import CalibrationStore
 from gateway.configuration.loading import load
 from gateway.errors import PlumblineError
-from gateway.measurement.rig import read_rig
+from gateway.measurement.rig_file import read_rig
 from gateway.outbox.outbox import AlertOutbox
 from gateway.recalibration.journal import Journal
 from gateway.recalibration.requests import parse_payload

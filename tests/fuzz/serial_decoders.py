@@ -14,9 +14,9 @@ import numpy as np
 
 from devices.errors import DeviceError
 from devices.serial.aspp import AsppPart
-from devices.serial.aspp_frames import LONGEST_PAYLOAD
+from devices.serial.aspp_frames import MAX_ASPP_PAYLOAD_BYTES
 from devices.serial.node import NodePart
-from devices.serial.node_frames import LONGEST_ENCODED, NodeFrame, encode_frame
+from devices.serial.node_frames import MAX_ENCODED_BYTES, NodeFrame, encode_frame
 from devices.serial.witmotion import WitMotionPart
 from devices.serial_sensor import SerialPart
 from tests.devices.serial import aspp_wire, witmotion_wire
@@ -35,7 +35,7 @@ def check_part(part: SerialPart, frame: Frame, script: bytes) -> int:
     for data, passed_ns in _steps(frame, script):
         now_ns += passed_ns
         part.request(now_ns)
-        assert 1 <= part.bytes_until(8) <= 8 * max(LONGEST_ENCODED, LONGEST_PAYLOAD)
+        assert 1 <= part.bytes_until(8) <= 8 * max(MAX_ENCODED_BYTES, MAX_ASPP_PAYLOAD_BYTES)
         try:
             blocks = part.feed(data, now_ns)
         except DeviceError:

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from devices.clock import HostClock
+from devices.host_clock import HostClock
 from gateway.calibration.record import CalibrationRecord, content_hash
 from gateway.calibration.store import CalibrationStore
 from gateway.configuration.loading import validate

@@ -6,7 +6,7 @@ l^2 + bl - b^2/2, with the load as the sum of both. For the source's girder the 
 
 from dataclasses import dataclass, replace
 
-RELATIVE_STEP = 1e-6
+DIMENSION_STEP = 1e-6
 """Step of the differences by a dimension, relative to the half span. Basis: a choice; between rounding and curvature, above the
 root of rounding (1.5e-8)."""
 
@@ -35,7 +35,7 @@ class Girder:
     @property
     def u_factor_m(self) -> float:
         """Standard uncertainty of the factor from those of the dimensions, m/rad."""
-        step_m = RELATIVE_STEP * self.half_span_m
+        step_m = DIMENSION_STEP * self.half_span_m
         by_span = (replace(self, half_span_m=self.half_span_m + step_m).factor_m - self.factor_m) / step_m
         inward = self.load_offset_m + step_m >= self.half_span_m
         moved = replace(self, load_offset_m=self.load_offset_m + (-step_m if inward else step_m))

@@ -17,14 +17,16 @@ from gateway.numerics.array import Array
 UNKNOWN_RELATIVE_U = 0.03
 """Relative standard uncertainty of an angle of a sensor without a calibration. Basis: the sensitivity of an uncalibrated sensor,
 `correction.UNCALIBRATED_SCALE_FACTOR_U`."""
-LARGEST_ROTATION_RAD = math.radians(5.0)
+MAX_ROTATION_RAD = math.radians(5.0)
 """Largest rotation for which small-angle bending holds (Zhu et al. 2020, sec. 2.2)."""
 OFF_CENTRE_LIMIT = 0.1
 """Largest distance of the load from mid-span over the span. Basis: beyond it eq. 25 errs by more than 2 %."""
 ASYMMETRY_PER_OFF_CENTRE = 2 / 3
 """Difference over sum of both rotations, per distance of the load from mid-span over the span, for a single load. Definition: of
 a beam on two supports."""
-K_SIGNIFICANT = 3.0
+DEFLECTION_AVERAGE_S = 1.0
+"""Time over which tilts are averaged. Basis: several periods of a girder's own vibration."""
+K_OFF_CENTRE = 3.0
 """Standard uncertainties beyond which a difference is named. Basis: a choice; 0.3 % by chance."""
 
 InwardAxis = tuple[int, int]
@@ -97,7 +99,7 @@ def girder_deflection(left: EndRotation, right: EndRotation, girder: Girder) -> 
     mean_rad = (left.rotation_rad + right.rotation_rad) / 2
     u_mean_rad = math.hypot(left.u_rad, right.u_rad) / 2
     off_centre, u_off_centre = _off_centre(left, right)
-    is_shown = abs(off_centre) > K_SIGNIFICANT * u_off_centre
+    is_shown = abs(off_centre) > K_OFF_CENTRE * u_off_centre
     deflection_m = girder.factor_m * mean_rad
     model_m = 2 * off_centre**2 * deflection_m if is_shown else 0.0
     return Deflection(
@@ -123,7 +125,7 @@ def _off_centre(left: EndRotation, right: EndRotation) -> tuple[float, float]:
 def _warnings(left: EndRotation, right: EndRotation, off_centre: float) -> list[str]:
     texts = []
     largest_rad = max(abs(left.rotation_rad), abs(right.rotation_rad))
-    if largest_rad > LARGEST_ROTATION_RAD:
+    if largest_rad > MAX_ROTATION_RAD:
         texts.append(
             f"an end turned by {math.degrees(largest_rad):.1f} deg: no small bending; check the axes and the zero"
         )

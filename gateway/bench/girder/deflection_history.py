@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from gateway.bench.girder.beam import Girder
 from gateway.bench.girder.deflection import (
+    DEFLECTION_AVERAGE_S,
     Deflection,
     EndRotation,
     InwardAxis,
@@ -19,8 +20,6 @@ from gateway.measurement.source import Source
 from gateway.numerics.array import Array
 from gateway.numerics.autocorrelation import correlation_sum
 
-AVERAGE_S = 1.0
-"""Duration of an average, s. Basis: several periods of a girder's own vibration."""
 MIN_ZERO_BINS = 5
 """Least number of averages of the zero. Basis: their scatter is known."""
 
@@ -64,7 +63,7 @@ def deflection_series(
             f"{right.name}: one recording has dates and the other none; give two .mcap, or two .csv of one clock"
         )
     start_s, end_s = max(times[0] for times in begins_s), min(times[-1] for times in begins_s)
-    if end_s - start_s < zero_s + AVERAGE_S:
+    if end_s - start_s < zero_s + DEFLECTION_AVERAGE_S:
         raise InputError(
             f"{left.name} and {right.name} share {max(end_s - start_s, 0):.1f} s; the zero of {zero_s:g} s and a load need more"
         )
@@ -72,7 +71,7 @@ def deflection_series(
         _average(times - start_s, source, axis, end_s - start_s)
         for times, source, axis in zip(begins_s, (left, right), axes, strict=True)
     ]
-    n_zero = int(zero_s / AVERAGE_S)
+    n_zero = int(zero_s / DEFLECTION_AVERAGE_S)
     common = np.intersect1d(ends[0].bins, ends[1].bins)
     loaded = common[common >= n_zero].astype(np.int64)
     if not len(loaded):
@@ -82,9 +81,9 @@ def deflection_series(
         for end, source, axis in zip(ends, (left, right), axes, strict=True)
     )
     return DeflectionSeries(
-        time_s=np.asarray((loaded + 0.5) * AVERAGE_S, dtype=np.float64),
+        time_s=np.asarray((loaded + 0.5) * DEFLECTION_AVERAGE_S, dtype=np.float64),
         deflections=tuple(girder_deflection(*pair, girder) for pair in zip(left_end, right_end, strict=True)),
-        zero_s=n_zero * AVERAGE_S,
+        zero_s=n_zero * DEFLECTION_AVERAGE_S,
     )
 
 
@@ -95,10 +94,10 @@ def _absolute_time_s(source: Source) -> Array:
 
 def _average(time_s: Array, source: Source, axis: InwardAxis, duration_s: float) -> _End:
     inside = (time_s >= 0) & (time_s < duration_s)
-    bins, place = np.unique(np.floor(time_s[inside] / AVERAGE_S).astype(np.int64), return_inverse=True)
+    bins, place = np.unique(np.floor(time_s[inside] / DEFLECTION_AVERAGE_S).astype(np.int64), return_inverse=True)
     count = np.bincount(place)
     force_g = np.column_stack([np.bincount(place, values) / count for values in source.force_g[inside].T])
-    full = count >= 0.5 * AVERAGE_S * source.recording.rate_hz
+    full = count >= 0.5 * DEFLECTION_AVERAGE_S * source.recording.rate_hz
     return _End(bins[full], inward_tilt_rad(force_g[full], axis))
 
 

@@ -6,7 +6,7 @@ from gateway.calibration.record_figure import FigureSeries, RecordFigure
 from gateway.certificate.bench_report import ReportTable, render_bench_report
 from gateway.documents.format import format_fixed, format_with_uncertainty
 
-MOST_POINTS = 2000
+MAX_DEFLECTION_POINTS = 2000
 """Points of the figure; more are thinned. Basis: a choice; more than a figure has pixels."""
 
 
@@ -20,7 +20,7 @@ def render_deflection_report(
 ) -> str:
     """Return the page; the series are of equal length, one at least."""
     place = max(range(len(deflection_mm)), key=lambda number: abs(deflection_mm[number]))
-    every = -(-len(time_s) // MOST_POINTS)
+    every = -(-len(time_s) // MAX_DEFLECTION_POINTS)
     series = FigureSeries(
         name="mid-span", x=tuple(time_s[::every]), y=tuple(deflection_mm[::every]), u=tuple(u_mm[::every])
     )

@@ -8,6 +8,7 @@ import numpy as np
 
 from gateway.bench.girder.beam import Girder
 from gateway.bench.girder.deflection import (
+    DEFLECTION_AVERAGE_S,
     Deflection,
     EndRotation,
     InwardAxis,
@@ -17,20 +18,18 @@ from gateway.bench.girder.deflection import (
 from gateway.messages import Tilt
 
 Side = Literal["left", "right"]
-AVERAGE_S = 1.0
-"""Time over which tilts are averaged, s. Basis: several periods of a girder's own vibration."""
-MAX_TILTS = 64
+MAX_AVERAGED_TILTS = 64
 """Largest number of tilts of an average, which bounds memory. Basis: a choice; an average has ten at ten tilts per second; six
 times as many bound the memory."""
-MIN_TILTS = 5
-"""Fewest tilts of an average. Basis: a choice; half of what comes in `AVERAGE_S`."""
+MIN_AVERAGED_TILTS = 5
+"""Fewest tilts of an average. Basis: a choice; half of what comes in `DEFLECTION_AVERAGE_S`."""
 MAX_APART_S = 1.0
 """Largest difference between the newest tilts of both ends, s; beyond it one of them is stale, or the clocks differ. Basis: a
 choice; ten tilts, and one average."""
 
 
 @dataclass(frozen=True, slots=True)
-class LiveDeflectionView:
+class DeflectionReadout:
     """What a person sees: the deflection, or why there is none."""
 
     deflection: Deflection | None
@@ -42,7 +41,7 @@ class LiveDeflectionView:
 class _LiveEnd:
     axis: InwardAxis
     u_relative: float
-    recent: deque[tuple[int, float]] = field(default_factory=lambda: deque(maxlen=MAX_TILTS))
+    recent: deque[tuple[int, float]] = field(default_factory=lambda: deque(maxlen=MAX_AVERAGED_TILTS))
     """Time, ns, and tilt, rad, of the newest trusted tilts."""
     zero: list[float] = field(default_factory=list)
     zero_begin_ns: int | None = None
@@ -61,7 +60,7 @@ class _LiveEnd:
         if tilt.time_ns - self.zero_begin_ns <= zero_s * 1e9:
             self.zero.append(angle_rad)
         self.recent.append((tilt.time_ns, angle_rad))
-        while tilt.time_ns - self.recent[0][0] > AVERAGE_S * 1e9:
+        while tilt.time_ns - self.recent[0][0] > DEFLECTION_AVERAGE_S * 1e9:
             self.recent.popleft()
 
     def rotation(self) -> EndRotation:
@@ -89,23 +88,23 @@ class LiveDeflection:
             "right": _LiveEnd(axes[1], u_relative[1]),
         }
 
-    def add(self, side: Side, tilt: Tilt) -> LiveDeflectionView:
+    def add(self, side: Side, tilt: Tilt) -> DeflectionReadout:
         """Return the deflection after this tilt of one end."""
         self._ends[side].add(tilt, self._zero_s)
         for name, end in self._ends.items():
             if end.reason or not end.recent:
-                return LiveDeflectionView(None, f"{name} end: {end.reason or 'no tilt yet'}")
+                return DeflectionReadout(None, f"{name} end: {end.reason or 'no tilt yet'}")
         newest_ns = [end.recent[-1][0] for end in self._ends.values()]
         if max(newest_ns) - min(newest_ns) > MAX_APART_S * 1e9:
-            return LiveDeflectionView(None, f"the ends are {(max(newest_ns) - min(newest_ns)) / 1e9:.1f} s apart")
+            return DeflectionReadout(None, f"the ends are {(max(newest_ns) - min(newest_ns)) / 1e9:.1f} s apart")
         if not all(self._has_zero(end) for end in self._ends.values()):
-            return LiveDeflectionView(None, f"zero: keep the girder unloaded for {self._zero_s:g} s")
-        if min(len(end.recent) for end in self._ends.values()) < MIN_TILTS:
-            return LiveDeflectionView(None, "wait: the angles are being averaged")
+            return DeflectionReadout(None, f"zero: keep the girder unloaded for {self._zero_s:g} s")
+        if min(len(end.recent) for end in self._ends.values()) < MIN_AVERAGED_TILTS:
+            return DeflectionReadout(None, "wait: the angles are being averaged")
         left, right = (end.rotation() for end in self._ends.values())
-        return LiveDeflectionView(girder_deflection(left, right, self._girder), "")
+        return DeflectionReadout(girder_deflection(left, right, self._girder), "")
 
     def _has_zero(self, end: _LiveEnd) -> bool:
-        if end.zero_begin_ns is None or len(end.zero) < MIN_TILTS:
+        if end.zero_begin_ns is None or len(end.zero) < MIN_AVERAGED_TILTS:
             return False
         return end.recent[-1][0] - end.zero_begin_ns > self._zero_s * 1e9

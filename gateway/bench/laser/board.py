@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from gateway.bench.laser.least_squares import fit_least_squares, jacobian
 from gateway.numerics.array import Array
 
-PARAMETERS = 10
+N_MAP_PARAMETERS = 10
 """Eight of the perspective, two of the distortion. Definition: of the map."""
-OUTLIER = 5.0
+DOT_OUTLIER_SIGMA = 5.0
 """A dot with a residual of so many robust standard deviations is not used. Basis: dirt, or a hand, covers a part of it."""
 MIN_OUTLIER_PITCH = 0.002
 """Least residual of an outlier, pitches. Basis: a choice; 0.04 mm at a pitch of 20 mm, below the accuracy of a print."""
@@ -97,7 +97,7 @@ def fit_board_map(pixel: Array, index: Array, shape: tuple[int, int]) -> BoardMa
             return None
         parameters, covariance = fit
         residual = np.hypot(*(_apply(parameters, normalised) - index).T)
-        limit = max(OUTLIER * 1.2 * float(np.median(residual[used])), MIN_OUTLIER_PITCH)
+        limit = max(DOT_OUTLIER_SIGMA * 1.2 * float(np.median(residual[used])), MIN_OUTLIER_PITCH)
         if np.array_equal(residual <= limit, used):
             break
         used = residual <= limit
@@ -114,7 +114,7 @@ def find_perspective(start: Array, end: Array, method: int = 0, tolerance: float
 
 
 def _fit(normalised: Array, index: Array) -> tuple[Array, Array] | None:
-    if 2 * len(index) <= PARAMETERS:
+    if 2 * len(index) <= N_MAP_PARAMETERS:
         return None
     perspective = find_perspective(normalised, index)
     if perspective is None:

@@ -16,7 +16,7 @@ from gateway.numerics.array import Array
 
 MAX_HIDDEN = 0.25
 """Largest share of dots that may be hidden. Basis: a choice; a hand or a rope hides less, and the rest still covers the board."""
-REFINEMENTS = 2
+CENTRE_PASSES = 2
 """Passes in which the centres are measured on the board by the map of the pass before."""
 MARGIN_PITCHES = 0.5
 """Width of the strip around the outer dots in which the spot may be. Basis: a choice; the map is extrapolated by less than the
@@ -160,7 +160,7 @@ def _measure_dots(
     board_map: BoardMap | None = None,
 ) -> tuple[Array, NDArray[np.bool_], BoardMap]:
     """Return the centres, which of the lattice's dots they belong to, and the map; a first map saves a pass."""
-    for _ in range(REFINEMENTS if board_map else 1 + REFINEMENTS):
+    for _ in range(CENTRE_PASSES if board_map else 1 + CENTRE_PASSES):
         measured = [
             measure_centre(light, candidates.centre_px[number], float(candidates.diameter_px[number]), board_map)
             for number in numbers.tolist()

@@ -15,12 +15,12 @@ that fills a quarter of it still has ten pixels, and the search takes a moment."
 WINDOW_SHARES = (8, 16, 4)
 """Shares of the shorter side that are tried as the window of the adaptive threshold; it must exceed a dot. Basis: a choice; from
 a board that fills the photograph to one at a distance."""
-CONTRAST = 12
+MIN_CONTRAST = 12
 """Least darkness of a dot against the mean of its window, values of 255. Basis: a choice; above the noise of a camera, below any
 print in shade."""
 MIN_AREA_PX = 40
 """Least area of a dot. Basis: a choice; seven pixels across, below which a shape is not known."""
-ROUNDNESS = 0.12
+MAX_AREA_DIFFERENCE = 0.12
 """Largest relative difference between a dot's area and that of the ellipse through its edge. Basis: a choice; the edge of a dot
 of seven pixels is uncertain by as much, and letters differ by more."""
 MIN_AXIS_RATIO = 0.4
@@ -28,12 +28,12 @@ MIN_AXIS_RATIO = 0.4
 SIZE_FACTOR = 1.7
 """Ratio of diameters within which candidates are dots of one board. Basis: a choice; perspective changes dots by less across a
 board, and letters differ by more."""
-RIM = 1.25
+RIM_RADII = 1.25
 """Radius of the area whose darkness counts, and inner radius of the white ring around a dot, radii. Basis: a choice; outside the
 blurred edge, inside the ring."""
-RING = 1.5
+RING_RADII = 1.5
 """Outer radius of the white ring, radii. Definition: of the board as it is printed, for dots of up to two thirds of the pitch."""
-CORE = 0.6
+CORE_RADII = 0.6
 """Radius of the area that gives a dot's black, radii. Basis: a choice; inside the blurred edge of the smallest dot."""
 SMOOTHING_PX = 1.0
 """Smoothing before edges and spot are measured, standard deviation. Basis: a choice; it makes the blur Gaussian and the noise
@@ -61,7 +61,7 @@ def find_candidates(board: NDArray[np.uint8]) -> list[DotCandidates]:
     for share in WINDOW_SHARES:
         window = min(small.shape) // share | 1
         dark = cv2.adaptiveThreshold(
-            small, 255, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV, max(window, 3), CONTRAST
+            small, 255, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV, max(window, 3), MIN_CONTRAST
         )
         candidates = _ellipses(np.asarray(dark, dtype=np.uint8))
         centre = (candidates[:, :2] + 0.5) / factor - 0.5
@@ -80,7 +80,7 @@ def _ellipses(dark: NDArray[np.uint8]) -> Array:
         area = np.pi / 4 * first * second
         if min(first, second) < MIN_AXIS_RATIO * max(first, second):
             continue
-        if abs(cv2.contourArea(contour) / area - 1) <= ROUNDNESS:
+        if abs(cv2.contourArea(contour) / area - 1) <= MAX_AREA_DIFFERENCE:
             rows.append((x, y, float(np.sqrt(first * second))))
     return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
@@ -105,7 +105,7 @@ def measure_centre(
     With a map, the centroid is that on the board: in the photograph, perspective moves it away from the image of the centre.
     """
     radius = diameter_px / 2
-    reach = int(np.ceil(RING * radius)) + 1
+    reach = int(np.ceil(RING_RADII * radius)) + 1
     column, row = (round(float(value)) for value in centre_px)
     height, width = light.shape
     if column < reach or row < reach or column + reach >= width or row + reach >= height:
@@ -114,11 +114,11 @@ def measure_centre(
     window = light[row - reach : row + reach + 1, column - reach : column + reach + 1].astype(np.float64)
     dx, dy = x - centre_px[0], y - centre_px[1]
     distance = np.hypot(dx, dy) / radius
-    ring = (distance > RIM) & (distance < RING)
+    ring = (distance > RIM_RADII) & (distance < RING_RADII)
     plane = np.linalg.lstsq(np.column_stack([np.ones(ring.sum()), dx[ring], dy[ring]]), window[ring], rcond=None)[0]
     white = plane[0] + plane[1] * dx + plane[2] * dy
-    black_share = float(np.median((window / white)[distance < CORE]))
-    inside = distance < RIM
+    black_share = float(np.median((window / white)[distance < CORE_RADII]))
+    inside = distance < RIM_RADII
     darkness = ((1 - window / white) / (1 - black_share))[inside]
     pixel = np.column_stack([x[inside], y[inside]])
     if board_map is None:

@@ -18,10 +18,10 @@ NODE_SHARE = 0.2
 a pitch is the next node."""
 MIN_DOTS = 12
 """Basis: a choice; 24 coordinates for the ten parameters of the map."""
-SEEDS = 6
+SEED_DOTS = 6
 """Number of dots, from the middle outwards, from which the lattice is grown until it is complete. Basis: a choice; a dot that is
 none seldom begins all of them, and growth from one finds the rest."""
-ACROSS = np.cos(np.radians(60))
+MAX_DIRECTION_COSINE = np.cos(np.radians(60))
 """Largest cosine of the angle between the two directions of the lattice. Basis: a choice; a board that leans by 60 degrees keeps
 its directions as far apart."""
 
@@ -37,7 +37,7 @@ def index_lattice(candidates: DotCandidates) -> tuple[Index, Index]:
     best: dict[int, tuple[int, int]] = {}
     if len(places) >= MIN_DOTS:
         order = np.argsort(np.hypot(*(places - np.median(places, axis=0)).T))
-        for seed in order[:SEEDS].tolist():
+        for seed in order[:SEED_DOTS].tolist():
             grown = _grow(places, seed)
             if len(grown) > len(best):
                 best = grown
@@ -79,7 +79,7 @@ def _directions(places: Array, seed: int) -> Array | None:
     for number in order[1:]:
         second = away[number]
         lengths = np.hypot(*first), np.hypot(*second)
-        if abs(first @ second) < ACROSS * lengths[0] * lengths[1] and lengths[1] < 2 * lengths[0]:
+        if abs(first @ second) < MAX_DIRECTION_COSINE * lengths[0] * lengths[1] and lengths[1] < 2 * lengths[0]:
             return np.array([first, second])
     return None
 

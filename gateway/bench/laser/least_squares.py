@@ -7,12 +7,12 @@ import numpy as np
 
 from gateway.numerics.array import Array
 
-MAX_ITERATIONS = 60
+MAX_FIT_ITERATIONS = 60
 """Basis: a choice; usual fits need far fewer, and one that does not converge ends soon."""
-RELATIVE_STEP = 1e-6
+PARAMETER_STEP = 1e-6
 """Step of the derivatives, relative to the scale of a parameter. Basis: a choice; between rounding and curvature, above the root
 of rounding (1.5e-8)."""
-CONVERGED = 1e-9
+CONVERGED_DECREASE = 1e-9
 """Relative decrease of the sum of squares below which the fit has converged. Basis: a choice; far below what noise contributes,
 above rounding."""
 MAX_DAMPING = 1e8
@@ -34,7 +34,7 @@ def jacobian(function: Callable[[Array], Array], parameters: Array, scale: Array
     columns = []
     for place, size in enumerate(scale):
         step = np.zeros_like(parameters)
-        step[place] = RELATIVE_STEP * size
+        step[place] = PARAMETER_STEP * size
         columns.append((function(parameters + step) - function(parameters - step)) / (2 * step[place]))
     return np.column_stack(columns)
 
@@ -43,7 +43,7 @@ def fit_least_squares(residual_of: Callable[[Array], Array], start: Array, scale
     """Minimise the sum of squares of `residual_of(parameters)`; None if the solution is not determined."""
     parameters, residual = start, residual_of(start)
     cost, damping = float(residual @ residual), 1e-3
-    for _ in range(MAX_ITERATIONS):
+    for _ in range(MAX_FIT_ITERATIONS):
         slope = jacobian(residual_of, parameters, scale) * scale
         normal, gradient = slope.T @ slope, slope.T @ residual
         improved = False
@@ -61,7 +61,7 @@ def fit_least_squares(residual_of: Callable[[Array], Array], start: Array, scale
             break
         decrease = 1 - trial_cost / cost
         parameters, residual, cost = trial, trial_residual, trial_cost
-        if decrease < CONVERGED or cost == 0:
+        if decrease < CONVERGED_DECREASE or cost == 0:
             break
     return _with_covariance(residual_of, parameters, residual, scale)
 

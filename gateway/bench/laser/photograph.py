@@ -15,9 +15,9 @@ from gateway.numerics.array import Array
 LaserColour = Literal["red", "green"]
 CHANNELS: dict[LaserColour, tuple[int, int]] = {"red": (2, 1), "green": (1, 2)}
 """Channel of the laser, and channel for the board, in the order blue, green, red."""
-LINEAR_VALUE, LINEAR_SLOPE, GAMMA, SHIFT = 0.04045, 12.92, 2.4, 0.055
-"""From values to light and back (sRGB, IEC 61966-2-1)."""
-SATURATED = 250
+LINEAR_VALUE, LINEAR_SLOPE, SRGB_GAMMA, SRGB_SHIFT = 0.04045, 12.92, 2.4, 0.055
+"""Exponent and shift from values to light and back (sRGB, IEC 61966-2-1)."""
+MIN_SATURATED_VALUE = 250
 """Values from here on are clipped. Basis: a choice; compression lowers a clipped 255 by a few values."""
 MIN_SIDE_PX, MAX_SIDE_PX = 200, 20_000
 """Basis: a choice; no board can be measured below, and above a file is no photograph but an attack on the memory."""
@@ -66,11 +66,13 @@ def read_photograph(path: Path, colour: LaserColour) -> Photograph:
 def to_light(values: NDArray[np.uint8]) -> NDArray[np.float32]:
     """Return the light, 0 to 1, of values of a photograph."""
     share = np.arange(256) / 255
-    light = np.where(share <= LINEAR_VALUE, share / LINEAR_SLOPE, ((share + SHIFT) / (1 + SHIFT)) ** GAMMA)
+    light = np.where(
+        share <= LINEAR_VALUE, share / LINEAR_SLOPE, ((share + SRGB_SHIFT) / (1 + SRGB_SHIFT)) ** SRGB_GAMMA
+    )
     return np.asarray(light.astype(np.float32)[values])
 
 
 def to_share(light: Array) -> Array:
     """Return the values of a photograph, 0 to 1, of light; the noise of values is uniform."""
-    power = (1 + SHIFT) * np.maximum(light, 0) ** (1 / GAMMA) - SHIFT
+    power = (1 + SRGB_SHIFT) * np.maximum(light, 0) ** (1 / SRGB_GAMMA) - SRGB_SHIFT
     return np.where(light <= LINEAR_VALUE / LINEAR_SLOPE, LINEAR_SLOPE * light, power)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gateway.bench.laser.dots import SMOOTHING_PX, DotEdges
 from gateway.bench.laser.least_squares import LeastSquaresFit, fit_least_squares, jacobian
-from gateway.bench.laser.photograph import SATURATED, Photograph, to_light, to_share
+from gateway.bench.laser.photograph import MIN_SATURATED_VALUE, Photograph, to_light, to_share
 from gateway.calibration.record import NotDeterminedError
 from gateway.numerics.array import Array
 
@@ -32,7 +32,7 @@ blur are in between."""
 MIN_VALUE = 25
 """Values of the board's channel below this show no reflection. Basis: a choice; a tenth of full scale, where the noise of the
 camera hides the light."""
-WIDER = 1.6
+WIDTH_RATIO = 1.6
 """Standard deviation of a Gaussian relative to that of its part above a third of its height. Basis: 1.5 by integration, a little
 more so that the window holds the spot."""
 WINDOW_SIGMAS = 4.0
@@ -59,7 +59,7 @@ WHITE_QUANTILE, MIN_WHITE = 0.8, 80
 a dot."""
 FLOOR_PX = 0.1
 """Standard uncertainty of a centre that no fit shows, px. Basis: speckle, and a spot that is no ellipse."""
-NOISE = 2 / 255
+VALUE_NOISE = 2 / 255
 """Standard deviation of a value, 0 to 1, against which the expectations below are weighed. Basis: a choice; two values, as of a
 camera in daylight."""
 DOT_AMPLITUDE_SIGMA, DOT_GAIN_SIGMA = 0.15, 0.1
@@ -136,7 +136,7 @@ def _one_spot(
     weight = np.maximum(excess[y, x], 1e-6).astype(np.float64)
     centre = np.array([weight @ x, weight @ y]) / weight.sum()
     spread = weight @ ((x - centre[0]) ** 2 + (y - centre[1]) ** 2) / weight.sum() / 2
-    return centre, WIDER * float(np.sqrt(max(spread, 1.0)))
+    return centre, WIDTH_RATIO * float(np.sqrt(max(spread, 1.0)))
 
 
 def _fit_spot(
@@ -158,7 +158,11 @@ def _fit_spot(
     every = max(1, int(np.ceil(np.sqrt((rows.stop - rows.start) * (columns.stop - columns.start) / MAX_PIXELS))))
     window = (slice(rows.start, rows.stop, every), slice(columns.start, columns.stop, every))
     y, x = np.mgrid[window].astype(np.float64)
-    clipped = (photograph.laser >= SATURATED) | (photograph.board >= SATURATED) | (photograph.board < MIN_VALUE)
+    clipped = (
+        (photograph.laser >= MIN_SATURATED_VALUE)
+        | (photograph.board >= MIN_SATURATED_VALUE)
+        | (photograph.board < MIN_VALUE)
+    )
     near_clipped = cv2.dilate(clipped.astype(np.uint8), np.ones((CLIPPED_PX, CLIPPED_PX)))
     usable = region[window] & (near_clipped[window] == 0)
     laser, board = _smoothed(laser), _smoothed(board)
@@ -231,7 +235,7 @@ class _SpotPixels:
 
     def residual(self, weight: Array, parameters: Array) -> Array:
         """Return the weighted residuals of the values, and those of the dots' two parameters from 0."""
-        prior = NOISE * parameters[7:] / np.array([DOT_AMPLITUDE_SIGMA, DOT_GAIN_SIGMA])
+        prior = VALUE_NOISE * parameters[7:] / np.array([DOT_AMPLITUDE_SIGMA, DOT_GAIN_SIGMA])
         return np.concatenate([weight * (to_share(self.light(parameters)) - self.laser), prior])
 
 

@@ -29,7 +29,7 @@ class DatasheetLimits:
     """Smallest and largest zero-g offset at 25 °C of x, y and z."""
 
 
-PARTS = {
+LIMITS_BY_PART = {
     limits.part: limits
     for limits in (
         DatasheetLimits("ADXL335", 1.0, 0.010, "V", (0.270, 0.330), ((1.35, 1.65), (1.35, 1.65), (1.2, 1.8))),

@@ -20,15 +20,15 @@ from gateway.numerics.array import Array
 from gateway.numerics.autocorrelation import correlation_sum
 from gateway.numerics.stats import student_quantile
 
-AVERAGE_S = 0.5
+RAMP_AVERAGE_S = 0.5
 """Duration of an average, s; 20 Hz were averaged to 2 Hz (Sawicki and Walendziuk 2016, sec. 3)."""
 N_BINS = 40
 """Number of temperature bins of a ramp. Basis: a choice; each averages many readings, and steps of a fortieth show the curve."""
 MIN_BIN_C = 0.25
 """Smallest width of a bin, °C. Basis: several steps of a sensor's own thermometer."""
-MIN_RANGE_C = 10.0
+MIN_RAMP_C = 10.0
 """Smallest range of a ramp, °C. Basis: at 0.1 mg/°C the offset changes by 1 mg."""
-MIN_BINS = 8
+MIN_RAMP_BINS = 8
 """Least number of bins of a ramp. Basis: a curvature and the scatter show."""
 MAX_MOTION_G = 0.025
 """Largest deviation of an average from the curve of its bins, g; beyond it the sensor was moved. Basis: the scatter at which a
@@ -65,13 +65,13 @@ def bin_ramp(readings: FileReadings, nominal: NominalSensitivity) -> Ramp:
         )
     known = ~np.isnan(readings.temperature_c)
     time_s, raw, temperature_c = readings.time_s[known], readings.raw[known], readings.temperature_c[known]
-    group = np.floor((time_s - time_s[0]) / AVERAGE_S).astype(np.int64)
+    group = np.floor((time_s - time_s[0]) / RAMP_AVERAGE_S).astype(np.int64)
     means, mean_c, noise = _average(group, raw, temperature_c)
     width_c = max(float(np.ptp(mean_c)) / N_BINS, MIN_BIN_C)
     binned, binned_c, _ = _average(np.floor((mean_c - mean_c.min()) / width_c).astype(np.int64), means, mean_c)
-    if np.ptp(binned_c) < MIN_RANGE_C or len(binned) < MIN_BINS:
+    if np.ptp(binned_c) < MIN_RAMP_C or len(binned) < MIN_RAMP_BINS:
         raise NotDeterminedError(
-            f"{path}: the temperature changes by {np.ptp(mean_c):.1f} °C; a ramp needs {MIN_RANGE_C:.0f} °C or more"
+            f"{path}: the temperature changes by {np.ptp(mean_c):.1f} °C; a ramp needs {MIN_RAMP_C:.0f} °C or more"
         )
     face = find_face(nominal.in_g(binned.mean(axis=0)))
     if face is None:

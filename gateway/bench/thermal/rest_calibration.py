@@ -23,11 +23,11 @@ from gateway.numerics.array import Array
 from gateway.numerics.autocorrelation import correlation_sum
 from gateway.numerics.stats import student_quantile
 
-MIN_RANGE_C = 5.0
+MIN_REST_RANGE_C = 5.0
 """Smallest range of the temperatures at rest, °C. Basis: a choice; a day outside has it, and 0.5 mg/°C show as 2.5 mg."""
 BIN_C = 0.5
 """Width of the bins of temperature, °C. Basis: rests of different days share one, so that a slow change in time averages out."""
-MIN_BINS = 6
+MIN_REST_BINS = 6
 """Least number of bins. Basis: a choice; three more than a parabola has coefficients."""
 MAX_LEAN_RAD = np.radians(20.0)
 """Largest angle between the axis along the rope and the vertical, radians. Basis: a choice; a load hangs straighter, and a
@@ -63,9 +63,9 @@ def learn_at_rest(files: Sequence[FileReadings], parent: CalibrationRecord) -> t
     if np.abs(up[place]) < np.cos(MAX_LEAN_RAD) * np.linalg.norm(up):
         raise NotDeterminedError("no axis of the sensor lies along the rope; use ramps on the six faces")
     bins_c, error_g = _bin(temperature_c, np.linalg.norm(corrected_g, axis=1) - 1)
-    if np.ptp(bins_c) < MIN_RANGE_C or len(bins_c) < MIN_BINS:
+    if np.ptp(bins_c) < MIN_REST_RANGE_C or len(bins_c) < MIN_REST_BINS:
         raise NotDeterminedError(
-            f"at rest the temperature varied by {np.ptp(temperature_c):.1f} °C; {MIN_RANGE_C:.0f} °C or more are needed"
+            f"at rest the temperature varied by {np.ptp(temperature_c):.1f} °C; {MIN_REST_RANGE_C:.0f} °C or more are needed"
         )
     slope_g, u_slope_g, freedom = _straight_line(bins_c, error_g)
     half_mg = 1000 * u_slope_g * student_quantile(0.975, freedom)

@@ -8,12 +8,12 @@ import numpy as np
 from gateway.calibration.alignment.screw_advice import ScrewAdvice, ScrewMechanics, advise, wait
 from gateway.messages import Tilt
 
-WINDOW_S = 2.0
+TILT_WINDOW_S = 2.0
 """Time over which the angles are averaged and their scatter is measured, s. Basis: a choice; noise averages out, and a person who
 turns a screw sees its effect."""
-MIN_TILTS = 10
+MIN_WINDOW_TILTS = 10
 """Least number of tilts of an average. Basis: a choice; half of what a window has at ten tilts per second."""
-MAX_TILTS = 64
+MAX_WINDOW_TILTS = 64
 """Largest number of tilts of an average, which bounds memory. Basis: a window has 20 at ten tilts per second; three times as many
 bound the memory."""
 MAX_ANGLE_DEG = 10.0
@@ -21,7 +21,7 @@ MAX_ANGLE_DEG = 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class AlignmentView:
+class AlignmentReadout:
     """Angles and advice, for display to the person who turns the screws."""
 
     pitch_deg: float | None
@@ -38,10 +38,10 @@ class AlignmentAssistant:
 
     def __init__(self, screws: ScrewMechanics | None = None) -> None:
         self._screws = screws
-        self._still: deque[tuple[int, float, float]] = deque(maxlen=MAX_TILTS)
+        self._still: deque[tuple[int, float, float]] = deque(maxlen=MAX_WINDOW_TILTS)
         """Time, ns, pitch and roll, degrees, of consecutive tilts at rest."""
 
-    def add_tilt(self, tilt: Tilt) -> AlignmentView:
+    def add_tilt(self, tilt: Tilt) -> AlignmentReadout:
         """Return what to do after this tilt and those before it."""
         pitch_deg, roll_deg = tilt.pitch_deg, tilt.roll_deg
         if tilt.calibration_id is None:
@@ -53,15 +53,15 @@ class AlignmentAssistant:
         else:
             return self._advise_at_rest(tilt, pitch_deg, roll_deg)
         self._still.clear()
-        return AlignmentView(pitch_deg, roll_deg, tilt.u_deg, wait(reason))
+        return AlignmentReadout(pitch_deg, roll_deg, tilt.u_deg, wait(reason))
 
-    def _advise_at_rest(self, tilt: Tilt, pitch_deg: float, roll_deg: float) -> AlignmentView:
+    def _advise_at_rest(self, tilt: Tilt, pitch_deg: float, roll_deg: float) -> AlignmentReadout:
         self._still.append((tilt.time_ns, pitch_deg, roll_deg))
-        while tilt.time_ns - self._still[0][0] > WINDOW_S * 1e9:
+        while tilt.time_ns - self._still[0][0] > TILT_WINDOW_S * 1e9:
             self._still.popleft()
         angles_deg = np.array([entry[1:] for entry in self._still])
-        if len(angles_deg) < MIN_TILTS:
-            return AlignmentView(pitch_deg, roll_deg, tilt.u_deg, wait("wait: the angles are being averaged"))
+        if len(angles_deg) < MIN_WINDOW_TILTS:
+            return AlignmentReadout(pitch_deg, roll_deg, tilt.u_deg, wait("wait: the angles are being averaged"))
         pitch_deg, roll_deg = (float(mean) for mean in angles_deg.mean(axis=0))
         advice = advise(
             float(np.radians(pitch_deg)),
@@ -70,4 +70,4 @@ class AlignmentAssistant:
             still=True,
             screws=self._screws,
         )
-        return AlignmentView(pitch_deg, roll_deg, tilt.u_deg, advice)
+        return AlignmentReadout(pitch_deg, roll_deg, tilt.u_deg, advice)

@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from gateway.calibration.alignment.screw_advice import TOLERANCE_RAD
+from gateway.calibration.alignment.screw_advice import K_ALIGNED, TOLERANCE_RAD
 from gateway.calibration.alignment.turn import Turn
 
 HOUSING_DEVIATION_RAD = math.radians(0.01)
@@ -19,14 +19,12 @@ AXES = "xyz"
 SHARED_SCREWS: dict[str, tuple[str, ...]] = {"x": ("y", "z"), "y": ("x",), "z": ()}
 """Axes about which the one unit is turned to align an axis."""
 OWN_SCREWS: dict[str, tuple[str, ...]] = {"x": ("y", "z"), "y": ("x", "z"), "z": ("x", "y")}
-"""The same for a unit of its own for each axis."""
+"""Axes about which each axis' own unit is turned to align it."""
 SCREW_NUMBERS = {"x": 4, "y": 5, "z": 3}
 """Number of the screw in the source, by the axis about which it turns the unit. Definition: numbers of the source."""
 K_SHOWN = 3.0
 """Standard uncertainties by which a tilt must exceed zero to be worth turning a screw. Basis: a choice; noise alone reaches it in
 0.3 % of the turns."""
-K_ALIGNED = 2.0
-"""Standard uncertainties that must stay within the tolerance as well. Definition: about 95 % (GUM 6.3)."""
 
 
 def alignment_precision_error_rad(variation_g: float) -> float:

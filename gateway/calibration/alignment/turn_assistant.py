@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from gateway.calibration.alignment.turn_advice import AXES, AligningUnit
-from gateway.calibration.alignment.turn_monitor import TurnMonitor, TurnView, sensor_force_g
+from gateway.calibration.alignment.turn_monitor import TurnMonitor, TurnReadout, sensor_force_g
 from gateway.messages import Tilt
 from gateway.numerics.array import Array
 
@@ -24,7 +24,7 @@ class TurnAssistant:
         self._axis = axis
         self._gain = np.eye(3)
         self._monitor = TurnMonitor(unit, axis)
-        self._view: TurnView | None = None
+        self._view: TurnReadout | None = None
         self._turned_ns: int | None = None
 
     def set_gain(self, gain: object) -> None:
@@ -37,7 +37,7 @@ class TurnAssistant:
             self._gain = matrix
             self._restart()
 
-    def add_tilt(self, tilt: Tilt) -> TurnView | None:
+    def add_tilt(self, tilt: Tilt) -> TurnReadout | None:
         """Return the read-out after a tilt; None while the sensor hangs."""
         if tilt.specific_force_g is None:
             return self._view
@@ -66,7 +66,7 @@ def _invertible(gain: object) -> Array:
     return matrix if is_usable else np.eye(3)
 
 
-def format_turn(view: TurnView) -> str:
+def format_turn(view: TurnReadout) -> str:
     """Return the read-out in one line."""
     turn, advice = view.turn, view.advice
     turned = f"{math.degrees(view.turned_rad):.0f} deg of turn {view.n_turns + 1}"
@@ -78,7 +78,7 @@ def format_turn(view: TurnView) -> str:
     )
 
 
-def format_errors(view: TurnView) -> str:
+def format_errors(view: TurnReadout) -> str:
     """Return APE and TAE of the last turn (Łuczak et al. 2022, eq. 1 and 2)."""
     if view.advice is None:
         return "no complete turn"

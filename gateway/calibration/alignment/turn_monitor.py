@@ -14,12 +14,12 @@ MAX_READINGS = 6000
 than a turn, and a bound of the memory."""
 OVERSHOOT_RAD = np.radians(60.0)
 """Angle after a turn, rad, that the next one leaves out. Basis: a person stops a little later, and turns a screw there."""
-MIN_READINGS = 48
+MIN_TURN_READINGS = 48
 """Least number of readings of a turn. Basis: two in each sector."""
 
 
 @dataclass(frozen=True, slots=True)
-class TurnView:
+class TurnReadout:
     """What a person at the screws sees."""
 
     turned_rad: float
@@ -50,9 +50,9 @@ class TurnMonitor:
         self._axis = axis
         self._step_g = step_g
         self._readings: deque[tuple[float, float, float, float]] = deque(maxlen=MAX_READINGS)
-        self._view = TurnView(0.0, 0, None, None, None)
+        self._view = TurnReadout(0.0, 0, None, None, None)
 
-    def add(self, time_s: float, force_g: Array) -> TurnView:
+    def add(self, time_s: float, force_g: Array) -> TurnReadout:
         """Add one reading of the three sensor axes in g, shape (3,), and return the read-out."""
         x, y, z = force_g.tolist()
         self._readings.append((time_s, x, y, z))
@@ -65,11 +65,11 @@ class TurnMonitor:
         angle_rad = turning_angle_rad(readings[:, 1:], axis)
         turned_rad = float(np.ptp(angle_rad))
         overshoot_rad = OVERSHOOT_RAD if self._view.n_turns else 0.0
-        if turned_rad >= 2 * np.pi + overshoot_rad and len(readings) >= MIN_READINGS:
+        if turned_rad >= 2 * np.pi + overshoot_rad and len(readings) >= MIN_TURN_READINGS:
             before = np.flatnonzero(np.abs(angle_rad - angle_rad[-1]) > 2 * np.pi)
             self._complete_turn(readings[before[-1] + 1 if len(before) else 0 :], axis)
             turned_rad = 0.0
-        self._view = TurnView(turned_rad, self._view.n_turns, self._view.turn, self._view.advice, self._view.time_s)
+        self._view = TurnReadout(turned_rad, self._view.n_turns, self._view.turn, self._view.advice, self._view.time_s)
         return self._view
 
     def _complete_turn(self, readings: Array, axis: int) -> None:
@@ -78,7 +78,7 @@ class TurnMonitor:
         if turn is None:
             return
         advice = advise_after_turn(turn, self._view.turn, self._unit, housing_deviation_rad=self._housing_deviation_rad)
-        self._view = TurnView(0.0, self._view.n_turns + 1, turn, advice, float(readings[-1, 0]))
+        self._view = TurnReadout(0.0, self._view.n_turns + 1, turn, advice, float(readings[-1, 0]))
 
 
 def sensor_force_g(force_g: Array, gain: Array) -> Array:

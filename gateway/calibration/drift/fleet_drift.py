@@ -10,8 +10,8 @@ from gateway.calibration.drift.change import change_between
 from gateway.calibration.drift.drift_table import DriftRow, drift_table
 from gateway.calibration.drift.forecast import (
     MEASURING_METHODS,
+    MIN_SPAN_DAYS,
     SECONDS_PER_DAY,
-    SHORTEST_SPAN_DAYS,
     analyse_drift,
     created_at,
 )
@@ -110,7 +110,7 @@ def _days_to_next(
     if len(measuring) < 2:
         return interval_days, "interval", ("a single calibration: its drift is not known",)
     span_days = (created_at(measuring[-1]) - created_at(measuring[0])).total_seconds() / SECONDS_PER_DAY
-    if span_days < SHORTEST_SPAN_DAYS:
+    if span_days < MIN_SPAN_DAYS:
         text = f"{len(measuring)} calibrations within a day show their repeatability and nothing about ageing"
         return interval_days, "interval", (text,)
     report = analyse_drift(measuring, limit_deg)

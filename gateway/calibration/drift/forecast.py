@@ -26,7 +26,7 @@ MEASURING_METHODS = frozenset({*(method.value for method in PoseMethod), ROTATIO
 SIMILAR_TEMPERATURE_C = 5.0
 """Largest difference of the records' mean temperatures, °C, at which thermal drift is not mentioned. Basis: a choice; offsets
 change by 2.5 mg at 0.5 mg/°C, and rooms differ by some degrees."""
-SHORTEST_SPAN_DAYS = 1.0
+MIN_SPAN_DAYS = 1.0
 """Records within a day of each other show the repeatability of the calibration and nothing about ageing. Basis: a choice; ageing
 takes weeks."""
 SECONDS_PER_DAY = 86_400.0

@@ -19,10 +19,10 @@ from gateway.calibration.drift.rest_mean import HourSums, RestMean, combine_mean
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.numerics.array import Array
 from gateway.numerics.stats import normal_quantile
+from gateway.units import HOURS_PER_DAY
 
 SECONDS_PER_HOUR = 3600
 NS_PER_HOUR = SECONDS_PER_HOUR * 1_000_000_000
-HOURS_PER_DAY = 24
 MAX_HOURS = 72
 """Number of hourly means that are kept: three days. Basis: a choice; several times `HOLD_HOURS`, so that a weekend without rest
 loses nothing."""

@@ -7,8 +7,9 @@ import numpy as np
 
 from gateway.calibration.drift.forecast import FORECAST_STEPS, HORIZON_DAYS
 from gateway.calibration.drift.rest_mean import RestMean, combine_means
-from gateway.calibration.drift.rest_monitor import HOURS_PER_DAY, RestDriftMonitor, RestReading
+from gateway.calibration.drift.rest_monitor import RestDriftMonitor, RestReading
 from gateway.calibration.drift.trend import Trend, fit_means
+from gateway.units import HOURS_PER_DAY
 
 MIN_TREND_DAYS = 8
 """Least number of days with rest for a trend. Basis: a choice; a slope and a scatter with six degrees of freedom."""

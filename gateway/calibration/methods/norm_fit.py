@@ -29,7 +29,7 @@ FRAME_U_DEG = 0.58
 """
 N_PARAMETERS = 9
 """Definition: three offsets and the six free entries of a symmetric matrix."""
-MAX_ITERATIONS = 50
+MAX_NORM_ITERATIONS = 50
 """Basis: a choice; usual fits need far fewer, and one that does not converge ends soon."""
 CONVERGED_STEP = 1e-12
 """Largest step of a parameter, g or relative, at which the iteration has converged. Basis: a choice; above rounding (2e-16), and
@@ -121,7 +121,7 @@ def _fit_sphere(mean: Array, units_per_g: float) -> tuple[Array, float]:
 
 def _solve(scaled: Array, u: Array) -> _Solution:
     parameters = np.concatenate([np.ones(3), np.zeros(6)])
-    for _ in range(MAX_ITERATIONS):
+    for _ in range(MAX_NORM_ITERATIONS):
         matrix, offset = _symmetric_matrix(parameters), parameters[6:]
         up, residual, jacobian = _evaluate_model(matrix, offset, scaled)
         gradient = up @ matrix

@@ -18,7 +18,7 @@ from gateway.calibration.thermal_model import thermal_model
 from gateway.calibration.uncertainty import Contribution, prediction_interval_g, total_covariance, uncertainty_budget
 from gateway.numerics.array import Array
 
-MIN_REST_S = 30.0
+MIN_UNBROKEN_REST_S = 30.0
 """Shortest rest without a break, s: two swings of a 50 m rope. Basis: two swings of a 50 m rope (14 s each)."""
 MIN_STILL_SHARE = 0.95
 """Least share of still windows. Basis: a slammed door moves the load in one window of a minute."""
@@ -112,8 +112,10 @@ def _still_windows(readings: RawReadings, units_per_g: float) -> list[Window]:
     last_gap = max((place for place, (window, _) in enumerate(judged) if window.after_gap), default=0)
     judged = judged[last_gap:]
     duration_s = judged[-1][0].end_s - judged[0][0].start_s if judged else 0.0
-    if duration_s < MIN_REST_S:
-        raise NotDeterminedError(f"{duration_s:.0f} s without a break; let the load hang still for {MIN_REST_S:.0f} s")
+    if duration_s < MIN_UNBROKEN_REST_S:
+        raise NotDeterminedError(
+            f"{duration_s:.0f} s without a break; let the load hang still for {MIN_UNBROKEN_REST_S:.0f} s"
+        )
     still = [window for window, is_still in judged if is_still]
     if len(still) < MIN_STILL_SHARE * len(judged):
         raise NotDeterminedError(

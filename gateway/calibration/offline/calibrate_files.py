@@ -17,7 +17,7 @@ from gateway.calibration.poses.pose_finder import READINGS_PER_POSE
 from gateway.calibration.record import CalibrationRecord, NotDeterminedError
 from gateway.errors import InputError
 
-BLOCK_READINGS = 64
+FED_READINGS = 64
 """Number of readings that are fed at once. Basis: the result does not depend on it."""
 
 
@@ -84,8 +84,8 @@ def calibrate_files(files: Sequence[FileReadings], options: CalibrateOptions) ->
 
 def _feed_file(procedure: PoseProcedure, readings: FileReadings) -> None:
     """Feed all readings of a file in blocks; the end of the file ends a pose."""
-    for start in range(0, len(readings.time_s), BLOCK_READINGS):
-        part = slice(start, start + BLOCK_READINGS)
+    for start in range(0, len(readings.time_s), FED_READINGS):
+        part = slice(start, start + FED_READINGS)
         procedure.feed(RawReadings(readings.time_s[part], readings.raw[part], _mean_temperature_c(readings, part)))
     procedure.end_segment()
 

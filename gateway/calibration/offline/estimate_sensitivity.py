@@ -10,13 +10,13 @@ from gateway.calibration.poses.pose_finder import NORM_TOLERANCE
 from gateway.calibration.record import NotDeterminedError
 from gateway.numerics.array import Array
 
-BLOCK_READINGS = 16
+AVERAGED_READINGS = 16
 """Number of readings that are averaged before their extremes are taken, so that noise and knocks do not count. Basis: a choice;
 noise falls to a quarter, and a turned sensor stays for longer."""
 EXTREME_QUANTILE = 0.01
 """Quantile of the averages that counts as their minimum, and one minus it as their maximum. Basis: a choice; knocks are rarer,
 and a face is held for longer."""
-MIN_HALF_RANGE = 0.02
+MIN_HALF_RANGE_UNITS = 0.02
 """Half range, raw units, below which a sensor was not turned: noise alone. Basis: a choice; noise of any sensor is smaller in its
 unit, and a turned one has 1 g or more."""
 MAX_DIGITAL_ZERO_G = 0.5
@@ -44,8 +44,8 @@ def estimate_sensitivity(files: Sequence[FileReadings], units_per_g: float | Non
 
 
 def _block_means(raw: Array) -> Array:
-    n_used = len(raw) // BLOCK_READINGS * BLOCK_READINGS
-    return raw[:n_used].reshape(-1, BLOCK_READINGS, 3).mean(axis=1) if n_used else raw
+    n_used = len(raw) // AVERAGED_READINGS * AVERAGED_READINGS
+    return raw[:n_used].reshape(-1, AVERAGED_READINGS, 3).mean(axis=1) if n_used else raw
 
 
 def _estimate_from_extremes(means: Array, units_per_g: float | None) -> NominalSensitivity | None:
@@ -58,7 +58,7 @@ def _estimate_from_extremes(means: Array, units_per_g: float | None) -> NominalS
     scale = units_per_g or float(half.max())
     least_half_range = (1 - NORM_TOLERANCE) * scale
     zero = np.where(half > least_half_range, zero, middle)
-    if scale < MIN_HALF_RANGE or np.any(np.maximum(high - zero, zero - low) < least_half_range):
+    if scale < MIN_HALF_RANGE_UNITS or np.any(np.maximum(high - zero, zero - low) < least_half_range):
         return None
     x, y, z = zero.tolist()
     return NominalSensitivity(scale, (x, y, z))

@@ -9,7 +9,7 @@ import numpy as np
 from devices.tables.foreign import TableOptions, UnitRange, read_foreign_table
 from gateway.numerics.array import Array
 
-AT_REST = (
+RANGES_AT_REST = (
     UnitRange("counts", 50.0, np.inf),
     UnitRange("g", 0.7, 1.3),
     UnitRange("m/s2", 8.0, 11.5),
@@ -42,7 +42,7 @@ class FileReadings:
 
 def read_file(path: Path, options: TableOptions) -> FileReadings:
     """Read one file. Raises `RecordingError` with the file and the remedy."""
-    table = read_foreign_table(path, options, AT_REST)
+    table = read_foreign_table(path, options, RANGES_AT_REST)
     recording = table.recording
     return FileReadings(
         path=path,

@@ -5,7 +5,7 @@ import numpy as np
 from gateway.calibration.acceptance import Acceptance
 from gateway.calibration.record import CalibrationRecord
 
-MOST_POSE_LINES = 40
+MAX_POSE_LINES = 40
 """More poses, as those of a rotation, are in the record alone. Basis: a choice; a screen or a page."""
 
 
@@ -34,7 +34,7 @@ def format_report(record: CalibrationRecord, acceptance: Acceptance, notes: tupl
 
 
 def _pose_lines(record: CalibrationRecord) -> list[str]:
-    if len(record.poses) > MOST_POSE_LINES:
+    if len(record.poses) > MAX_POSE_LINES:
         return [f"{len(record.poses)} poses, listed in the record"]
     lines = [f"{'pose':>4}  {'up':4} {'readings':>8}  {'mean':^38}  {'type A':>8}"]
     for number, pose in enumerate(record.poses, start=1):

@@ -4,7 +4,7 @@ import numpy as np
 
 from gateway.numerics.array import Array
 
-K_SIGNIFICANT = 3.0
+K_CORRELATED = 3.0
 """Standard deviations by which the scatter of window means must exceed that of uncorrelated readings, to count as correlation.
 Basis: a choice; chance reaches it in 0.1 % of the rests."""
 
@@ -24,7 +24,7 @@ def correlation_factor(means: Array, counts: Array, sigma: Array) -> float:
     centre = (weights * means).sum(axis=0) / weights.sum()
     scatter = (weights * (means - centre) ** 2).sum(axis=0)
     ratio = float((scatter[noisy] / sigma[noisy] ** 2).sum()) / freedom
-    return float(np.sqrt(ratio)) if ratio > 1 + K_SIGNIFICANT * np.sqrt(2 / freedom) else 1.0
+    return float(np.sqrt(ratio)) if ratio > 1 + K_CORRELATED * np.sqrt(2 / freedom) else 1.0
 
 
 def quantisation_u(step: float, sigma: Array) -> Array:

@@ -17,7 +17,7 @@ TARGET_TYPE_A_G = 1e-4
 MAX_TYPE_A_G = 2e-3
 """Largest uncertainty of the mean, g, of a rest that ended early. Basis: 0.1 degrees, the uncertainty of the placement of a
 face."""
-MIN_REST_S = 1.0
+MIN_POSE_REST_S = 1.0
 """Shortest rest of a pose, s. Basis: four windows, so that correlation of the noise can show."""
 NORM_TOLERANCE = 0.3
 """Largest relative error of the magnitude at rest of an uncalibrated sensor, from zero-g offset and sensitivity together. Basis:
@@ -109,7 +109,7 @@ class PoseFinder:
         rest = self._rest
         if not rest.windows:
             return 0.0
-        return min(rest.duration_s / MIN_REST_S, max(rest.count / READINGS_PER_POSE, self._target_fraction()), 1.0)
+        return min(rest.duration_s / MIN_POSE_REST_S, max(rest.count / READINGS_PER_POSE, self._target_fraction()), 1.0)
 
     @property
     def seconds_left(self) -> float | None:
@@ -117,7 +117,7 @@ class PoseFinder:
         fraction, duration_s = self.fraction, self._rest.duration_s
         if fraction <= 0:
             return None
-        return max(MIN_REST_S - duration_s, min(duration_s / fraction - duration_s, self._count_left_s()), 0.0)
+        return max(MIN_POSE_REST_S - duration_s, min(duration_s / fraction - duration_s, self._count_left_s()), 0.0)
 
     def feed(self, readings: RawReadings) -> list[Pose]:
         """Return the poses that these readings complete."""
@@ -163,12 +163,12 @@ class PoseFinder:
         self._rest.windows.append(window)
         is_enough = self._rest.count >= READINGS_PER_POSE or float(np.max(self._rest.type_a())) <= self._target
         self.text = "hold still"
-        return self._complete_pose() if is_enough and self._rest.duration_s >= MIN_REST_S else None
+        return self._complete_pose() if is_enough and self._rest.duration_s >= MIN_POSE_REST_S else None
 
     def _count_rest(self, window: Window) -> None:
         before_s = self._still_s if self.still and not window.after_gap else 0.0
         self._still_s = before_s + (window.end_s - window.start_s if self.still else 0.0)
-        self.rests += before_s < MIN_REST_S <= self._still_s
+        self.rests += before_s < MIN_POSE_REST_S <= self._still_s
 
     @property
     def _target(self) -> float:
@@ -196,7 +196,10 @@ class PoseFinder:
         if not rest.windows:
             return None
         self.text = f"moved after {rest.count} of {READINGS_PER_POSE} readings: not taken; lay it down again"
-        if rest.duration_s >= MIN_REST_S and float(np.max(rest.type_a())) <= MAX_TYPE_A_G * self.nominal.units_per_g:
+        if (
+            rest.duration_s >= MIN_POSE_REST_S
+            and float(np.max(rest.type_a())) <= MAX_TYPE_A_G * self.nominal.units_per_g
+        ):
             return self._complete_pose()
         self._rest = _RestInterval()
         return None

@@ -9,7 +9,7 @@ from gateway.calibration.poses.pose import RawReadings
 from gateway.numerics.array import Array
 from gateway.numerics.quantisation import smallest_steps
 
-WINDOW_S = 0.25
+POSE_WINDOW_S = 0.25
 """Duration of a window, s. Basis: several windows fit into the shortest rest, and each has readings enough for a scatter."""
 MIN_WINDOW_READINGS = 8
 """Least number of readings in a window; at low sample rates a window lasts longer for it. Basis: a choice; a scatter is then good
@@ -32,7 +32,7 @@ STILL_LIMIT_G = 0.025
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Consecutive readings of about `WINDOW_S`."""
+    """Consecutive readings of about `POSE_WINDOW_S`."""
 
     start_s: float
     end_s: float
@@ -83,7 +83,7 @@ class WindowSplitter:
             intervals = np.diff(self._time)
             gaps = np.flatnonzero((intervals > MAX_GAP_S) | (intervals <= 0))
             usable = int(gaps[0]) + 1 if len(gaps) else len(self._time)
-            full = int(np.searchsorted(self._time[:usable], self._time[0] + WINDOW_S)) + 1 if usable else 1
+            full = int(np.searchsorted(self._time[:usable], self._time[0] + POSE_WINDOW_S)) + 1 if usable else 1
             count = max(full, MIN_WINDOW_READINGS)
             if count <= usable:
                 return self._take_window(count)

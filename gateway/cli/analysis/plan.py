@@ -42,7 +42,7 @@ def run_plan(arguments: argparse.Namespace) -> int:
     require_twin()
     from gateway.cli.terminal.output import show
     from gateway.cli.terminal.progress import Progress
-    from gateway.measurement.rig import read_rig
+    from gateway.measurement.rig_file import read_rig
     from gateway.twin.experiment_design.hypotheses import parse_hypotheses
     from gateway.twin.experiment_design.plan import plan
     from gateway.twin.experiment_design.text import as_json, as_text

@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     require_twin()
     from gateway.cli.terminal.output import write_text
     from gateway.errors import InputError
-    from gateway.measurement.rig import read_rig
+    from gateway.measurement.rig_file import read_rig
     from gateway.twin.model import Model, model_of, parse_effect_assignments
     from gateway.twin.recording import as_csv, write_mcap
     from gateway.twin.simulation import simulate

@@ -120,15 +120,17 @@ def _limits(arguments: argparse.Namespace) -> "DatasheetLimits | None":
     """Return the limits of `--part`, replaced by those given; None without any."""
     from dataclasses import replace
 
-    from gateway.bench.thermal.datasheet_limits import PARTS, DatasheetLimits
+    from gateway.bench.thermal.datasheet_limits import LIMITS_BY_PART, DatasheetLimits
     from gateway.errors import InputError
 
-    if arguments.part is not None and arguments.part not in PARTS:
-        raise InputError(f"--part {arguments.part} is not known ({', '.join(PARTS)}); give --limit-offset MG instead")
+    if arguments.part is not None and arguments.part not in LIMITS_BY_PART:
+        raise InputError(
+            f"--part {arguments.part} is not known ({', '.join(LIMITS_BY_PART)}); give --limit-offset MG instead"
+        )
     offset, sensitivity = arguments.limit_offset, arguments.limit_sensitivity
     if arguments.part is None:
         return None if offset is None and sensitivity is None else DatasheetLimits("the options", offset, sensitivity)
-    limits = PARTS[arguments.part]
+    limits = LIMITS_BY_PART[arguments.part]
     return replace(
         limits,
         offset_mg_per_c=limits.offset_mg_per_c if offset is None else offset,

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from gateway.cli.options.argument_types import above_zero, whole_number
+from gateway.cli.remote.remote_align import MAX_QUEUED_TILTS, TILT_SILENCE_S
 
 if TYPE_CHECKING:
     from gateway.bench.girder.beam import Girder
@@ -17,11 +18,7 @@ if TYPE_CHECKING:
 
 KEY = "plumbline/"
 """Beginning of a gateway's key on the bus; anything else is a recording."""
-AXES = {sign + name: (index, 1 if sign == "+" else -1) for index, name in enumerate("xyz") for sign in "+-"}
-MAX_QUEUED_TILTS = 64
-"""Tilts that may wait. Basis: a choice; three seconds of two sensors, and the newest count."""
-SILENCE_S = 1.5
-"""Time without a tilt after which the link is opened again. Basis: fifteen tilts."""
+INWARD_AXES = {sign + name: (index, 1 if sign == "+" else -1) for index, name in enumerate("xyz") for sign in "+-"}
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -52,7 +49,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     for side, default in (("left", "+x"), ("right", "-x")):
         verb.add_argument(
             f"--{side}-axis",
-            choices=tuple(AXES),
+            choices=tuple(INWARD_AXES),
             default=default,
             help=f"housing axis of the {side} sensor that points to mid-span (default {default}; write --{side}-axis=-x)",
         )
@@ -86,7 +83,7 @@ def _run(arguments: argparse.Namespace) -> int:
         raise InputError("--load-offset-m must be below --half-span-m: the loads stand between the supports")
     u_m = arguments.u_mm / 1000
     girder = Girder(arguments.half_span_m, arguments.load_offset_m, u_m, u_m if arguments.load_offset_m > 0 else 0.0)
-    axes = (AXES[arguments.left_axis], AXES[arguments.right_axis])
+    axes = (INWARD_AXES[arguments.left_axis], INWARD_AXES[arguments.right_axis])
     live = [name.startswith(KEY) for name in (arguments.left, arguments.right)]
     if all(live):
         return _show_live(arguments, girder, axes)
@@ -214,7 +211,7 @@ def show_deflection(
         subscribe(side, client)
     line, shown = StatusLine(out), 0
     while count is None or shown < count:
-        if (item := tilts.get(SILENCE_S)) is None:
+        if (item := tilts.get(TILT_SILENCE_S)) is None:
             text = "no tilts arrive; waiting for the gateways"
             line.update(text, text)
             for side, client in zip(sides, clients, strict=True):

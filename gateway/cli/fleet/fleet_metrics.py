@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from gateway.bus.fleet_client import FleetClient
     from gateway.fleet.fleet_state import FleetState
 
-DEFAULT_LISTEN = "127.0.0.1:9321"
-LOOPBACK = ("127.0.0.1", "localhost")
-MOST_CONNECTIONS = 32
+METRICS_LISTEN = "127.0.0.1:9321"
+LOOPBACK_HOSTS = ("127.0.0.1", "localhost")
+MAX_COLLECTOR_CONNECTIONS = 32
 """Basis: a choice; collectors are a few, and each costs a file."""
 
 
@@ -29,7 +29,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         description="Serve the metrics of all gateways on a router at /metrics, in the Prometheus text format, until Ctrl-C.",
         epilog="example: plumbline fleet metrics --connect tcp/10.0.0.2:7447 --expect gateways.txt",
     )
-    add_listen(verb, DEFAULT_LISTEN)
+    add_listen(verb, METRICS_LISTEN)
     add_expect(verb)
     add_connect(verb)
     verb.set_defaults(run=_run)
@@ -46,14 +46,14 @@ def _run(arguments: argparse.Namespace) -> int:
     host, port = arguments.listen
     with open_listener(arguments) as listener, fleet_client(arguments, NamePatterns().key_pattern) as client:
         client.request_latest()
-        hosts = list(LOOPBACK) if host in LOOPBACK else ["*"]
+        hosts = list(LOOPBACK_HOSTS) if host in LOOPBACK_HOSTS else ["*"]
         server = uvicorn.Server(
             uvicorn.Config(
                 make_exporter(client, state, hosts),
                 lifespan="off",
                 access_log=False,
                 log_level="warning",
-                limit_concurrency=MOST_CONNECTIONS,
+                limit_concurrency=MAX_COLLECTOR_CONNECTIONS,
             )
         )
         print(f"serving the metrics of all gateways at http://{host}:{port}/metrics", flush=True)

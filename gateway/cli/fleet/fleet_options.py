@@ -13,7 +13,7 @@ from gateway.cli.options.bus_link import client_credentials, connect_endpoint
 if TYPE_CHECKING:
     from gateway.bus.fleet_client import FleetClient
 
-MOST_WAITING = 64
+MAX_WAITING_CONNECTIONS = 64
 """Connections that wait to be accepted. Basis: a choice; a fleet that comes back together, and a bound of the memory."""
 
 
@@ -48,7 +48,7 @@ def open_listener(arguments: argparse.Namespace) -> socket.socket:
 
     host, port = arguments.listen
     try:
-        return socket.create_server((host, port), backlog=MOST_WAITING)
+        return socket.create_server((host, port), backlog=MAX_WAITING_CONNECTIONS)
     except OSError as error:
         raise InputError(f"{host}:{port} cannot be used ({error.strerror}); choose another --listen") from error
 

@@ -7,7 +7,7 @@ from gateway.cli.options.bus_link import add_connect
 from gateway.cli.options.optional_dependencies import require_http
 from gateway.languages import LANGUAGES
 
-DEFAULT_LISTEN = "127.0.0.1:8322"
+FLEET_PAGE_LISTEN = "127.0.0.1:8322"
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -19,7 +19,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         "first, until Ctrl-C. A card links to the crane's own page where the gateway states its address (page.url).",
         epilog="example: plumbline fleet page --listen 127.0.0.1:8322 --connect tcp/10.0.0.2:7447 --expect gateways.txt",
     )
-    add_listen(verb, DEFAULT_LISTEN)
+    add_listen(verb, FLEET_PAGE_LISTEN)
     verb.add_argument(
         "--host",
         action="append",

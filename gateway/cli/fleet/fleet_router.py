@@ -8,14 +8,15 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from gateway.cli.options.bus_link import LOCAL_ENDPOINT
+
 if TYPE_CHECKING:
     import zenoh
 
     from gateway.bus.latest_states import LatestStates
     from gateway.bus.session import TlsFiles
 
-DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
-LOOK_S = 0.5
+LINK_POLL_S = 0.5
 """Time between two looks at the links. Basis: a choice; a person sees a change at once, and it costs little."""
 CLOSE_S = 2.0
 """Longest wait for the links to close at the end. Basis: a choice; a link closes in milliseconds, and an end waits no longer for
@@ -37,7 +38,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         "--listen",
         action="append",
         metavar="ENDPOINT",
-        help=f"where gateways and clients connect; may be repeated (default {DEFAULT_LISTEN}: only this machine)",
+        help=f"where gateways and clients connect; may be repeated (default {LOCAL_ENDPOINT}: only this machine)",
     )
     for name, what in (
         ("ca", "certificate of the site's CA"),
@@ -78,7 +79,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from gateway.bus.router_settings import router_configuration, with_storage
     from gateway.fleet.expected_gateways import read_expected
 
-    listen = arguments.listen or [DEFAULT_LISTEN]
+    listen = arguments.listen or [LOCAL_ENDPOINT]
     tls = _tls(arguments)
     _check_exposure(listen, tls is not None, arguments.allow_unencrypted)
     gateways = {} if arguments.gateways is None else read_expected(arguments.gateways)
@@ -108,7 +109,7 @@ def _serve(configuration: dict[str, Any], listen: str, *, encrypted: bool) -> No
     states = LatestStates(session)
     states.start()
     print(f"routing at {listen}, {'mutual TLS' if encrypted else 'not encrypted'}", flush=True)
-    while not stopping.wait(LOOK_S):  # a signal that another thread receives does not end a wait without a limit
+    while not stopping.wait(LINK_POLL_S):  # a signal that another thread receives does not end a wait without a limit
         pass
     closing = threading.Thread(target=_close, args=(states, session), daemon=True)
     closing.start()

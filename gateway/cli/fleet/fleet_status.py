@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from gateway.messages import Level
 
 SORT_NAMES = ("state", "name", "swing", "battery", "signal", "calibration", "seen", "software")
-POLL_S = 0.1
+FLEET_POLL_S = 0.1
 """Time between two looks. Basis: a choice; not visible to a person, and it costs little."""
-SETTLE_S = 0.5
+LIVELINESS_S = 0.5
 """Shortest wait for the liveliness tokens of all gateways. Basis: a choice; tokens come within round trips, and a person does not
 wait longer."""
 
@@ -133,9 +133,9 @@ class LiveFleet:
         """Receive until every gateway that is alive has sent its state, or the time is over."""
         begun_s = time.monotonic()
         while (passed_s := time.monotonic() - begun_s) < longest_s:
-            time.sleep(POLL_S)
+            time.sleep(FLEET_POLL_S)
             self._state.receive(self._client.inbox.drain())
-            if passed_s >= SETTLE_S and self._state.complete:
+            if passed_s >= LIVELINESS_S and self._state.complete:
                 return
 
     def report(self) -> "FleetReport":

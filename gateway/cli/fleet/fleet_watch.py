@@ -19,7 +19,7 @@ table."""
 
 def watch_fleet(look: "Callable[[], FleetReport]", out: TextIO, interval_s: float, count: int | None) -> int:
     """Show a fleet until Ctrl-C or after a number of looks; return 0 if it was well at the last one, else 1."""
-    view = _TerminalView(out) if out.isatty() else _ChangeView(out)
+    view = _TerminalDisplay(out) if out.isatty() else _ChangeLog(out)
     seen, report = 0, look()
     try:
         while True:
@@ -33,7 +33,7 @@ def watch_fleet(look: "Callable[[], FleetReport]", out: TextIO, interval_s: floa
         view.close()
 
 
-class _TerminalView:
+class _TerminalDisplay:
     def __init__(self, out: TextIO) -> None:
         self._out = out
         out.write(OTHER_SCREEN)
@@ -55,7 +55,7 @@ class _TerminalView:
         self._out.flush()
 
 
-class _ChangeView:
+class _ChangeLog:
     def __init__(self, out: TextIO) -> None:
         self._out = out
         self._labels: dict[str, str] = {}

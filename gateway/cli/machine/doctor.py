@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from gateway.configuration.model import Configuration
     from gateway.daemon.doctor.check_result import CheckResult
 
-STYLES: dict[str, Style] = {"good": "good", "note": "note", "bad": "bad"}
+MARK_STYLES: dict[str, Style] = {"good": "good", "note": "note", "bad": "bad"}
 MARKS = {"good": "ok  ", "note": "note", "bad": "BAD "}
 
 
@@ -98,7 +98,7 @@ def _without_hooks(configuration: "Configuration") -> "Configuration":
 
 def print_result(result: "CheckResult") -> None:
     """Print one result at once."""
-    print(f"{paint(MARKS[result.grade], STYLES[result.grade])} {result.place:<12} {result.text}", flush=True)
+    print(f"{paint(MARKS[result.grade], MARK_STYLES[result.grade])} {result.place:<12} {result.text}", flush=True)
     for line in result.sketch:
         print(f"{'':<18}{line}", flush=True)
 

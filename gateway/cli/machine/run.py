@@ -12,15 +12,13 @@ from typing import TYPE_CHECKING, Any
 from devices.errors import DeviceError
 from gateway.cli.options.argument_types import above_zero, at_least_zero
 from gateway.cli.options.table_options import add_table_options
-from gateway.errors import PlumblineError
+from gateway.errors import ANSWER_IS_NO, WITH_LOSSES, PlumblineError
 
 if TYPE_CHECKING:
     from gateway.daemon.commands.configuration_service import ConfigurationService
     from gateway.daemon.gateway import Gateway
     from gateway.daemon.runtime.logs import LineWriter
 
-WITH_LOSSES, FAILED = 3, 1
-"""Definition: exit codes."""
 OUTPUT_S = 0.3
 """Longest wait for a reader of standard output or error to take the last lines. Basis: a choice; a pipe takes them in
 milliseconds, and a reader that hangs holds no end up."""
@@ -97,7 +95,7 @@ def _exit_code(gateway: "Gateway", failed: str | None, errors: "LineWriter") -> 
     """Return the exit code, and print what has failed or was lost; `failed`: name of a thread."""
     if failed is not None:
         errors.put(f"plumbline run: the {failed} thread failed; see the log above")
-        return FAILED
+        return ANSWER_IS_NO
     if gateway.samples_not_recorded:
         errors.put(f"plumbline run: {gateway.samples_not_recorded} samples could not be recorded")
         return WITH_LOSSES

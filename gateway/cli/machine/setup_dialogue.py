@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from devices.clock import HostClock
+from devices.host_clock import HostClock
 from gateway.configuration.answers import Answers
 from gateway.configuration.device_sections import DEVICE_SECTIONS
 from gateway.configuration.loading import ConfigurationError

@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from gateway.bus.credentials import Credentials
 
-VARIABLE = "PLUMBLINE_CONNECT"
-FALLBACK = "tcp/127.0.0.1:7447"
+CONNECT_VARIABLE = "PLUMBLINE_CONNECT"
+LOCAL_ENDPOINT = "tcp/127.0.0.1:7447"
+MAX_ANSWER_WAIT_S = 30.0
+"""Longest wait for an answer. Basis: a choice; three times the step that hangs (`commands.worker.PATIENCE_S`), and what a person
+waits."""
 
 
 def add_address(verb: argparse.ArgumentParser) -> None:
@@ -28,7 +31,7 @@ def add_connect(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--connect",
         metavar="ENDPOINT",
-        help=f"address of the gateway or router (default: ${VARIABLE}, the installed configuration, or {FALLBACK})",
+        help=f"address of the gateway or router (default: ${CONNECT_VARIABLE}, the installed configuration, or {LOCAL_ENDPOINT})",
     )
     verb.add_argument(
         "--credentials",
@@ -50,10 +53,10 @@ def connect_endpoint(arguments: argparse.Namespace) -> str:
     """Return the endpoint to connect to. Raises `ConfigurationError` for an installed configuration that cannot be read."""
     if arguments.connect is not None:
         return str(arguments.connect)
-    if VARIABLE in os.environ:
-        return os.environ[VARIABLE]
+    if CONNECT_VARIABLE in os.environ:
+        return os.environ[CONNECT_VARIABLE]
     from gateway.configuration.service_configuration import is_installed, load_installed
 
     if not is_installed():
-        return FALLBACK
-    return [*load_installed().bus.local_endpoints, FALLBACK][0]
+        return LOCAL_ENDPOINT
+    return [*load_installed().bus.local_endpoints, LOCAL_ENDPOINT][0]

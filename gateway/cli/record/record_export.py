@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from gateway.cli.options.recording_interval import interval
 from gateway.cli.record.record_options import add_selection
+from gateway.errors import WITH_LOSSES
 
 if TYPE_CHECKING:
     from gateway.recording.reading.recording_file import Selection
@@ -16,8 +17,6 @@ EXAMPLE = """examples:
   plumbline record export plumbline-data --csv samples.csv --last 10:00
   plumbline record export plumbline-data --csv motion.csv --topic motion
   plumbline record export plumbline-data/*.mcap --mcap full_rate.mcap --from 07:30:00 --to 07:35:00"""
-WITH_LOSSES = 3
-"""Definition: an exit code."""
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

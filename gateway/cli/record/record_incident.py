@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from gateway.incident.incident_selection import IncidentChoice, IncidentWindow
     from gateway.recording.reading.timeline import Timeline
 
-MARGIN_S = 60.0
+ALERT_MARGIN_S = 60.0
 """Time before and after an alert. Basis: a choice; some swings, so that its cause is seen."""
 REPORT = "cause.html"
 
@@ -53,7 +53,11 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
             help=f"{what} of the report, in place of a choice and --margin; in the same forms",
         )
     incident.add_argument(
-        "--margin", type=above_zero, default=MARGIN_S, metavar="S", help="seconds before and after the incident (60)"
+        "--margin",
+        type=above_zero,
+        default=ALERT_MARGIN_S,
+        metavar="S",
+        help="seconds before and after the incident (60)",
     )
     incident.add_argument(
         "--local", action="store_true", help="read --around, --from and --to in this computer's time zone"
@@ -140,7 +144,7 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
     from gateway import __version__
     from gateway.cli.terminal.output import show
     from gateway.cli.terminal.progress import ProgressBar
-    from gateway.incident.folder import PAGE, write_report
+    from gateway.incident.folder import PAGE_FILE, write_report
     from gateway.incident.recording_verdict import judge_recordings
     from gateway.recording.chain.signing_key import read_public_key
 
@@ -162,7 +166,7 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
             analyse=analyse_cause if arguments.reconcile else None,
             report=bar.update,
         )
-    show("\n".join([*written.sentences, "", f"report: {folder / PAGE}"]), written.content, arguments.json)
+    show("\n".join([*written.sentences, "", f"report: {folder / PAGE_FILE}"]), written.content, arguments.json)
     return 0
 
 

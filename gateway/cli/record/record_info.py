@@ -4,9 +4,8 @@ import argparse
 
 from gateway.cli.options.recording_interval import interval
 from gateway.cli.record.record_options import add_json, add_selection
+from gateway.errors import WITH_LOSSES
 
-DAMAGED = 3
-"""Something in a recording cannot be read. One that is still being written is not damaged. Definition: an exit code."""
 EXAMPLE = """examples:
   plumbline record info plumbline-data
   plumbline record info plumbline-data --last 1:00:00 --local
@@ -44,4 +43,4 @@ def run(arguments: argparse.Namespace) -> int:
             found.append(summarise_timeline(timeline, chosen, bar.update))
     content = [info.as_json() for info in found] if len(found) > 1 else found[0].as_json()
     show("\n\n".join(info_text(info, is_local=arguments.local) for info in found), content, arguments.json)
-    return DAMAGED if any(is_damaged(info.losses) for info in found) else 0
+    return WITH_LOSSES if any(is_damaged(info.losses) for info in found) else 0

@@ -3,10 +3,10 @@
 import argparse
 
 from gateway.cli.options.argument_types import above_zero
+from gateway.cli.options.bus_link import LOCAL_ENDPOINT
 from gateway.cli.options.recording_interval import interval
 from gateway.cli.record.record_options import add_selection
 
-DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
 EXAMPLE = """examples:
   plumbline record play plumbline-data --last 10:00 --speed 4
   plumbline record play incident.mcap --connect tcp/10.0.0.5:7447
@@ -29,7 +29,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     )
     place = play.add_mutually_exclusive_group()
     place.add_argument(
-        "--listen", default=DEFAULT_LISTEN, metavar="ENDPOINT", help="where others may connect (default %(default)s)"
+        "--listen", default=LOCAL_ENDPOINT, metavar="ENDPOINT", help="where others may connect (default %(default)s)"
     )
     place.add_argument("--connect", metavar="ENDPOINT", help="address of a router, in place of --listen")
     play.set_defaults(run=run)

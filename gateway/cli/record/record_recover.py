@@ -3,8 +3,7 @@
 import argparse
 from pathlib import Path
 
-WITH_LOSSES = 3
-"""Definition: an exit code."""
+from gateway.errors import WITH_LOSSES
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

@@ -6,12 +6,12 @@ from pathlib import Path
 from gateway.cli.options.argument_types import duration_s
 from gateway.cli.options.recording_interval import interval
 from gateway.cli.record.record_options import add_json, add_selection
+from gateway.errors import ANSWER_IS_NO
 
 EXAMPLE = """examples:
   plumbline record replay plumbline-data
   plumbline record replay plumbline-data --from 07:30:00 --to 07:40:00 --warm-up 5:00
   plumbline record replay plumbline-data --calibration record.json --json -"""
-DIFFERENT = 1
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -57,4 +57,4 @@ def run(arguments: argparse.Namespace) -> int:
     with ProgressBar(f"replaying {timeline.gateway}") as bar:
         result = replay.result(bar.update)
     show(replay_text(result, is_local=arguments.local), replay_json(result), arguments.json)
-    return DIFFERENT if has_difference(result) else 0
+    return ANSWER_IS_NO if has_difference(result) else 0

@@ -4,12 +4,11 @@ import argparse
 from typing import TYPE_CHECKING
 
 from gateway.cli.record.record_options import add_json, add_paths
+from gateway.errors import ANSWER_IS_NO
 
 if TYPE_CHECKING:
     from gateway.recording.chain.chain_verification import ChainVerification
     from gateway.recording.chain.file_verification import FileVerification
-
-DIFFERS = 1
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -50,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
             found.append(verify_file(path, key))
     chain = verify_chain(found, [path for path in arguments.paths if path.is_dir()])
     show(_text(chain, key), chain.as_json(), arguments.json)
-    return 0 if chain.is_genuine else DIFFERS
+    return 0 if chain.is_genuine else ANSWER_IS_NO
 
 
 def _text(chain: "ChainVerification", key: str | None) -> str:

@@ -11,12 +11,12 @@ from gateway.daemon.runtime.bounded_queue import BoundedQueue
 MAX_STALE_ANSWERS = 4
 """A gateway that has just accepted a session may still report the time before, at most this often. Basis: two seconds of
 sessions."""
-SILENCE_S = 1.5
+SESSION_SILENCE_S = 1.5
 """A gateway that collects poses reports its session twice per second; after this silence it is queried. Basis: three messages of
 the session."""
 MAX_QUEUED_MESSAGES = 256
 """Messages that may wait. Basis: a choice; minutes of a session, and a bound of the memory."""
-BAR = 24
+HOLD_BAR_CHARACTERS = 24
 """Width of the bar, characters. Basis: a choice; a third of a line."""
 NO_ANSWER = "no answer from the gateway; waiting for it"
 CONTINUES = "the session continues: plumbline remote recalibrate --follow shows it, plumbline remote cancel ends it"
@@ -58,7 +58,7 @@ def _wait_for_session(
     client: GatewayClient, messages: BoundedQueue[dict[str, Any]], display: "SessionDisplay"
 ) -> dict[str, Any] | None:
     """Return the next state of the session; None if nobody answers, after an attempt to reconnect."""
-    message = messages.get(SILENCE_S)
+    message = messages.get(SESSION_SILENCE_S)
     if message is not None:
         return _session(message)
     session = _query(client)
@@ -67,7 +67,7 @@ def _wait_for_session(
         if client.reconnect():
             client.subscribe("calibration", messages.put)
         else:
-            time.sleep(SILENCE_S)
+            time.sleep(SESSION_SILENCE_S)
     return session
 
 
@@ -107,7 +107,7 @@ class SessionDisplay:
         text = f"{taken} of {wanted} poses; {session['text']}"
         if self._line.is_terminal:
             fraction = min((taken + session["pose_fraction"]) / wanted, 1.0)
-            bar = ("#" * round(fraction * BAR)).ljust(BAR, "-")
+            bar = ("#" * round(fraction * HOLD_BAR_CHARACTERS)).ljust(HOLD_BAR_CHARACTERS, "-")
             progress = f"{taken}/{wanted} [{bar}] {_stillness(session):14} {_next_face(session)}{session['text']}"
             self._line.update(progress, text)
         else:

@@ -11,13 +11,13 @@ from gateway.cli.options.bus_link import add_address, client_credentials, connec
 
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient
-    from gateway.calibration.alignment.assistant import AlignmentView
+    from gateway.calibration.alignment.assistant import AlignmentReadout
     from gateway.calibration.alignment.screw_advice import ScrewAdvice, ScrewMechanics
     from gateway.calibration.alignment.turn_assistant import TurnAssistant
     from gateway.cli.terminal.status_line import StatusLine
     from gateway.messages import Tilt
 
-SILENCE_S = 1.5
+TILT_SILENCE_S = 1.5
 """Time without a tilt, s, after which the link is opened again; tilts arrive ten times per second. Basis: fifteen tilts."""
 MAX_QUEUED_TILTS = 64
 """Tilts that may wait. Basis: a choice; six seconds, and the newest count."""
@@ -153,17 +153,17 @@ class TiltFeed:
         """Return the next tilt; while none comes, say so and connect again."""
         from gateway.topics import adapter
 
-        while (tilt := self._tilts.get(SILENCE_S)) is None:
+        while (tilt := self._tilts.get(TILT_SILENCE_S)) is None:
             self._line.update(SILENCE_TEXT, SILENCE_TEXT)
             if self._client.reconnect():
                 self._client.subscribe("tilt", self._tilts.put)
             else:
-                time.sleep(SILENCE_S)
+                time.sleep(TILT_SILENCE_S)
         message: Tilt = adapter("tilt").validate_python(tilt)
         return message
 
 
-def format_view(view: "AlignmentView") -> str:
+def format_view(view: "AlignmentReadout") -> str:
     """Return both angles and what to do, in less than 80 characters if a screw is to be turned."""
     advice = view.advice
     action = advice.text

@@ -7,19 +7,16 @@ import uuid
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gateway.cli.options.bus_link import add_address, client_credentials, connect_endpoint
+from gateway.cli.options.bus_link import MAX_ANSWER_WAIT_S, add_address, client_credentials, connect_endpoint
+from gateway.errors import ANSWER_IS_NO
 
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient, RpcReply
 
-REFUSED = 1
-PATIENCE_S = 30.0
-"""Longest wait for an answer. Basis: a choice; three times the step that hangs (`commands.worker.PATIENCE_S`), and what a person
-waits."""
 TRIAL_S = 240.0
 """Longest wait for the end of a trial: some starts of a gateway that does not become healthy. Basis: a trial has three starts of
 60 s."""
-POLL_S = 1.0
+TRIAL_POLL_S = 1.0
 """Time between two questions. Basis: a choice; a trial takes seconds to minutes."""
 
 
@@ -112,7 +109,7 @@ def _wait_for_end(client: "GatewayClient", arguments: argparse.Namespace, reques
     """Wait until a change is confirmed or rolled back; return the exit code."""
     end_s = time.monotonic() + TRIAL_S
     while time.monotonic() < end_s:
-        time.sleep(POLL_S)
+        time.sleep(TRIAL_POLL_S)
         reply = client.ask("config_get", _request(arguments, {}), 0.0)
         if reply is None:
             client.reconnect()
@@ -123,9 +120,9 @@ def _wait_for_end(client: "GatewayClient", arguments: argparse.Namespace, reques
                 return 0
             if entry.get("id") == request_id and entry.get("event") == "rolled_back":
                 print(f"rolled back: {entry.get('why')}", file=sys.stderr)
-                return REFUSED
+                return ANSWER_IS_NO
     print(f"no confirmation within {TRIAL_S:.0f} s; see: plumbline remote status", file=sys.stderr)
-    return REFUSED
+    return ANSWER_IS_NO
 
 
 def _ask(arguments: argparse.Namespace, verb: str, more: dict[str, Any]) -> "RpcReply":
@@ -139,7 +136,7 @@ def _ask(arguments: argparse.Namespace, verb: str, more: dict[str, Any]) -> "Rpc
 def _send(client: "GatewayClient", verb: str, request: dict[str, Any]) -> "RpcReply":
     from gateway.errors import InputError
 
-    reply = client.ask(verb, request, PATIENCE_S)
+    reply = client.ask(verb, request, MAX_ANSWER_WAIT_S)
     if reply is None:
         raise InputError(f"{client.key} does not answer; try again")
     return reply
@@ -157,4 +154,4 @@ def _client(arguments: argparse.Namespace) -> "GatewayClient":
 
 def _refused(reply: "RpcReply") -> int:
     print(f"refused: {reply.text}", file=sys.stderr)
-    return REFUSED
+    return ANSWER_IS_NO

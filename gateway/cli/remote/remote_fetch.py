@@ -6,8 +6,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from gateway.cli.options.bus_link import add_address, client_credentials, connect_endpoint
+from gateway.cli.options.bus_link import MAX_ANSWER_WAIT_S, add_address, client_credentials, connect_endpoint
 from gateway.cli.terminal.output import write_text
+from gateway.errors import ANSWER_IS_NO
 from gateway.text import printable
 
 if TYPE_CHECKING:
@@ -18,10 +19,6 @@ if TYPE_CHECKING:
     from gateway.calibration.record import CalibrationRecord
 
 Answer = TypeVar("Answer", bound="BaseModel")
-DAMAGED = 1
-PATIENCE_S = 30.0
-"""Longest wait for an answer. Basis: a choice; three times the step that hangs (`commands.worker.PATIENCE_S`), and what a person
-waits."""
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -45,11 +42,11 @@ def _fetch(arguments: argparse.Namespace) -> int:
 
     client = GatewayClient(connect_endpoint(arguments), arguments.gateway, client_credentials(arguments))
     try:
-        listed = fetch_request(client, {}, FetchedList, PATIENCE_S)
-        records, damaged = fetch_records(client, listed, PATIENCE_S)
+        listed = fetch_request(client, {}, FetchedList, MAX_ANSWER_WAIT_S)
+        records, damaged = fetch_records(client, listed, MAX_ANSWER_WAIT_S)
         reviewed = listed.review
-        candidate = None if reviewed is None else _record(client, reviewed, PATIENCE_S)
-        audit = fetch_request(client, {"what": "audit", "lines": 1000}, FetchedAudit, PATIENCE_S).audit
+        candidate = None if reviewed is None else _record(client, reviewed, MAX_ANSWER_WAIT_S)
+        audit = fetch_request(client, {"what": "audit", "lines": 1000}, FetchedAudit, MAX_ANSWER_WAIT_S).audit
     finally:
         client.close()
     for record in records:
@@ -62,7 +59,7 @@ def _fetch(arguments: argparse.Namespace) -> int:
     for problem in damaged:
         print(printable(problem), file=sys.stderr)
     print(printable(f"{arguments.out}: {len(records)} records of {listed.device_id}, in force {listed.in_force}"))
-    return DAMAGED if damaged else 0
+    return ANSWER_IS_NO if damaged else 0
 
 
 def fetch_records(

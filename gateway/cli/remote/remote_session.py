@@ -6,15 +6,11 @@ import uuid
 from typing import TYPE_CHECKING, Any
 
 from gateway.calibration.pose_method import PoseMethod
-from gateway.cli.options.bus_link import add_address, client_credentials, connect_endpoint
+from gateway.cli.options.bus_link import MAX_ANSWER_WAIT_S, add_address, client_credentials, connect_endpoint
+from gateway.errors import ANSWER_IS_NO
 
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient
-
-REFUSED = 1
-PATIENCE_S = 30.0
-"""Longest wait for an answer. Basis: a choice; three times the step that hangs (`commands.worker.PATIENCE_S`), and what a person
-waits."""
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -136,13 +132,13 @@ def _send(
     from gateway.errors import InputError
 
     request = {"id": arguments.id or f"cli-{uuid.uuid4().hex}", "by": arguments.by, "reason": arguments.reason, **more}
-    reply = client.ask(verb, request, PATIENCE_S)
+    reply = client.ask(verb, request, MAX_ANSWER_WAIT_S)
     if reply is None:
         raise InputError(
             f"{client.key} does not answer, and the request may have been done: repeat it with --id {request['id']}"
         )
     print(f"{verb}: {'' if reply.accepted else 'refused: '}{reply.text}", file=None if reply.accepted else sys.stderr)
-    return 0 if reply.accepted else REFUSED, request
+    return 0 if reply.accepted else ANSWER_IS_NO, request
 
 
 def _client(arguments: argparse.Namespace) -> "GatewayClient":

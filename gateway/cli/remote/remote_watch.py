@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from gateway.daemon.runtime.bounded_queue import BoundedQueue
 
 ALERT = "alert"
-INBOX = 10_000
+MAX_WAITING_MESSAGES = 10_000
 """Messages that may wait. Basis: a choice; minutes of all topics, and a bound of the memory."""
-STEP_S = 0.1
+MAX_OUTPUT_WAIT_S = 0.1
 """Longest wait before the output is written. Basis: a choice; ten times a second, as tilts come."""
 
 
@@ -65,7 +65,7 @@ def _watch(arguments: argparse.Namespace) -> int:
     if unknown := sorted(topics - set(TOPICS)):
         raise InputError(f"no topic {', '.join(unknown)}; the topics are {', '.join(TOPICS)}")
     connect, credentials = connect_endpoint(arguments), client_credentials(arguments)
-    samples: BoundedQueue[zenoh.Sample] = BoundedQueue(INBOX)
+    samples: BoundedQueue[zenoh.Sample] = BoundedQueue(MAX_WAITING_MESSAGES)
     printer = _Printer(arguments.count)
     with open_client_session(connect, credentials) as session:
         subscribers = [
@@ -104,7 +104,7 @@ def _alerts_and_messages(
     receiver: "AlertReceiver", samples: "BoundedQueue[zenoh.Sample]"
 ) -> Iterator[dict[str, Any] | None]:
     while True:
-        for event in receiver.poll(STEP_S):
+        for event in receiver.poll(MAX_OUTPUT_WAIT_S):
             yield _event_line(event)
         while len(samples):
             yield next(_messages(samples, 0.0))

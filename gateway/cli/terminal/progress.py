@@ -7,13 +7,13 @@ from typing import TextIO
 
 from gateway.cli.terminal.interrupt import DeferredInterrupt
 
-WIDTH = 40
+PROGRESS_BAR_CHARACTERS = 40
 """Width of the bar, characters. Basis: a choice; half of a terminal's line."""
-PATIENCE_S = 1.0
+QUIET_S = 1.0
 """Work that is done sooner shows no progress. Basis: a choice; a person begins to wonder."""
 REDRAW_S = 0.2
 """Basis: a choice; the bar moves for the eye, and writing costs nothing."""
-LEAST_SHARE = 0.02
+MIN_ESTIMATED_SHARE = 0.02
 """Share of the work from which the time left is told. Basis: a choice; the rate is then known to some per cent."""
 
 
@@ -32,16 +32,16 @@ class Progress:
         self._interrupt.check()
         self._ticks += 1
         if self._shown:
-            done = self._ticks % WIDTH if share is None else round(WIDTH * share)
+            done = self._ticks % PROGRESS_BAR_CHARACTERS if share is None else round(PROGRESS_BAR_CHARACTERS * share)
             text = f"{stage}, step {self._ticks}" if share is None else f"{stage}, {share:.0%}{self._most_left(share)}"
-            line = f"[{'·' * done}{' ' * (WIDTH - done)}] {text}"
+            line = f"[{'·' * done}{' ' * (PROGRESS_BAR_CHARACTERS - done)}] {text}"
             self._stream.write("\r" + line.ljust(self._drawn))
             self._stream.flush()
             self._drawn = len(line)
 
     def _most_left(self, share: float) -> str:
         """Return the longest time that the work may still take, once enough of it is done."""
-        if share < LEAST_SHARE:
+        if share < MIN_ESTIMATED_SHARE:
             return ""
         left_s = (time.monotonic() - self._begin_s) * (1 - share) / share
         return f", at most {left_s / 60:.0f} min left" if left_s > 90 else f", at most {left_s:.0f} s left"
@@ -72,13 +72,13 @@ class ProgressBar:
     def update(self, share: float) -> None:
         """Show the share of the work that is done, 0 to 1."""
         now_s = time.monotonic()
-        if now_s - self._begin_s < PATIENCE_S or now_s - self._drawn_s < REDRAW_S or not self._stream.isatty():
+        if now_s - self._begin_s < QUIET_S or now_s - self._drawn_s < REDRAW_S or not self._stream.isatty():
             return
         self._drawn_s = now_s
-        done = round(WIDTH * share)
+        done = round(PROGRESS_BAR_CHARACTERS * share)
         left_s = (now_s - self._begin_s) * (1 - share) / share if share > 0 else None
         left = "" if left_s is None else f", {left_s / 60:.0f} min left" if left_s > 90 else f", {left_s:.0f} s left"
-        line = f"[{'·' * done}{' ' * (WIDTH - done)}] {share:4.0%}{left}  {self._stage}"
+        line = f"[{'·' * done}{' ' * (PROGRESS_BAR_CHARACTERS - done)}] {share:4.0%}{left}  {self._stage}"
         self._stream.write("\r" + line.ljust(self._drawn))
         self._stream.flush()
         self._drawn = len(line)

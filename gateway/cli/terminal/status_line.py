@@ -9,7 +9,7 @@ from gateway.text import printable
 
 Style = Literal["good", "note", "warning", "bad"]
 CODES: dict[Style, str] = {"good": "32", "note": "36", "warning": "33", "bad": "1;31"}
-LONGEST = 118
+MAX_LINE_CHARACTERS = 118
 """Characters of a line. Basis: a choice; a terminal of 120 columns less the ends."""
 
 
@@ -35,7 +35,7 @@ class StatusLine:
         """Show a text now; outside a terminal only if its key differs from that of the last text."""
         text = printable(text)
         if self.is_terminal:
-            self._out.write(f"\r\x1b[K{text[: min(LONGEST, self._columns() - 1)]}")
+            self._out.write(f"\r\x1b[K{text[: min(MAX_LINE_CHARACTERS, self._columns() - 1)]}")
             self._out.flush()
         elif key != self._key:
             self._key = key
@@ -50,6 +50,6 @@ class StatusLine:
     def _columns(self) -> int:
         """Return the present width of the terminal."""
         try:
-            return os.get_terminal_size(self._out.fileno()).columns or LONGEST + 1
+            return os.get_terminal_size(self._out.fileno()).columns or MAX_LINE_CHARACTERS + 1
         except OSError:  # not a terminal
-            return shutil.get_terminal_size((LONGEST + 1, 24)).columns
+            return shutil.get_terminal_size((MAX_LINE_CHARACTERS + 1, 24)).columns

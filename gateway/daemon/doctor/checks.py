@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from getpass import getuser
 from pathlib import Path
 
-from devices.clock import HostClock
 from devices.errors import DeviceError
+from devices.host_clock import HostClock
 from gateway.bus.session import open_gateway_session
 from gateway.calibration.correction import correction_for
 from gateway.calibration.store import find_record_in_force

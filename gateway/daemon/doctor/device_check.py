@@ -25,7 +25,7 @@ from gateway.daemon.doctor.check_result import CheckResult, Grade
 
 READING_S = 3.0
 """Time for which the device is read. Basis: a choice; a rate within a few per cent, and no long wait for a person."""
-RATE_TOLERANCE = 0.1
+MAX_REPORTED_RATE_DIFFERENCE = 0.1
 """Relative difference from the nominal rate. Basis: oscillators differ by some per cent; the next rate of a part differs by a
 factor of two."""
 SCALE_TOLERANCE = 0.1
@@ -139,7 +139,7 @@ def _rate(info: DeviceInfo, blocks: list[SampleBlock]) -> CheckResult:
     samples = sum(len(block) + block.lost for block in blocks) - blocks[0].lost
     duration_s = (blocks[-1].time_ns[-1] - blocks[0].time_ns[0]) / 1e9
     rate_hz = (samples - 1) / duration_s if samples > 1 else 0.0
-    good = abs(rate_hz / info.odr_hz - 1) <= RATE_TOLERANCE
+    good = abs(rate_hz / info.odr_hz - 1) <= MAX_REPORTED_RATE_DIFFERENCE
     temperatures = [block.temperature_c for block in blocks if block.temperature_c is not None]
     temperature = f", {temperatures[-1]:.1f} °C" if temperatures else ""
     text = f"{info.device_id}: {rate_hz:.4g} samples/s, nominal {info.odr_hz:g}{temperature}"

@@ -26,7 +26,7 @@ LOG_LINES = 2000
 """Lines of the log, the newest. Basis: a choice; several starts of a gateway, and a bundle that a mail can carry."""
 AUDIT_LINES = 200
 """Lines of the audit, the newest. Basis: a choice; more than the changes of a month, and a bundle that a mail can carry."""
-MOST_FILES = 5000
+MAX_LISTED_FILES = 5000
 """Files that are listed, the newest. Basis: a choice; more than a quota of segments, and a bound of the list."""
 COMMAND_S = 10.0
 """Longest time of a command of the system. Basis: a choice; these commands take a second, and one that hangs holds up the
@@ -130,6 +130,6 @@ def _listing(folder: Path) -> str:
     files.sort(reverse=True)
     lines = [
         f"{datetime.fromtimestamp(modified_s, UTC).isoformat(timespec='seconds')} {size_bytes:>12} {name}"
-        for modified_s, size_bytes, name in files[:MOST_FILES]
+        for modified_s, size_bytes, name in files[:MAX_LISTED_FILES]
     ]
     return "\n".join([f"{len(files)} files in {folder}", *lines]) + "\n"

@@ -9,10 +9,10 @@ REMOVED = "(removed)"
 SECRET_NAME = re.compile(r"password|passwd|passphrase|secret|token|credential|(^|[_-])pin$", re.IGNORECASE)
 SECRET_FILES = ("*token*", "*pin", "*secret*", "*.pem", "*.key", "*password*")
 PUBLIC_FILES = ("*.pub", "*.crt")
-SHORTEST_SECRET = 4
+MIN_SECRET_CHARACTERS = 4
 """Fewest characters of a secret. Basis: a choice; a shorter content would remove ordinary words and numbers, and no real secret
 is shorter."""
-LARGEST_FILE_BYTES = 65536
+MAX_SECRET_FILE_BYTES = 65536
 """Largest file that is read as a secret. Basis: a choice; keys, certificates and passwords have a few kilobytes."""
 PRIVATE_BLOCK = re.compile(r"-----BEGIN [A-Z ]*PRIVATE KEY-----.*?(-----END [A-Z ]*PRIVATE KEY-----|\Z)", re.DOTALL)
 ASSIGNMENT = re.compile(
@@ -58,10 +58,10 @@ def secret_files(folders: Iterable[Path]) -> list[Path]:
 
 def _secret_lines(path: Path) -> list[str]:
     try:
-        if path.stat().st_size > LARGEST_FILE_BYTES:
+        if path.stat().st_size > MAX_SECRET_FILE_BYTES:
             return []
         content = path.read_bytes()
     except OSError:
         return []
     lines = [line.strip() for line in content.decode(errors="replace").splitlines()]
-    return [line for line in lines if len(line) >= SHORTEST_SECRET and not line.startswith("-----")]
+    return [line for line in lines if len(line) >= MIN_SECRET_CHARACTERS and not line.startswith("-----")]

@@ -9,7 +9,7 @@ from gateway.daemon.doctor.check_result import CheckResult
 from gateway.errors import PlumblineError
 from gateway.page.verdict import TRUSTED_CALIBRATIONS
 
-MOST_LOST_SHARE = 0.01
+MAX_LOST_SHARE = 0.01
 """Share of lost samples from which on it is reported. Basis: a choice; a late block loses less, and a bad wire more."""
 
 
@@ -47,7 +47,7 @@ def _report(topics: dict[str, Any]) -> Iterator[CheckResult]:
         yield CheckResult("good", "gateway", f"has been running for {uptime}, version {health['software']}")
     rate_hz, lost, samples = health.get("measured_rate_hz"), health.get("lost", 0), health.get("samples", 0)
     rate = "rate not known yet" if rate_hz is None else f"{rate_hz:.1f} Hz"
-    few_lost = lost <= MOST_LOST_SHARE * samples
+    few_lost = lost <= MAX_LOST_SHARE * samples
     yield CheckResult(
         "good" if few_lost else "bad", "device", f"{health.get('device_id')} at {rate}, {lost} of {samples} lost"
     )

@@ -19,19 +19,19 @@ from gateway.topics import encode
 log = logging.getLogger("plumbline.alert_sender")
 LATENCY_WINDOW_NS = 3600 * 10**9
 """Definition: the last hour, as the health says."""
-MOST_CHANGES = 2048
+MAX_KEPT_LATENCIES = 2048
 """Latencies that are kept. Basis: a choice; more than an hour of alerts has, and a bound of the memory."""
-INBOX = 512
+MAX_WAITING_ALERTS = 512
 """Alerts that may wait. Basis: a choice; several alerts per second for a minute."""
 STORE_PATIENCE_S = 0.25
 """Longest delay of an alert by the disk. Basis: an SD card needs 5 to 50 ms, and an alert must not wait for a broken one."""
 
 
 class AlertLatency:
-    """Latencies of the last hour, at most `MOST_CHANGES`."""
+    """Latencies of the last hour, at most `MAX_KEPT_LATENCIES`."""
 
     def __init__(self) -> None:
-        self._latencies: deque[tuple[int, float]] = deque(maxlen=MOST_CHANGES)
+        self._latencies: deque[tuple[int, float]] = deque(maxlen=MAX_KEPT_LATENCIES)
         """(gateway time, latency in ms)"""
 
     def add(self, sample_ns: int, sent_ns: int) -> None:
@@ -71,7 +71,7 @@ class AlertSender(Worker[QueuedAlert]):
         self, key: str, outbox: OutboxWriter, now_ns: Callable[[], int], note_latest: Callable[[str, bytes], None]
     ) -> None:
         """`note_latest` takes each message for the status."""
-        super().__init__("alerts", BoundedQueue(INBOX))
+        super().__init__("alerts", BoundedQueue(MAX_WAITING_ALERTS))
         self._key = key
         self._outbox = outbox
         self._now_ns = now_ns

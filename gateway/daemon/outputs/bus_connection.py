@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 import zenoh
 
 from gateway.bus.session import BusError
-from gateway.daemon.runtime.faults import Backoff, FaultRegister
+from gateway.daemon.runtime.faults import RETRYING, Backoff, FaultRegister
 
 log = logging.getLogger("plumbline.bus")
-FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 5.0
+MIN_OPENING_PAUSE_S, MAX_OPENING_PAUSE_S = 0.5, 5.0
 """Pauses between two attempts to open the bus, the first and the longest. Basis: a choice; a restart of the router is over soon,
 and a missing one costs little."""
 PART = "bus"
@@ -40,7 +40,7 @@ class BusConnection(threading.Thread):
 
     def run(self) -> None:
         """Open the session, pass it on, and close it when told to stop."""
-        backoff = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
+        backoff = Backoff(MIN_OPENING_PAUSE_S, MAX_OPENING_PAUSE_S)
         while not self._stopping.is_set():
             session = self._try_open()
             self.tried.set()
@@ -55,13 +55,13 @@ class BusConnection(threading.Thread):
         try:
             session = self._open_session()
         except BusError as error:
-            self._faults.set(PART, f"{error}; it is tried again until it works, everything else goes on")
+            self._faults.set(PART, f"{error}; {RETRYING}")
             return None
         try:
             for use in self._users:
                 use(session)
         except zenoh.ZError as error:
-            self._faults.set(PART, f"bus: {error}; it is tried again until it works, everything else goes on")
+            self._faults.set(PART, f"bus: {error}; {RETRYING}")
             session.close()
             return None
         self._faults.clear(PART)

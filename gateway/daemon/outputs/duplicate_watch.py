@@ -13,7 +13,7 @@ ALIVE = "alive"
 BOOT_ID = re.compile(r"[0-9a-f]{12}")
 MAX_BOOTS = 8
 """Boots that are remembered. Basis: a choice; two gateways need two, restarts some more, and the memory is bounded."""
-SETTLE_S = 5.0
+MIN_DUPLICATE_S = 5.0
 """Time for which two boots may be alive. Basis: a gateway that was killed and started again is alive twice until the lease of its
 former link (1.5 s) has ended."""
 
@@ -40,7 +40,7 @@ class DuplicateWatch:
         """Set or clear the fault; call about once a second."""
         now_s = time.monotonic()
         with self._lock:
-            others = sorted(boot_id for boot_id, since_s in self._seen_s.items() if now_s - since_s > SETTLE_S)
+            others = sorted(boot_id for boot_id, since_s in self._seen_s.items() if now_s - since_s > MIN_DUPLICATE_S)
         if others:
             self._faults.set(
                 PART,

@@ -6,10 +6,10 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable
 
-from gateway.daemon.storage.outbox_writer import RECENT
+from gateway.daemon.storage.outbox_writer import RECENT_CHANGES
 from gateway.page.channel import (
     ANSWER,
-    LARGEST_FRAME,
+    MAX_FRAME_BYTES,
     PAST_ALERT,
     REQUEST,
     Frame,
@@ -21,15 +21,15 @@ from gateway.topics import TOPICS
 
 SHOWN = frozenset(topic.name for topic in TOPICS.values() if topic.published and topic.name not in ("samples", "mark"))
 """The topics that the page shows."""
-MOST_WAITING = {"alert": 64, PAST_ALERT: RECENT, ANSWER: 16}
+MAX_WAITING_FRAMES = {"alert": 64, PAST_ALERT: RECENT_CHANGES, ANSWER: 16}
 """Frames of one kind that may wait for the page, where each counts; of other kinds the newest alone. Basis: a choice; more than
 the page asks for or alerts change at once, and a bound of the memory."""
-HEADROOM = 128
+FRAME_HEADROOM_BYTES = 128
 """Bytes of a packet beside its payload. Basis: a choice; kind, topic and times are short, and it is a five-hundredth of a
 packet."""
 
 
-class Outbox:
+class WaitingFrames:
     """The frames that wait for the page, oldest first. `put` never waits: too many of one kind replace their oldest, counted."""
 
     def __init__(self) -> None:
@@ -42,14 +42,14 @@ class Outbox:
         """Add a frame."""
         with self._ready:
             waiting = [other for other in self._frames if other.kind == frame.kind]
-            if len(waiting) >= MOST_WAITING.get(frame.kind, 1):
+            if len(waiting) >= MAX_WAITING_FRAMES.get(frame.kind, 1):
                 self._frames.remove(waiting[0])
                 self.replaced += 1
             self._frames.append(frame)
             self._ready.notify()
 
     def get(self) -> Frame | None:
-        """Wait for a frame; None once the outbox is closed."""
+        """Wait for a frame; None once it is closed."""
         with self._ready:
             self._ready.wait_for(lambda: self._frames or self._closed)
             return None if self._closed else self._frames.popleft()
@@ -65,24 +65,24 @@ class _Connection:
     """The channel to one process of the page, with a thread for each direction."""
 
     def __init__(self, channel: socket.socket, first: list[Frame], answer: Callable[[bytes], bytes]) -> None:
-        self.outbox = Outbox()
+        self.waiting = WaitingFrames()
         self._channel = channel
         self._answer = answer
         for frame in first:
-            self.outbox.put(frame)
+            self.waiting.put(frame)
         for name, work in (("page-send", self._send_all), ("page-receive", self._receive_all)):
             threading.Thread(target=work, name=name, daemon=True).start()
 
     def close(self) -> None:
         """End both threads, whatever they wait for."""
-        self.outbox.close()
+        self.waiting.close()
         try:
             self._channel.shutdown(socket.SHUT_RDWR)
         except OSError:
             return  # the page has ended already
 
     def _send_all(self) -> None:
-        while (frame := self.outbox.get()) is not None:
+        while (frame := self.waiting.get()) is not None:
             try:
                 self._channel.send(encode_frame(frame))
             except OSError:  # the page has ended; it is started again with a new channel
@@ -98,8 +98,8 @@ class _Connection:
                 if frame is None:
                     break
                 if frame.kind == REQUEST:
-                    self.outbox.put(Frame(ANSWER, time.monotonic(), self._answer(frame.payload)))
-        self.outbox.close()
+                    self.waiting.put(Frame(ANSWER, time.monotonic(), self._answer(frame.payload)))
+        self.waiting.close()
 
 
 class PageChannel:
@@ -133,13 +133,13 @@ class PageChannel:
         with self._lock:
             self._latest[topic] = frame
             if self._connection is not None:
-                self._connection.outbox.put(frame)
+                self._connection.waiting.put(frame)
 
     @property
     def dropped(self) -> int:
         """Number of messages that the page did not get: replaced by newer ones while it was slow, or too large."""
         with self._lock:
-            replaced = 0 if self._connection is None else self._connection.outbox.replaced
+            replaced = 0 if self._connection is None else self._connection.waiting.replaced
             return self._replaced_before + replaced + self.refused
 
     def open(self, first: Frame) -> socket.socket:
@@ -156,10 +156,10 @@ class PageChannel:
         with self._lock:
             connection, self._connection = self._connection, None
             if connection is not None:
-                self._replaced_before += connection.outbox.replaced
+                self._replaced_before += connection.waiting.replaced
         if connection is not None:
             connection.close()
 
 
 def _fits(payload: bytes) -> bool:
-    return len(payload) <= LARGEST_FRAME - HEADROOM
+    return len(payload) <= MAX_FRAME_BYTES - FRAME_HEADROOM_BYTES

@@ -8,23 +8,22 @@ import time
 
 from gateway.configuration.model import Configuration
 from gateway.daemon.outputs.page_channel import PageChannel
-from gateway.daemon.runtime.faults import Backoff, FaultRegister
+from gateway.daemon.runtime.faults import RETRYING, Backoff, FaultRegister
 from gateway.errors import PlumblineError
 from gateway.page import launch
 from gateway.page.parameters import CraneDirections, Parameters
 from gateway.page.pin import PIN_NAME, make_pin
 
 PAGE_MODULES = ("starlette", "uvicorn")
-FIRST_PAUSE_S = 1.0
+MIN_PAGE_START_PAUSE_S = 1.0
 """Pause before the page is started again. Basis: a choice; a browser is without the page for a moment, and a fault at its start
 costs no core."""
-LONGEST_PAUSE_S = 60.0
+MAX_PAGE_START_PAUSE_S = 60.0
 """Longest of these pauses. Basis: a choice; who mends the cause waits no longer than a minute."""
 BIND_PAUSE_S = 2.0
 """Pause between two attempts to take the address. Basis: a choice; a page that ends frees its address within seconds."""
 PART = "page"
 PIN = "page_pin"
-GOES_ON = "it is tried again until it works, everything else goes on"
 
 
 class PageError(PlumblineError):
@@ -41,7 +40,7 @@ class PageProcess:
         self._faults = faults
         self._socket: socket.socket | None = None
         self._process: subprocess.Popen[bytes] | None = None
-        self._backoff = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
+        self._backoff = Backoff(MIN_PAGE_START_PAUSE_S, MAX_PAGE_START_PAUSE_S)
         self._next_start_s = 0.0
 
     def supervise(self) -> None:
@@ -60,7 +59,7 @@ class PageProcess:
             self._process = self._start()
         except PageError as error:
             self._next_start_s = now_s + BIND_PAUSE_S
-            self._faults.set(PART, f"{error}; {GOES_ON}")
+            self._faults.set(PART, f"{error}; {RETRYING}")
         else:
             self._next_start_s = now_s + self._backoff.pause_s
 

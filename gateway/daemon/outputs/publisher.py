@@ -10,7 +10,7 @@ from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.topics import TOPICS
 
 log = logging.getLogger("plumbline.bus")
-INBOX = 2048
+MAX_WAITING_PUBLICATIONS = 2048
 """Messages that may wait. Basis: a choice; a minute at some thirty messages per second, and a bound of the memory."""
 JSON = zenoh.Encoding.APPLICATION_JSON
 
@@ -19,7 +19,7 @@ class Publisher(Worker[EncodedMessage]):
     """Publishes while the bus is attached; without it the last message of each topic is kept."""
 
     def __init__(self, key: str) -> None:
-        super().__init__("publisher", BoundedQueue(INBOX))
+        super().__init__("publisher", BoundedQueue(MAX_WAITING_PUBLICATIONS))
         self._key = key
         self._latest: dict[str, bytes] = {}
         self._publishers: dict[str, zenoh.Publisher] = {}

@@ -16,10 +16,10 @@ from contextlib import suppress
 from gateway.daemon.outputs.relay_output import OutputError, RelayOutput, make_output
 from gateway.relay.protocol import ENERGISE, RELEASE, RelayParameters, RelayState
 
-LONGEST_WAIT_S = 1.0
+RELEASE_RETRY_S = 1.0
 """A release that has failed is tried again after this time. Basis: a choice; a relay that has not fallen is urgent, and one
 attempt per second costs nothing."""
-LONGEST_LINE = 65536
+MAX_REQUEST_BYTES = 65536
 """Largest line, bytes. Basis: a choice; a line has some hundred bytes, and what has no end is refused."""
 
 
@@ -60,7 +60,7 @@ class RelayWatchdog:
 
     def wait_s(self, now_s: float) -> float:
         """Return the longest time until `apply` is due again."""
-        waits = [LONGEST_WAIT_S]
+        waits = [RELEASE_RETRY_S]
         if now_s < self._deadline_s:
             waits.append(self._deadline_s - now_s)
             if self._output.interval_s is not None:
@@ -110,8 +110,8 @@ class _LineReader:
 
     def read(self) -> list[bytes] | None:
         """Return the whole lines after one read, maybe none; None at the end of the pipe."""
-        data = os.read(self._source, LONGEST_LINE)
-        if not data or len(self._rest) > LONGEST_LINE:
+        data = os.read(self._source, MAX_REQUEST_BYTES)
+        if not data or len(self._rest) > MAX_REQUEST_BYTES:
             return None
         *lines, self._rest = (self._rest + data).split(b"\n")
         return lines

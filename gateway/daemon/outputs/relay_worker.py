@@ -14,21 +14,21 @@ from gateway.daemon.runtime.faults import Backoff, FaultRegister
 from gateway.daemon.runtime.worker import Worker
 from gateway.messages import Alert
 from gateway.relay.decision import RelayDecision, RelayLogic
-from gateway.relay.protocol import ENERGISE, RELEASE, STATES, RelayParameters, RelayState
+from gateway.relay.protocol import ENERGISE, RELEASE, STATES_BY_LINE, RelayParameters, RelayState
 
 log = logging.getLogger("plumbline.relay")
 PART = "relay"
-INBOX = 64
+MAX_WAITING_RELAY_ALERTS = 64
 """Alerts that may wait. Basis: a choice; all rules state their alerts once per second, and only the newest count."""
-FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.2, 10.0
+MIN_RELAY_START_PAUSE_S, MAX_RELAY_START_PAUSE_S = 0.2, 10.0
 """Pauses before the watchdog is started again, the first and the longest. Basis: a choice; the relay has fallen meanwhile, and a
 fault at the start costs no core."""
-ANSWER_S = 2.0
+MAX_RELAY_ANSWER_S = 2.0
 """Longest usual time between a line and its answer, beside that of the output. Basis: a choice; an answer takes milliseconds, and
 a busy core delays it by less."""
 END_S = 1.0
 """Longest time of its end beside two commands. Basis: a choice; the end itself takes milliseconds."""
-LONGEST_ANSWER = 65536
+MAX_ANSWER_BYTES = 65536
 """Bytes that are read at once. Basis: a choice; the size of a pipe."""
 SAFE_PATH = ["-P"] if sys.flags.safe_path else []
 
@@ -37,13 +37,13 @@ class RelayWorker(Worker[Alert]):
     """Owns the process that switches the relay. No other thread ever waits for it."""
 
     def __init__(self, settings: CommandRelay | GpioRelay, faults: FaultRegister) -> None:
-        super().__init__(PART, BoundedQueue(INBOX))
+        super().__init__(PART, BoundedQueue(MAX_WAITING_RELAY_ALERTS))
         self._register = faults
         self._logic = RelayLogic(settings)
         self._parameters = relay_parameters(settings)
-        self._patience_s = settings.watchdog_s + ANSWER_S + 2 * self._parameters.command_timeout_s
+        self._patience_s = settings.watchdog_s + MAX_RELAY_ANSWER_S + 2 * self._parameters.command_timeout_s
         self._process: subprocess.Popen[bytes] | None = None
-        self._backoff = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
+        self._backoff = Backoff(MIN_RELAY_START_PAUSE_S, MAX_RELAY_START_PAUSE_S)
         self._started_s = 0.0
         self._answered_s = 0.0
         self._rest = b""
@@ -136,14 +136,14 @@ class RelayWorker(Worker[Alert]):
         assert self._process is not None
         assert self._process.stdout is not None
         try:
-            data = os.read(self._process.stdout.fileno(), LONGEST_ANSWER)
+            data = os.read(self._process.stdout.fileno(), MAX_ANSWER_BYTES)
         except OSError:  # nothing has come
             return
         *lines, self._rest = (self._rest + data).split(b"\n")
         for line in lines:
             word, _, text = line.partition(b" ")
             self._answered_s = now_s
-            self.state = STATES.get(word, "failed")
+            self.state = STATES_BY_LINE.get(word, "failed")
             if self.state == "failed":
                 self._register.set(PART, f"relay: it cannot be switched: {text.decode(errors='replace')}")
             else:

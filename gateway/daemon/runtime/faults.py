@@ -5,6 +5,8 @@ import threading
 from collections import Counter
 
 log = logging.getLogger("plumbline.fault")
+RETRYING = "retrying; other functions are not affected"
+"""End of the text of a part that is started again until it works."""
 
 
 class FaultRegister:

@@ -7,15 +7,14 @@ import threading
 from collections.abc import Callable
 
 from gateway.daemon.runtime.bounded_queue import BoundedQueue
+from gateway.daemon.runtime.worker import END_POLL_S
 from gateway.messages import FoxgloveTime, Log
 
-LINES = 1024
+MAX_WAITING_LINES = 1024
 """Lines that may wait. Basis: a choice; more than a start writes, and a bound of the memory where nobody reads the output."""
-WAIT_S = 0.1
-"""Time between two looks for the end. Basis: a choice; an end is not delayed visibly, and ten wakings per second cost nothing."""
 RECORDED_ONLY = {"recorded_only": True}
 """`extra` of a line that a person has already read in another form."""
-LEVELS = {logging.DEBUG: 1, logging.INFO: 2, logging.WARNING: 3, logging.ERROR: 4, logging.CRITICAL: 5}
+FOXGLOVE_LEVELS = {logging.DEBUG: 1, logging.INFO: 2, logging.WARNING: 3, logging.ERROR: 4, logging.CRITICAL: 5}
 """Definition: the levels of `foxglove.Log`."""
 
 
@@ -25,7 +24,7 @@ class LineWriter(threading.Thread):
     def __init__(self, descriptor: int) -> None:
         super().__init__(name=f"output-{descriptor}", daemon=True)
         self._descriptor = descriptor
-        self._texts: BoundedQueue[str] = BoundedQueue(LINES)
+        self._texts: BoundedQueue[str] = BoundedQueue(MAX_WAITING_LINES)
         self._reported = 0
         self._finishing = threading.Event()
 
@@ -48,7 +47,7 @@ class LineWriter(threading.Thread):
         """Write until `finish` was called, or the reader has ended."""
         try:
             while True:
-                text = self._texts.get(0.0 if self._finishing.is_set() else WAIT_S)
+                text = self._texts.get(0.0 if self._finishing.is_set() else END_POLL_S)
                 if text is not None:
                     self._write(text)
                     self._report_losses()
@@ -84,7 +83,7 @@ class RecordingHandler(logging.Handler):
         self._write(
             Log(
                 timestamp=FoxgloveTime(sec=time_ns // 10**9, nsec=time_ns % 10**9),
-                level=LEVELS.get(record.levelno, 2),
+                level=FOXGLOVE_LEVELS.get(record.levelno, 2),
                 message=record.getMessage(),
                 name=record.name,
                 file=record.filename,

@@ -6,8 +6,12 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from gateway.units import BYTES_PER_MB
+
+DISK_RETRY_S = 5.0
+"""Pause before a disk that has failed is tried again. Basis: a choice; a remounted disk is used soon, and one attempt costs
+little."""
 PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
-BYTES_PER_MB = 1_000_000
 
 
 def resident_mb() -> float:

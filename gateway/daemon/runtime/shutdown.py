@@ -10,7 +10,7 @@ from gateway.daemon.runtime.worker import Worker
 STOP_S = 3.0
 """Longest time from a signal to the end of the wait for all threads. Basis: a choice; more than one `gateway.JOIN_S`, and below
 TimeoutStopSec (10 s) of the service."""
-LOOK_S = 0.05
+THREAD_POLL_S = 0.05
 """Time between two looks for the end. Basis: a choice; not visible to a person, and twenty wakings per second for three
 seconds."""
 
@@ -41,7 +41,7 @@ class Shutdown:
 
     def _wait(self, thread: threading.Thread, end_s: Callable[[], float]) -> None:
         while thread.is_alive() and time.monotonic() < min(self._deadline_s(), end_s()):
-            thread.join(LOOK_S)
+            thread.join(THREAD_POLL_S)
         if thread.is_alive():
             self.stuck.append(thread.name)
 

@@ -2,7 +2,7 @@
 
 import ctypes
 
-from devices.clock import HostClock
+from devices.host_clock import HostClock
 from gateway.pipeline.clock_state import ClockState
 
 STEP_NS = 500_000_000

@@ -11,7 +11,7 @@ from gateway.daemon.runtime.faults import FaultRegister
 HUNG_S = 8.0
 """Longest usual time of one step of a thread. Basis: a recovery command of a device may take five seconds."""
 SLOW_DISK_S = 20.0
-"""The same for a thread that writes. Basis: an SD card that cleans up has been seen to stop for several seconds."""
+"""Longest step of a thread that writes. Basis: an SD card that cleans up has been seen to stop for several seconds."""
 
 
 class ServiceNotifier:

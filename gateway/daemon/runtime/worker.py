@@ -11,7 +11,7 @@ from gateway.daemon.runtime.bounded_queue import BoundedQueue
 
 log = logging.getLogger("plumbline.daemon")
 Item = TypeVar("Item")
-WAIT_S = 0.1
+END_POLL_S = 0.1
 """Time between two looks for the end. Basis: a choice; an end is not delayed visibly, and ten wakings per second cost nothing."""
 DEFECT_LOG_S = 10.0
 """A defect is logged at most this often. Basis: a choice; a defect at each block would fill the log, and a person looks at
@@ -43,7 +43,7 @@ class Worker(threading.Thread, Generic[Item]):
         try:
             while True:
                 self.progress_s = time.monotonic()
-                item = self.inbox.get(0.0 if self._finishing.is_set() else WAIT_S)
+                item = self.inbox.get(0.0 if self._finishing.is_set() else END_POLL_S)
                 if item is not None:
                     self._attempt(lambda item=item: self.handle(item))  # type: ignore[misc]
                 elif self._finishing.is_set():

@@ -9,7 +9,7 @@ from typing import Any
 from devices.block import RadioStatus, SampleBlock
 
 log = logging.getLogger("plumbline.device")
-STALE_S = 30.0
+MAX_REPORT_AGE_S = 30.0
 """An older report says nothing about the present. Basis: a choice; several reports of a sensor, and less than a person's
 patience."""
 WARNING_PERIOD_S = 3600.0
@@ -38,7 +38,7 @@ class RadioMonitor:
 
     def status(self) -> RadioStatus:
         """Return the reports that are not stale."""
-        oldest_s = self._now_s() - STALE_S
+        oldest_s = self._now_s() - MAX_REPORT_AGE_S
         return RadioStatus(**{name: value for name, (time_s, value) in self._reports.items() if time_s >= oldest_s})
 
 

@@ -3,7 +3,9 @@
 import logging
 import math
 import subprocess
+from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 from devices.clock import Clock
 from devices.device import Device
@@ -13,13 +15,13 @@ from gateway.configuration.device_section import DeviceSection
 from gateway.configuration.device_sections import IioDevice, ReplayDevice, SimulatedDevice
 from gateway.configuration.i2c_devices import Ads1115Device, I2cDevice, I2cSection
 from gateway.configuration.model import Configuration
-from gateway.configuration.serial_devices import AsppDevice, NodeDevice, SerialSection, WitMotionDevice
+from gateway.configuration.serial_devices import AsppDevice, NodeDevice, WitMotionDevice
 from gateway.configuration.single_axis_device import SingleAxisDevice
 
 log = logging.getLogger("plumbline.device")
 BLOCK_S = 0.1
 """Length of a block where it is not configured. Basis: the tilt is published at 10 Hz, with each block at most."""
-LONGEST_BLOCK = 32
+MAX_BLOCK_SAMPLES = 32
 """Largest number of samples of a block. Basis: a choice; as many as the FIFOs of ADXL345 and ADXL355 hold (data sheets)."""
 HOOK_S = 5.0
 """Longest time of a recovery command. Basis: half the period of the watchdog of the service (WatchdogSec, 10 s)."""
@@ -30,7 +32,7 @@ def block_samples(device: DeviceSection) -> int:
     if device.block_samples is not None:
         return device.block_samples
     rate_hz = getattr(device, "odr_hz", None)
-    return LONGEST_BLOCK if rate_hz is None else max(1, min(LONGEST_BLOCK, math.ceil(rate_hz * BLOCK_S)))
+    return MAX_BLOCK_SAMPLES if rate_hz is None else max(1, min(MAX_BLOCK_SAMPLES, math.ceil(rate_hz * BLOCK_S)))
 
 
 def make_device(configuration: Configuration, clock: Clock) -> Device:
@@ -38,19 +40,13 @@ def make_device(configuration: Configuration, clock: Clock) -> Device:
     device: DeviceSection = configuration.device
     n = block_samples(device)
     try:
-        match device:
-            case SimulatedDevice():
-                return _make_simulated(configuration, device, n, clock)
-            case I2cSection():
-                return _make_recovering(device, _make_i2c(device, n, clock), clock)
-            case IioDevice() | SingleAxisDevice():
-                return _make_without_hooks(device, n, clock)
-            case SerialSection():
-                return _make_serial(device, n, clock)
-            case ReplayDevice():
-                return _make_replay(device, n, clock)
-            case _:
-                return load_plugin(device.kind).make(device, n, clock)
+        if isinstance(device, SimulatedDevice):
+            return _make_simulated(configuration, device, n, clock)
+        make = next((make for kind, make in _MAKERS.items() if isinstance(device, kind)), None)
+        if make is None:
+            return load_plugin(device.kind).make(device, n, clock)
+        made = make(device, n, clock)
+        return _make_recovering(device, made, clock) if isinstance(device, I2cSection) else made
     except (ValueError, PluginError) as error:
         raise DeviceError(f"device: {error}") from error
 
@@ -71,16 +67,6 @@ def _make_simulated(configuration: Configuration, device: SimulatedDevice, block
         gravity_m_s2=configuration.site.local_gravity_m_s2,
         clock=clock,
     )
-
-
-def _make_i2c(device: I2cSection, block: int, clock: Clock) -> Device:
-    match device:
-        case I2cDevice():
-            return _make_chip(device, block, clock)
-        case Ads1115Device():
-            return _make_ads1115(device, block, clock)
-        case _:
-            raise ValueError(f"no device of kind {device.kind}")
 
 
 def _make_chip(device: I2cDevice, block: int, clock: Clock) -> Device:
@@ -120,9 +106,7 @@ def _make_ads1115(device: Ads1115Device, block: int, clock: Clock) -> Device:
     )
 
 
-def _make_without_hooks(device: IioDevice | SingleAxisDevice, block: int, clock: Clock) -> Device:
-    if isinstance(device, IioDevice):
-        return _make_iio(device, block, clock)
+def _make_combined(device: SingleAxisDevice, block: int, clock: Clock) -> Device:
     from devices.combined_axes import CombinedAxes, SensitiveAxis
     from devices.i2c.chips import CHIPS
     from devices.i2c.fifo_accelerometer import FifoAccelerometer
@@ -158,18 +142,6 @@ def _make_iio(device: IioDevice, block: int, clock: Clock) -> Device:
         block_samples=block,
         serial=device.serial,
     )
-
-
-def _make_serial(device: SerialSection, block: int, clock: Clock) -> Device:
-    match device:
-        case WitMotionDevice():
-            return _make_witmotion(device, block, clock)
-        case NodeDevice():
-            return _make_node(device, block, clock)
-        case AsppDevice():
-            return _make_aspp(device, block, clock)
-        case _:
-            raise ValueError(f"no device of kind {device.kind}")
 
 
 def _make_witmotion(device: WitMotionDevice, block: int, clock: Clock) -> Device:
@@ -222,6 +194,20 @@ def _make_replay(device: ReplayDevice, block: int, clock: Clock) -> Device:
     from gateway.daemon.sampling.replay_source import open_replay
 
     return open_replay(device, block, clock)
+
+
+Maker = Callable[[Any, int, Clock], Device]
+_MAKERS: dict[type[DeviceSection], Maker] = {
+    I2cDevice: _make_chip,
+    Ads1115Device: _make_ads1115,
+    IioDevice: _make_iio,
+    SingleAxisDevice: _make_combined,
+    WitMotionDevice: _make_witmotion,
+    NodeDevice: _make_node,
+    AsppDevice: _make_aspp,
+    ReplayDevice: _make_replay,
+}
+"""What makes the devices of a section. The simulated crane also wants the rest of the configuration, and others are plugins."""
 
 
 def run_hook(command: list[str]) -> bool:

@@ -13,10 +13,10 @@ from gateway.daemon.runtime.faults import Backoff, FaultRegister
 
 log = logging.getLogger("plumbline.device")
 PART = "device"
-FIRST_PAUSE_S = 0.1
+MIN_REOPENING_PAUSE_S = 0.1
 """Pause before the first attempt to open a device again. Basis: a choice; a disturbed bus is well at once, and a missing one
 costs no core."""
-LONGEST_PAUSE_S = 0.5
+MAX_REOPENING_PAUSE_S = 0.5
 """Longest pause between two attempts. Basis: a device that returns delivers samples within a second."""
 
 
@@ -101,7 +101,7 @@ class Sampler(threading.Thread):
     def _recover(self) -> None:
         """Try to open the device, with growing pauses, until it answers or the daemon stops."""
         self.recovering = True
-        backoff = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
+        backoff = Backoff(MIN_REOPENING_PAUSE_S, MAX_REOPENING_PAUSE_S)
         while not self._stopping.wait(backoff.pause_s):
             self.progress_s = time.monotonic()
             self._device.close()

@@ -14,7 +14,7 @@ from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.recording.segments.calibration_files import CalibrationFiles, calibration_files
 
 log = logging.getLogger("plumbline.calibration")
-MOST_EARLIER = 32
+MAX_EARLIER_RECORDS = 32
 """The forecast in a certificate uses this many earlier records, the newest ones. Basis: a choice; decades at one a year, and a
 bound of the work."""
 
@@ -70,4 +70,4 @@ class CalibrationProvider:
                 log.error("%s", error)
         parent = None if record.parent is None else known.pop(record.parent, None)
         older = [one for one in known.values() if one.created_utc < record.created_utc]
-        return parent, sorted(older, key=lambda one: one.created_utc)[-MOST_EARLIER:]
+        return parent, sorted(older, key=lambda one: one.created_utc)[-MAX_EARLIER_RECORDS:]

@@ -15,7 +15,7 @@ from gateway.recording.segments.compaction import CompactionError
 from gateway.recording.segments.events import uncompacted_marker
 
 log = logging.getLogger("plumbline.recorder")
-INBOX = 4096
+MAX_WAITING_SEGMENTS = 4096
 """Segments that may wait. Basis: a choice; more than a quota has, and a bound of the memory."""
 
 
@@ -32,7 +32,7 @@ class CompactionWorker(Worker[RewriteRequest]):
     """Rewrites one segment after the other, beside the recording."""
 
     def __init__(self, chain: SegmentChain) -> None:
-        super().__init__("compaction", BoundedQueue(INBOX))
+        super().__init__("compaction", BoundedQueue(MAX_WAITING_SEGMENTS))
         self._chain = chain
 
     def handle(self, item: RewriteRequest) -> None:

@@ -9,34 +9,33 @@ from pathlib import Path
 
 from gateway.daemon.runtime.bounded_queue import BoundedQueue
 from gateway.daemon.runtime.faults import FaultRegister
+from gateway.daemon.runtime.resources import DISK_RETRY_S
 from gateway.daemon.runtime.worker import Worker
 from gateway.outbox.change import StoredChange
 from gateway.outbox.outbox import AlertOutbox
-from gateway.outbox.position import MOST_BYTES, ChangePage, Position, find_span, make_page, span_of
+from gateway.outbox.position import MAX_PAGE_BYTES, ChangePage, Position, find_span, make_page, span_of
 
 log = logging.getLogger("plumbline.outbox")
 PART = "outbox"
-INBOX = 1024
+MAX_WAITING_CHANGES = 1024
 """Changes that can wait for a disk that fails; the oldest of more are lost at a power failure, and were sent before. Basis: a
 choice; hours of usual changes, and a bound of the memory."""
-RECENT = 512
+RECENT_CHANGES = 512
 """Changes in memory, so that a page that starts, or a receiver that has missed a few, gets them without the disk. Basis: a
 choice; more than a receiver misses at a restart, and a bound of the memory."""
-RETRY_S = 5.0
-"""Pause before a failed disk is tried again. Basis: a choice; a remounted disk is used soon, and one attempt costs little."""
 
 
 class OutboxWriter(Worker[StoredChange]):
     """Owns the outbox from start to stop."""
 
     def __init__(self, folder: Path, faults: FaultRegister) -> None:
-        super().__init__("outbox-writer", BoundedQueue(INBOX))
+        super().__init__("outbox-writer", BoundedQueue(MAX_WAITING_CHANGES))
         self._outbox = AlertOutbox(folder)
         self._folder = folder
         self._faults = faults
         self._lock = threading.Lock()
-        self._unstored: deque[tuple[StoredChange, Future[bool]]] = deque(maxlen=INBOX)
-        self._recent: deque[StoredChange] = deque(maxlen=RECENT)
+        self._unstored: deque[tuple[StoredChange, Future[bool]]] = deque(maxlen=MAX_WAITING_CHANGES)
+        self._recent: deque[StoredChange] = deque(maxlen=RECENT_CHANGES)
         self._opened = threading.Event()
         self._last_number = 0
         self._retry_at_s = 0.0
@@ -80,7 +79,7 @@ class OutboxWriter(Worker[StoredChange]):
             recent = tuple(self._recent)
             unstored = [change for change, _ in self._unstored]
         if position.boot_id is not None and find_span([span_of(recent)], position) is not None:
-            return make_page(recent, position, MOST_BYTES, is_known=True)
+            return make_page(recent, position, MAX_PAGE_BYTES, is_known=True)
         return self._outbox.page_after(position, unstored)
 
     def handle(self, item: StoredChange) -> None:
@@ -99,9 +98,9 @@ class OutboxWriter(Worker[StoredChange]):
 
     def _recall(self) -> None:
         """Put the changes from before the start into memory. Raises `OSError`."""
-        stored = self._outbox.newest(RECENT)
+        stored = self._outbox.newest(RECENT_CHANGES)
         with self._lock:
-            self._recent = deque((*stored, *self._recent), maxlen=RECENT)
+            self._recent = deque((*stored, *self._recent), maxlen=RECENT_CHANGES)
 
     def _store(self) -> None:
         with self._lock:
@@ -115,7 +114,9 @@ class OutboxWriter(Worker[StoredChange]):
         else:
             done = {stored for _, stored in waiting}
             with self._lock:
-                self._unstored = deque((each for each in self._unstored if each[1] not in done), maxlen=INBOX)
+                self._unstored = deque(
+                    (each for each in self._unstored if each[1] not in done), maxlen=MAX_WAITING_CHANGES
+                )
             self._is_failing = False
             self._faults.clear(PART)
         for _, stored in waiting:
@@ -125,4 +126,4 @@ class OutboxWriter(Worker[StoredChange]):
     def _fail(self, error: OSError) -> None:
         self._is_failing = True
         self._faults.set(PART, f"{self._folder}: {error.strerror or error}; alerts are sent without being stored")
-        self._retry_at_s = time.monotonic() + RETRY_S
+        self._retry_at_s = time.monotonic() + DISK_RETRY_S

@@ -14,7 +14,7 @@ from gateway.configuration.render import to_toml
 from gateway.daemon.runtime.bounded_queue import BoundedQueue
 from gateway.daemon.runtime.faults import FaultRegister
 from gateway.daemon.runtime.instance import FolderError, InstanceError
-from gateway.daemon.runtime.resources import disk_free_mb
+from gateway.daemon.runtime.resources import DISK_RETRY_S, disk_free_mb
 from gateway.daemon.runtime.worker import Worker
 from gateway.daemon.storage.compaction_worker import RewriteRequest
 from gateway.messages import Samples
@@ -29,12 +29,9 @@ from gateway.recording.segments.recorder import Recorder, RecorderError
 from gateway.recording.segments.trimming import trim
 
 log = logging.getLogger("plumbline.recorder")
-INBOX = 4096
+MAX_WAITING_RECORDS = 4096
 """Messages that may wait. Basis: a choice; a slow card may stop for a minute at some fifty messages per second, and the memory is
 bounded."""
-RETRY_S = 5.0
-"""Pause before a failed recording is tried again. Basis: a choice; a remounted disk is used soon, and one attempt costs
-little."""
 LOOK_NS = 1_000_000_000
 """Time between two looks at the free space. Basis: a choice; the health states it once per second."""
 ROOM_S = 0.5
@@ -76,7 +73,7 @@ class RecordingWorker(Worker[RecordingItem]):
 
         `claim_folder` is called before each start and raises `InstanceError` or `FolderError` while the folder is not ours.
         """
-        super().__init__("recorder", BoundedQueue(INBOX))
+        super().__init__("recorder", BoundedQueue(MAX_WAITING_RECORDS))
         self._rewrite = rewrite
         self._recorder = recorder
         self._now_ns = now_ns
@@ -201,8 +198,8 @@ class RecordingWorker(Worker[RecordingItem]):
         self._interrupt(str(error))
 
     def _interrupt(self, reason: str) -> None:
-        self._retry_at_ns = self._now_ns() + round(RETRY_S * 1e9)
-        self._faults.set(PART, f"{reason}; it is tried again every {RETRY_S:.0f} s, everything else goes on")
+        self._retry_at_ns = self._now_ns() + round(DISK_RETRY_S * 1e9)
+        self._faults.set(PART, f"{reason}; retrying every {DISK_RETRY_S:.0f} s; other functions are not affected")
 
     def _start_if_due(self) -> None:
         """Begin to record where it has not begun or has stopped, once every few seconds."""

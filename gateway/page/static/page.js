@@ -28,7 +28,7 @@ const GONE = new Set(["STALE", "NO DATA"]);
 const SCREENS = {"#alerts": "alerts", "#service": "service"};
 const LEAN_SHOWN_DEG = 0.05; // a smaller lean is shown as 0.0°, which has no direction
 const LEAN_SIGNIFICANT = 2; // standard uncertainties from which a lean has a direction
-const MOST_REASONS = 8;
+const MAX_REASONS = 8;
 const NS_PER_MS = 1e6;
 const NORMAL_975 = 1.959964;
 
@@ -150,7 +150,7 @@ function showReasons(verdict, {condition, motion, health}) {
   setText("service-faults", notices.length > 0 ? text("service_faults", {count: notices.length}) : "");
   setText("note", operatorNotice(health));
   const all = [...notices, ...verdict.reasons, ...(condition?.reasons ?? []), ...(motion?.reasons ?? [])];
-  const texts = [...new Set(all)].slice(0, MOST_REASONS);
+  const texts = [...new Set(all)].slice(0, MAX_REASONS);
   if (texts.length === 0) texts.push(text("none"));
   if (texts.join("\n") === [...list.children].map((item) => item.textContent).join("\n")) return;
   list.replaceChildren(...texts.map((content) => Object.assign(document.createElement("li"), {textContent: content})));

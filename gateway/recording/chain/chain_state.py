@@ -15,7 +15,7 @@ import msgspec
 from gateway.atomic_io import sync_folder, write_durably
 from gateway.errors import PlumblineError
 from gateway.file_input import decode_json, read_bounded
-from gateway.recording.format.header import LARGEST_SEGMENT
+from gateway.recording.format.header import MAX_SEGMENT_NUMBER
 
 STATE_NAME = "chain.json"
 ASIDE = ".damaged-{number}"
@@ -26,7 +26,7 @@ WITHOUT_CHECKSUM = "newest_segment", "final_segment", "final_sha256", "deleted_u
 """Fields of the file before it had a checksum."""
 CHECKSUM = b',"sha256":"'
 """Last field of the file, with the SHA-256 of the others."""
-SegmentNumber = Annotated[int, msgspec.Meta(ge=0, le=LARGEST_SEGMENT)]
+SegmentNumber = Annotated[int, msgspec.Meta(ge=0, le=MAX_SEGMENT_NUMBER)]
 Sha256 = Annotated[str, msgspec.Meta(pattern=r"^([0-9a-f]{64})?\Z")]
 
 

@@ -17,7 +17,7 @@ from gateway.topics import TOPICS, encode
 
 REPLAYED_SUFFIX = "-replayed"
 """Behind the sensor's name: a program that follows one sensor never takes a playback for it."""
-LONGEST_PAUSE_S = 5.0
+MAX_PLAYED_GAP_S = 5.0
 """A longer gap of the recording is shortened to this. Basis: a choice; a person notices the gap and does not wait for hours."""
 ANSWER_PERIOD_S = 0.1
 """Longest sleep between two looks for an end. Basis: a choice; an answer within what a person sees."""
@@ -73,7 +73,7 @@ class Playback:
             if not isinstance(content, messages.Message):
                 continue
             if newest_ns is not None and content.time_ns > newest_ns:
-                due_s += min((content.time_ns - newest_ns) / 1e9, LONGEST_PAUSE_S) / self._speed
+                due_s += min((content.time_ns - newest_ns) / 1e9, MAX_PLAYED_GAP_S) / self._speed
             newest_ns = content.time_ns if newest_ns is None else max(newest_ns, content.time_ns)
             self._wait_until(due_s)
             self._publish(TOPIC_OF_PATH[message.recorded.topic].name, content)

@@ -13,7 +13,7 @@ from gateway.recording.reading.sample_calibration import CalibratedBlock, Calibr
 from gateway.recording.reading.timeline import ReportProgress, Timeline, ignore_progress
 from gateway.topics import TOPICS
 
-ROWS = 4096
+BATCH_ROWS = 4096
 """Rows of a batch. Basis: a choice; rows by the thousand cost one call, and a batch needs less than a megabyte."""
 COMPONENTS = ("x", "y", "z")
 ColumnType = Literal["number", "integer", "boolean", "string", "utc"]
@@ -39,7 +39,7 @@ class RecordingTable:
 
 TIME = TableColumn("time_s", "number")
 UTC = TableColumn("utc", "utc")
-AXES = tuple(TableColumn(name, "number") for name in ("ax_g", "ay_g", "az_g"))
+AXIS_COLUMNS = tuple(TableColumn(name, "number") for name in ("ax_g", "ay_g", "az_g"))
 TEMPERATURE = TableColumn("temperature_c", "number")
 
 
@@ -53,7 +53,7 @@ def samples_table(
     batches = _gather(reader.blocks(report))
     first = next(batches, None)
     has_temperature = first is not None and first[0].block.temperature_c is not None
-    columns = [TIME, *([UTC] if with_utc else []), *AXES, *([TEMPERATURE] if has_temperature else [])]
+    columns = [TIME, *([UTC] if with_utc else []), *AXIS_COLUMNS, *([TEMPERATURE] if has_temperature else [])]
 
     def rows() -> Iterator[Batch]:
         for blocks in [] if first is None else _chain(first, batches):
@@ -91,7 +91,7 @@ def topic_table(
                 continue
             time_s = (recorded.log_time_ns - origin_ns) / 1e9
             gathered.append([time_s, recorded.publish_time_ns, *(field.value(content) for field in fields)])
-            if len(gathered) == ROWS:
+            if len(gathered) == BATCH_ROWS:
                 yield [list(column) for column in zip(*gathered, strict=True)]
                 gathered = []
         if gathered:
@@ -139,13 +139,13 @@ def _fields(schema: dict[str, Any], path: tuple[str, ...] = ()) -> Iterator[_Fie
 
 
 def _gather(blocks: Iterable[CalibratedBlock]) -> Iterator[list[CalibratedBlock]]:
-    """Yield blocks in lists of about `ROWS` samples."""
+    """Yield blocks in lists of about `BATCH_ROWS` samples."""
     gathered: list[CalibratedBlock] = []
     count = 0
     for block in blocks:
         gathered.append(block)
         count += len(block.block)
-        if count >= ROWS:
+        if count >= BATCH_ROWS:
             yield gathered
             gathered, count = [], 0
     if gathered:

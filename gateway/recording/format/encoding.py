@@ -34,7 +34,7 @@ DECIMALS = {
 """Decimals by the end of a field's name, mostly its unit; the longest one decides. Basis: a choice; below the noise of the
 supported sensors, and more digits of noise cost space."""
 OTHER_DECIMALS = 3
-"""Of probabilities and shares. Basis: a choice; a thousandth is more than any decision needs."""
+"""Decimals of probabilities and shares. Basis: a choice; a thousandth is more than any decision needs."""
 UNCERTAINTY_DIGITS = 2
 """Significant digits (GUM 7.2.6)."""
 _ENCODER = msgspec.json.Encoder()

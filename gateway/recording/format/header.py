@@ -22,7 +22,7 @@ REPAIRED = "repaired"
 TRIMMED = "trimmed"
 SEGMENT = "segment"
 """In the metadata record of the origin: the number of the segment in the chain of its gateway."""
-LARGEST_SEGMENT = 2**31 - 1
+MAX_SEGMENT_NUMBER = 2**31 - 1
 """Largest number that is believed. Basis: a new segment in each second of 68 years."""
 CONFIGURATION = "configuration.toml"
 CONFIGURATION_MEDIA_TYPE = "application/toml"
@@ -67,8 +67,8 @@ class RecordingHeader:
 def segment_number(origin: Mapping[str, str]) -> int:
     """Return the number of a segment from its metadata record `plumbline`; 0: it has none that can be believed."""
     text = origin.get(SEGMENT, "")
-    number = int(text) if text.isdecimal() and len(text) <= len(str(LARGEST_SEGMENT)) else 0
-    return number if number <= LARGEST_SEGMENT else 0
+    number = int(text) if text.isdecimal() and len(text) <= len(str(MAX_SEGMENT_NUMBER)) else 0
+    return number if number <= MAX_SEGMENT_NUMBER else 0
 
 
 @cache

@@ -45,14 +45,14 @@ MESSAGE_FIELDS_BYTES = MESSAGE.size - 9
 (MCAP)."""
 INDEX = struct.Struct("<BQHI")
 """Opcode, length, channel, bytes of the entries."""
-FOOTER = struct.Struct("<BQQQ")
+CHECKED_FOOTER = struct.Struct("<BQQQ")
 """Opcode, length, start of the summary and of the summary offsets: what the summary's checksum contains of the footer."""
 
 FAST = zstandard.ZstdCompressionParameters.from_level(1)
-"""For chunks of a second, which a higher level does not make smaller."""
+"""Compression of chunks of a second, which a higher level does not make smaller."""
 DENSE = zstandard.ZstdCompressionParameters.from_level(9, source_size=CHUNK_BYTES, min_match=7)
-"""For long chunks. Shorter matches are coincidences in the digits of noise, and cost more than the digits. Basis: a choice; lower
-levels leave larger segments, and higher ones take more of a small board's core."""
+"""Compression of long chunks. Shorter matches are coincidences in the digits of noise, and cost more than the digits. Basis: a
+choice; lower levels leave larger segments, and higher ones take more of a small board's core."""
 
 
 class ByteSink(Protocol):
@@ -205,7 +205,7 @@ class McapWriter:
             offsets += _serialise(SummaryOffset(group_opcode=opcode, group_start=start, group_length=len(group)))
             summary += group
         offset_start = summary_start + len(summary)
-        checked = summary + offsets + FOOTER.pack(Opcode.FOOTER, FOOTER_BYTES, summary_start, offset_start)
+        checked = summary + offsets + CHECKED_FOOTER.pack(Opcode.FOOTER, FOOTER_BYTES, summary_start, offset_start)
         self._sink.write(summary + offsets)
         self._sink.write(_serialise(Footer(summary_start, offset_start, zlib.crc32(checked))))
         self._sink.write(MCAP0_MAGIC)

@@ -12,9 +12,9 @@ from gateway.recording.summary.segment_summary import CalibrationState, Recorded
 
 LABEL_WIDTH = 15
 """Characters of the first column. Definition: the longest label and a space."""
-MOST_LINES = 20
+MAX_LIST_LINES = 20
 """Most lines of a list, of which `--json` has all entries; trips are always listed. Basis: a choice; a screen of a terminal."""
-LEVELS = {3: "warning", 4: "error", 5: "fatal"}
+LOG_LEVEL_WORDS = {3: "warning", 4: "error", 5: "fatal"}
 
 
 def info_text(info: RecordingInfo, *, is_local: bool = False) -> str:
@@ -119,7 +119,7 @@ class _InfoText:
         others = 0
         for alert in alerts:
             others += alert.level != "trip"
-            if alert.level == "trip" or others <= MOST_LINES:
+            if alert.level == "trip" or others <= MAX_LIST_LINES:
                 yield f"  {self._alert(alert)}"
         yield from _rest(others)
 
@@ -147,7 +147,7 @@ class _InfoText:
         if self.info.marks:
             yield ""
             yield f"marks: {len(self.info.marks)}"
-        for mark in self.info.marks[:MOST_LINES]:
+        for mark in self.info.marks[:MAX_LIST_LINES]:
             yield f"  {self._time(mark.utc_ns)}  {mark.text} ({mark.by})"
         yield from _rest(len(self.info.marks))
 
@@ -156,7 +156,7 @@ class _InfoText:
         if changes:
             yield ""
             yield f"calibration: {len(changes)} changes"
-        for change in changes[:MOST_LINES]:
+        for change in changes[:MAX_LIST_LINES]:
             yield f"  {self._time(change.utc_ns)}  {_calibration_text(change)}"
         yield from _rest(len(changes))
 
@@ -166,14 +166,14 @@ class _InfoText:
         if changes:
             yield ""
             yield f"clock: {len(changes)} changes"
-        for change in changes[:MOST_LINES]:
+        for change in changes[:MAX_LIST_LINES]:
             step = "stepped, " if change.stepped else ""
             utc = self._time(change.log_time_ns + change.wall_offset_ns)
             yield f"  {utc}  {step}{change.quality}, UTC {change.wall_offset_ns / 1e9:+.6f} s from gateway time"
         yield from _rest(len(changes))
 
     def _gaps(self) -> Iterator[str]:
-        longest = sorted(self.info.gaps, key=lambda gap: -gap.length_s)[:MOST_LINES]
+        longest = sorted(self.info.gaps, key=lambda gap: -gap.length_s)[:MAX_LIST_LINES]
         if longest:
             yield ""
             yield f"gaps: {self.info.samples.gaps}, {self.info.samples.gap_s:.3f} s together"
@@ -197,8 +197,8 @@ class _InfoText:
         if self.info.log_count:
             yield ""
             yield f"log: {self.info.log_count} warnings and errors"
-        for line in self.info.log[:MOST_LINES]:
-            yield f"  {self._time(line.utc_ns)}  {LEVELS.get(line.level, line.level):<8}{line.message}"
+        for line in self.info.log[:MAX_LIST_LINES]:
+            yield f"  {self._time(line.utc_ns)}  {LOG_LEVEL_WORDS.get(line.level, line.level):<8}{line.message}"
         yield from _rest(self.info.log_count)
 
     def _topics(self) -> Iterator[str]:
@@ -216,5 +216,5 @@ def _calibration_text(change: CalibrationState) -> str:
 
 
 def _rest(count: int) -> Iterator[str]:
-    if count > MOST_LINES:
-        yield f"  and {count - MOST_LINES} more; --json has all of them"
+    if count > MAX_LIST_LINES:
+        yield f"  and {count - MAX_LIST_LINES} more; --json has all of them"

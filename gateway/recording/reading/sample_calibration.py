@@ -15,7 +15,7 @@ from gateway.recording.reading.correction_in_force import recorded_correction
 from gateway.recording.reading.recording_file import RecordingFile, Selection
 from gateway.recording.reading.timeline import (
     CALIBRATION,
-    LONGEST_BLOCK_NS,
+    MAX_BLOCK_NS,
     SAMPLES,
     ReportProgress,
     Timeline,
@@ -46,7 +46,7 @@ class CalibratedReader:
     def __init__(self, timeline: Timeline, selection: Selection) -> None:
         self._timeline = timeline
         self._selection = selection
-        end_ns = None if selection.end_ns is None else selection.end_ns + LONGEST_BLOCK_NS
+        end_ns = None if selection.end_ns is None else selection.end_ns + MAX_BLOCK_NS
         self.wanted = Selection(selection.begin_ns, end_ns, NEEDED_TOPICS)
         """The messages that `add` needs."""
         self._segment: TimelineSegment | None = None

@@ -21,7 +21,7 @@ from gateway.recording.reading.sample_columns import SampleColumns, columns_of, 
 from gateway.recording.reading.timeline import (
     CALIBRATION,
     CLOCK,
-    LONGEST_BLOCK_NS,
+    MAX_BLOCK_NS,
     SAMPLES,
     Timeline,
     TimelineMessage,
@@ -30,7 +30,7 @@ from gateway.recording.reading.timeline import (
 
 PART_BLOCKS = 1024
 """Most blocks of a part; basis: one or two megabytes as arrays."""
-LEAD_NS = 300_000_000_000
+TEMPERATURE_LEAD_NS = 300_000_000_000
 """Samples before an interval that are read too. Basis: ten time constants of the filter of the temperature, `TIME_CONSTANT_S`."""
 FREE_DEVICE_FIELDS = frozenset({"details", "can_wait"})
 """Fields of a device that may differ between files: they do not change the meaning of a sample."""
@@ -209,10 +209,10 @@ def read_samples(paths: Sequence[Path], interval: RecordingInterval = WHOLE_RECO
     if interval == WHOLE_RECORDING:
         return _gather(SampleReader(timeline), None)
     span, selection = timeline.span(), timeline.select(interval)
-    chosen = [each for each in timeline.segments if selection.may_contain(each.from_ns - LONGEST_BLOCK_NS, each.to_ns)]
+    chosen = [each for each in timeline.segments if selection.may_contain(each.from_ns - MAX_BLOCK_NS, each.to_ns)]
     needed = Selection(
-        None if selection.begin_ns is None else selection.begin_ns - LEAD_NS,
-        None if selection.end_ns is None else selection.end_ns + LONGEST_BLOCK_NS,
+        None if selection.begin_ns is None else selection.begin_ns - TEMPERATURE_LEAD_NS,
+        None if selection.end_ns is None else selection.end_ns + MAX_BLOCK_NS,
     )
     problem = InputError(f"the interval has fewer than two samples; the recording is {span.extent}")
     if not chosen:

@@ -4,7 +4,6 @@ A closed file has an index at its end. Of an incomplete one, or one that is bein
 """
 
 import os
-import struct
 import zlib
 from collections.abc import Iterator
 from contextlib import suppress
@@ -20,11 +19,9 @@ from mcap.writer import MCAP0_MAGIC
 
 from devices.errors import RecordingError
 from gateway.recording.format.frames import FOOTER_BYTES, RECORD_HEAD
-from gateway.recording.format.salvage import CHUNK_TIMES, DAMAGED, open_mcap
+from gateway.recording.format.salvage import CHUNK_TIMES, DAMAGED, FOOTER, open_mcap
 from gateway.recording.summary.segment_summary import SUMMARY, SegmentSummary, decode_summary
 
-FOOTER = struct.Struct("<BQQQI")
-"""Opcode, length, start of the summary section, start of its offsets, checksum of the summary section."""
 DATA_END_LENGTH = 4
 """Definition: the content of a data end record is a checksum (MCAP)."""
 READ_BYTES = 1 << 20

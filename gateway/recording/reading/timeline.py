@@ -34,7 +34,7 @@ SAMPLES, CALIBRATION, CLOCK = "/samples", "/calibration", "/clock"
 GATEWAY_KEYS = ("site", "crane", "sensor")
 REPEATED_PATHS = paths_with(lambda topic: topic.repeated)
 SUMMARISED_PATHS = paths_with(lambda topic: topic.summarised)
-LONGEST_BLOCK_NS = 10_000_000_000
+MAX_BLOCK_NS = 10_000_000_000
 """A block is recorded at the time of its newest sample, so that samples before an end may be in a message this much later. Basis:
 a choice; longer than a block of any device that is read, short beside a segment."""
 MESSAGES_PER_REPORT = 20

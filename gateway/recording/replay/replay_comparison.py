@@ -12,7 +12,7 @@ from gateway.recording.format.encoding import decimals_of, encode_recorded
 from gateway.recording.reading.recording_file import RecordedMessage
 from gateway.topics import TOPICS
 
-PATIENCE_NS = 5_000_000_000
+MAX_COUNTERPART_DELAY_NS = 5_000_000_000
 """A message whose counterpart has not come this much later has none. Basis: a choice; longer than the longest interval of any
 topic but the calibration, and a bound of the memory."""
 PROSE = frozenset({"text", "reasons", "change"})

@@ -16,8 +16,8 @@ from gateway.recording.reading.timeline import ReportProgress, Timeline, Timelin
 from gateway.recording.replay.replay_comparison import (
     AFTER_START,
     EXACT,
+    MAX_COUNTERPART_DELAY_NS,
     OTHER_PLATFORM,
-    PATIENCE_NS,
     ReplayComparison,
     Tolerance,
 )
@@ -166,4 +166,4 @@ class ReplayRun:
                     self._recomputed.count(TOPICS[outgoing.topic].path, outgoing.log_time_ns, 0)
                     self._recomputed.add(outgoing.message, outgoing.log_time_ns)
         if self._mode == "same":
-            self._comparison.compare_until(step.end_ns - PATIENCE_NS)
+            self._comparison.compare_until(step.end_ns - MAX_COUNTERPART_DELAY_NS)

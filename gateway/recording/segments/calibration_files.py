@@ -9,7 +9,7 @@ from gateway.calibration.record import CalibrationRecord
 from gateway.recording.format import header as names
 
 FORBIDDEN_IN_NAME = re.compile(r"[^A-Za-z0-9._-]")
-LONGEST_ID = 80
+MAX_ID_CHARACTERS = 80
 """Characters of an id in a file name. Basis: a choice; an id is shorter, and a file system takes 255 bytes."""
 
 
@@ -38,7 +38,7 @@ def calibration_files(
     """Return the record as JSON and its certificate: some 10 to 40 kB, made in a few milliseconds."""
     from gateway.certificate.page import render_certificate
 
-    name = FORBIDDEN_IN_NAME.sub("_", record.id)[:LONGEST_ID]  # an attachment is extracted by its name
+    name = FORBIDDEN_IN_NAME.sub("_", record.id)[:MAX_ID_CHARACTERS]  # an attachment is extracted by its name
     content = json.dumps(record.model_dump(mode="json"), indent=1, allow_nan=False) + "\n"
     return CalibrationFiles(
         device_id=record.device_id,

@@ -10,9 +10,9 @@ from gateway.recording.format.salvage import SalvageReport
 from gateway.recording.reading.recording_file import RecordedMessage
 from gateway.recording.summary.segment_summary import SUMMARY
 
-LARGEST_NS = 2**63 - 1
+MAX_TIME_NS = 2**63 - 1
 """Definition: the largest signed time of 64 bits, in nanoseconds."""
-STATED = frozenset({SIGNATURE, DELETIONS})
+STATEMENTS = frozenset({SIGNATURE, DELETIONS})
 """Metadata that are not copied: the gateway's statements are about the source's bytes."""
 
 KeepMessage = Callable[[str, int], bool]
@@ -33,7 +33,7 @@ class RecordCopier:
         self._schema_ids: dict[tuple[str, str, bytes], int] = {}
         self._channel_ids: dict[tuple[object, ...], int] = {}
         self.messages = 0
-        self.from_ns, self.to_ns = LARGEST_NS, 0
+        self.from_ns, self.to_ns = MAX_TIME_NS, 0
         """Gateway times of the first and the last message."""
 
     def copy(self, records: Iterable[McapRecord], *, with_summary: bool = False) -> None:
@@ -60,7 +60,7 @@ class RecordCopier:
             match record:
                 case Message():
                     self._copy_message(record, channels.get(record.channel_id))
-                case Metadata() if record.name not in STATED:
+                case Metadata() if record.name not in STATEMENTS:
                     self.add_metadata(record.name, record.metadata)
                 case Attachment() if with_summary or record.name != SUMMARY:
                     self.add_attachment(record)

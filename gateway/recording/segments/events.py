@@ -15,9 +15,9 @@ from gateway.messages import Alert, Calibration, Health, Log, Mark, Message
 
 MARKER = ".event"
 UNCOMPACTED = ".live"
-TRIMMED = b"trimmed\n"
+TRIMMED_LINE = b"trimmed\n"
 """First line of the marker of a segment that has the time around events only."""
-MOST_REMEMBERED = 128
+MAX_ENDED_RECORDINGS = 128
 """Ended recordings whose messages may still come. Basis: a choice; more than end before the disk takes them, and a bound of the
 memory."""
 
@@ -68,12 +68,12 @@ def _parse(content: bytes) -> list[EventInterval]:
 
 def is_trimmed(path: Path) -> bool:
     """Return whether a marked segment has been trimmed. Raises `OSError`."""
-    return marker_path(path).read_bytes().startswith(TRIMMED)
+    return marker_path(path).read_bytes().startswith(TRIMMED_LINE)
 
 
 def note_trimmed(path: Path) -> None:
     """Note that a segment has been trimmed, so that it is not trimmed again. Raises `OSError`."""
-    write_durably(marker_path(path), TRIMMED)
+    write_durably(marker_path(path), TRIMMED_LINE)
 
 
 class EventDetector:
@@ -108,7 +108,7 @@ class EventIndex:
         self._post_ns = round(post_event_s * 1e9)
         self._newest: EventInterval | None = None
         self._open: Path | None = None
-        self._ended: deque[tuple[Path, int]] = deque(maxlen=MOST_REMEMBERED)
+        self._ended: deque[tuple[Path, int]] = deque(maxlen=MAX_ENDED_RECORDINGS)
 
     def begin_segment(self, path: Path, now_ns: int) -> None:
         """Note that a segment begins, which ends the one before. Raises `OSError`."""

@@ -12,8 +12,8 @@ from pathlib import Path
 
 from gateway.recording.chain.statements import DeletionReason
 from gateway.recording.segments.events import is_trimmed, marker_path, uncompacted_marker
+from gateway.units import BYTES_PER_MB
 
-BYTES_PER_MB = 1_000_000
 USED_SHARE = 0.95
 """Share of recordings and free space together that recordings may take; the rest is for compaction and state files. Basis: a
 choice; a compaction needs a segment's room, and a share of a twentieth is not missed."""

@@ -7,10 +7,10 @@ import numpy as np
 
 from gateway.messages import Samples
 
-GAP_PERIODS = 1.5
+MIN_GAP_PERIODS = 1.5
 """A longer distance between neighbouring samples, in periods, is a gap. Basis: a lost sample makes two periods, jitter less than
 one and a half."""
-MOST_GAPS = 200
+MAX_LISTED_GAPS = 200
 """The longest gaps are listed, all are counted. Basis: a choice; more than anybody reads, and some kilobytes."""
 
 
@@ -83,8 +83,8 @@ class SampleCounter:
         )
         period_ns = _period_ns(first_ns, last_ns, length)
         between_ns = first_ns[1:] - last_ns[:-1]
-        late = np.flatnonzero(between_ns > GAP_PERIODS * period_ns) if period_ns else np.zeros(0, dtype=np.intp)
-        longest = np.sort(late[np.argsort(between_ns[late])[-MOST_GAPS:]])
+        late = np.flatnonzero(between_ns > MIN_GAP_PERIODS * period_ns) if period_ns else np.zeros(0, dtype=np.intp)
+        longest = np.sort(late[np.argsort(between_ns[late])[-MAX_LISTED_GAPS:]])
         return SampleSummary(
             count=int(length.sum()),
             first_ns=int(first_ns[0]),
@@ -109,7 +109,7 @@ def gap_between(before_ns: int, after_ns: int, period_ns: float | None) -> Sampl
 
 def is_gap(before_ns: int, after_ns: int, period_ns: float | None) -> bool:
     """Return whether a sample is missing between two neighbours."""
-    return period_ns is not None and after_ns - before_ns > GAP_PERIODS * period_ns
+    return period_ns is not None and after_ns - before_ns > MIN_GAP_PERIODS * period_ns
 
 
 def _period_ns(

@@ -19,12 +19,12 @@ from gateway.recording.summary.segment_summary import (
     calibration_key,
 )
 
-MOST_ENTRIES = 1000
+MAX_LISTED_ENTRIES = 1000
 """Most entries of the lists of faults and of lines, so that a fault that returns every second does not fill the disk. Basis: a
 choice; days of rare faults, and some hundred kilobytes."""
-WARNING = 3
+WARNING_LEVEL = 3
 """Lowest level of the lines of the log that the summary has. Definition: `foxglove.Log`."""
-LONGEST_STEP_S = 2.0
+MAX_VERDICT_S = 2.0
 """A verdict counts no longer than this, in case no other condition follows it. Basis: four periods of the conditions."""
 
 
@@ -120,7 +120,7 @@ class SummaryBuilder:
     def _add_condition(self, verdict: str, log_time_ns: int) -> None:
         if self._condition is not None:
             before_ns, before = self._condition
-            self._verdict_s[before] += min(max(log_time_ns - before_ns, 0) / 1e9, LONGEST_STEP_S)
+            self._verdict_s[before] += min(max(log_time_ns - before_ns, 0) / 1e9, MAX_VERDICT_S)
         self._condition = log_time_ns, verdict
 
     def _add_alert(self, alert: messages.Alert, log_time_ns: int) -> None:
@@ -150,7 +150,7 @@ class SummaryBuilder:
         for name, count in {**health.faults, **dropped}.items():
             if count != self._fault_counts.get(name, 0):
                 self._fault_counts[name] = count
-                if len(self._faults) < MOST_ENTRIES:
+                if len(self._faults) < MAX_LISTED_ENTRIES:
                     self._faults.append(FaultCount(health.time_ns, name, count))
 
     def _add_calibration(self, message: messages.Calibration, log_time_ns: int) -> None:
@@ -175,10 +175,10 @@ class SummaryBuilder:
             self._clock.append(change)
 
     def _add_line(self, line: messages.Log) -> None:
-        if line.level < WARNING:
+        if line.level < WARNING_LEVEL:
             return
         self._log_count += 1
-        if len(self._log) < MOST_ENTRIES:
+        if len(self._log) < MAX_LISTED_ENTRIES:
             utc_ns = line.timestamp.sec * 1_000_000_000 + line.timestamp.nsec
             self._log.append(LogLine(utc_ns, line.level, line.name, line.message))
 

@@ -10,11 +10,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from gateway.messages import MotionState
-from gateway.stages.conditions.gyro_gates import turning_gates
+from gateway.numerics.array import Array
 from gateway.stages.conditions.window import Bin, ConditionWindow
 from gateway.stages.conditions.window_features import STILL_FLOOR_G, WindowFeatures
 
-FEWEST_BINS = 10
+ZERO_RATE_RAD_S = np.radians(2.0)
+"""Largest reading of a usual gyroscope at rest. Basis: a choice; zero-rate outputs are compensated at rest, and a hand turns a
+housing faster."""
+RATE_MARGIN = 1.2
+"""The housing may turn this many times faster than the rope at its fastest. Basis: a choice; the amplitude is an upper 95 % end,
+and the rope's length is stated within some per cent."""
+MIN_VERDICT_BINS = 10
 """Bins without which there is no verdict. Basis: a choice; a second, half of the window."""
 STEADY_BINS = 40
 """While it is not known whether the load swings, "steady" needs this many bins: a swing is still near its turning point. Basis: a
@@ -25,23 +31,42 @@ degrees."""
 IMPACT_G = 0.05
 """Smallest distance of a sample from the mean of its bin that is an impact. Basis: a choice; far above the noise of any sensor,
 and below what a knock on a load gives."""
-CREST = 8.0
+MIN_IMPACT_CREST = 8.0
 """The distance of an impact also exceeds this many times the usual scatter of the window, or vibration would be one. Basis: a
 choice; vibration has crests of 3 to 4, and impacts have more."""
 LOST_SHARE = 0.1
 """Share of lost samples up to which a window is complete. Basis: a choice; single losses do not matter, and a gap of a bin
 shows."""
-WIDEST_RAD = np.radians(30.0)
+MAX_UNKNOWN_SWING_RAD = np.radians(30.0)
 """Largest swing of a hanging load while the swing is not known. Basis: a choice; a crane swings its load by less, and a sensor
 off its rope leans by more."""
-LARGEST_DRIVE_G = 0.1
+MAX_DRIVE_G = 0.1
 """Largest contribution of a drive or a hoist to the magnitude of the force; also after it, while the window holds it. Basis: a
 choice; a hoist that reaches 0.5 m/s in one second adds 0.05 g."""
-LARGEST_U_RAD = np.radians(1.5)
+MAX_TRUSTED_U_RAD = np.radians(1.5)
 """Largest standard uncertainty of an angle that can be trusted. Basis: a choice; with an interval of 3 degrees on either side an
 angle says no more."""
-DRIVEN: tuple[MotionState, ...] = ("driven", "hoisting", "wind")
+DRIVEN_STATES: tuple[MotionState, ...] = ("driven", "hoisting", "wind")
 """States in which something acts on crane or load."""
+
+
+def turning_gates(rate_rad_s: Array, phi_max_rad: float | None, period_s: float | None) -> dict[str, bool]:
+    """Return the gates on mean angular rates in the housing frame, shape (n, 3), of one window; true: passed.
+
+    They show rotations of the housing that no force shows. A load at rest does not rotate. In a free swing the housing rotates
+    transversely to the rope no faster than the rope does, |n'| <= w0 phi_max at the lowest point, and not at all about the
+    rope, because of parallel transport. `phi_max_rad` and `period_s` are those of the swing, None where no swing is known.
+    """
+    across_rad_s = float(np.hypot(rate_rad_s[:, 0], rate_rad_s[:, 1]).max())
+    along_rad_s = float(np.abs(rate_rad_s[:, 2]).max())
+    gates = {
+        "not_turning": max(across_rad_s, along_rad_s) < ZERO_RATE_RAD_S,
+        "no_spin": along_rad_s < ZERO_RATE_RAD_S,
+    }
+    if phi_max_rad is not None and period_s is not None:
+        fastest_rad_s = 2 * np.pi / period_s * phi_max_rad
+        gates["rate_pendulum"] = across_rad_s < RATE_MARGIN * fastest_rad_s + ZERO_RATE_RAD_S
+    return gates
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +91,7 @@ class MotionContext:
     @property
     def is_known(self) -> bool:
         """The angle is known well enough to be trusted."""
-        return self.u_rad is not None and bool(self.u_rad < LARGEST_U_RAD)
+        return self.u_rad is not None and bool(self.u_rad < MAX_TRUSTED_U_RAD)
 
     @property
     def is_below_stillness(self) -> bool:
@@ -77,7 +102,7 @@ class MotionContext:
     @property
     def is_driven(self) -> bool:
         """Something acts on crane or load."""
-        return self.state in DRIVEN
+        return self.state in DRIVEN_STATES
 
 
 def evaluate_gates(
@@ -124,7 +149,7 @@ def _motion_gates(
     lowest_g, highest_g = _norm_limits_g(motion, permissible_norm_error_g)
     return {
         "still": features.still,
-        "steady": enough and len(calm) >= FEWEST_BINS and WindowFeatures.at(calm, noise_g).still,
+        "steady": enough and len(calm) >= MIN_VERDICT_BINS and WindowFeatures.at(calm, noise_g).still,
         "norm_static": bool(np.all(np.abs(norms - 1) < permissible_norm_error_g)),
         "norm_hanging": bool(np.all(norms > lowest_g) and np.all(norms < highest_g)),
         "explained": motion.is_explained,
@@ -135,9 +160,9 @@ def _motion_gates(
 
 def _norm_limits_g(motion: MotionContext, permissible_norm_error_g: float) -> tuple[float, float]:
     """Return the limits of the magnitude of the force on a hanging load."""
-    widest_rad = WIDEST_RAD if motion.phi_max_rad is None else motion.phi_max_rad
+    widest_rad = MAX_UNKNOWN_SWING_RAD if motion.phi_max_rad is None else motion.phi_max_rad
     span = 1 - np.cos(widest_rad)
-    margin_g = permissible_norm_error_g + LARGEST_DRIVE_G
+    margin_g = permissible_norm_error_g + MAX_DRIVE_G
     rho = 1.0 if motion.rho is None else motion.rho
     return 1 - span - margin_g, 1 + 2 * rho * span + margin_g
 
@@ -152,4 +177,4 @@ def _rotation_gates(bins: list[Bin], motion: MotionContext) -> dict[str, bool]:
 
 
 def _impact_g(features: WindowFeatures) -> float:
-    return max(IMPACT_G, CREST * features.scatter_g) + 6 * features.noise_g
+    return max(IMPACT_G, MIN_IMPACT_CREST * features.scatter_g) + 6 * features.noise_g

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gateway.messages import Cause, MotionState, Verdict
-from gateway.stages.conditions.gates import FEWEST_BINS, MotionContext, evaluate_gates
+from gateway.stages.conditions.gates import MIN_VERDICT_BINS, MotionContext, evaluate_gates
 from gateway.stages.conditions.window import ConditionWindow
 from gateway.stages.conditions.window_features import WindowFeatures
 
@@ -28,7 +28,7 @@ DISTURBING: dict[str, tuple[Cause | None, str]] = {
 }
 """Gates without which a reading is disturbed, with cause and reason."""
 CAUSES: dict[MotionState, Cause] = {"driven": "trolley", "hoisting": "hoisting", "wind": "wind"}
-TRUSTED: tuple[Verdict, ...] = ("static", "quasi_static", "swinging", "driven")
+TRUSTED_VERDICTS: tuple[Verdict, ...] = ("static", "quasi_static", "swinging", "driven")
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,13 +48,13 @@ def judge_condition(
 ) -> ConditionResult:
     """Judge the window; `noise_g` is that of the device, None where it is not known."""
     bins = window.bins
-    if len(bins) < FEWEST_BINS:
+    if len(bins) < MIN_VERDICT_BINS:
         return ConditionResult("unknown", None, False, ("less than a second of data",), {"enough_data": False}, None)
     features = WindowFeatures.at(bins, noise_g)
     gates = evaluate_gates(features, window, motion, noise_g, permissible_norm_error_g)
     verdict, cause, reasons = _decide(gates, motion)
     norm_g = float(np.linalg.norm(features.means_g.mean(axis=0)))
-    return ConditionResult(verdict, cause, verdict in TRUSTED, reasons, gates, norm_g)
+    return ConditionResult(verdict, cause, verdict in TRUSTED_VERDICTS, reasons, gates, norm_g)
 
 
 def _decide(gates: dict[str, bool], motion: MotionContext) -> Decision:

@@ -8,9 +8,9 @@ import numpy as np
 
 from gateway.numerics.array import Array
 
-WINDOW_S = 2.0
+CONDITION_WINDOW_S = 2.0
 """Length of the window. Basis: a choice; a quarter of a swing of a rope of 16 m, and a verdict that is not late."""
-MEMORY_S = 6.0
+SLOW_MEMORY_S = 6.0
 """Length of the memory, for slow movements that the window is too short to show. Basis: a choice; a half swing of a rope of 36 m,
 and few hundred numbers."""
 BIN_S = 0.1
@@ -41,7 +41,7 @@ class ConditionWindow:
     """Collects blocks into bins and keeps those of the last seconds."""
 
     def __init__(self) -> None:
-        self._bins: deque[Bin] = deque(maxlen=round(MEMORY_S / BIN_S))
+        self._bins: deque[Bin] = deque(maxlen=round(SLOW_MEMORY_S / BIN_S))
         self._open: list[Array] = []
         self._open_count = 0
         self._open_rates: list[Array] = []
@@ -55,7 +55,7 @@ class ConditionWindow:
     ) -> None:
         """Add a block: times (n,), specific force (n, 3), numbers of clipped and missing samples, angular rates (n, 3)."""
         first_s = float(time_s[0])
-        if self._last_s is not None and first_s - self._last_s > WINDOW_S:
+        if self._last_s is not None and first_s - self._last_s > CONDITION_WINDOW_S:
             self._bins.clear()  # after a gap longer than the window the earlier bins are not relevant
             self._open, self._open_rates, self._open_count, self._open_since_s = [], [], 0, None
         elif self._follows_gap(first_s):
@@ -77,7 +77,7 @@ class ConditionWindow:
     @property
     def bins(self) -> list[Bin]:
         """The bins of the window, oldest first."""
-        return list(self._bins)[-round(WINDOW_S / BIN_S) :]
+        return list(self._bins)[-round(CONDITION_WINDOW_S / BIN_S) :]
 
     @property
     def memory(self) -> list[Bin]:

@@ -13,11 +13,11 @@ STILL_SIGMA = 3.0
 """The smoothed means of a still housing vary by less than this many standard deviations of a bin, plus the floor. Basis: the
 averages in a window of twenty independent bins exceed it by chance once in 2e4."""
 BARE_STILL_SIGMA = 6.5
-"""The same limit for means that are not smoothed. Basis: twenty independent bins exceed it by chance once in 1300."""
+"""Limit of stillness for means that are not smoothed. Basis: twenty independent bins exceed it by chance once in 1300."""
 STILL_FLOOR_G = 0.0005
 """Largest peak-to-peak value of a still housing: 0.015 degrees of lean in either direction. Basis: a choice; below a swing of any
 use, and above the steps of a coarse sensor's mean."""
-LEAKAGE = 0.06
+VIBRATION_LEAKAGE = 0.06
 """Share of the vibration that passes the smoothing. Basis: the mean over a second passes 0.06 of a line at 5.5 Hz, and less of
 faster ones."""
 SMOOTHED_BINS, ROUGH_SMOOTHED_BINS = 5, 10
@@ -59,7 +59,7 @@ class WindowFeatures:
         smoothed_g = moving_average(means_g, ROUGH_SMOOTHED_BINS if rough else SMOOTHED_BINS)
         per_bin = sum(b.count for b in bins) / len(bins)
         u_mean_g = min(scatter_g, ROUGH_FLOOR_G) / math.sqrt(per_bin)
-        leaking_g = LEAKAGE * largest_g if rough else 0.0
+        leaking_g = VIBRATION_LEAKAGE * largest_g if rough else 0.0
         bare_g = 0.0 if rough else largest_range(means_g)
         still = bool(
             largest_range(smoothed_g) < STILL_FLOOR_G + STILL_SIGMA * u_mean_g + leaking_g

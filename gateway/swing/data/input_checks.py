@@ -4,28 +4,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.numerics.array import Array
-from gateway.numerics.saturation import saturation_level
+from gateway.numerics.foreign_readings import saturation_level
 
 MAX_NORM_ERROR_G = 0.12
 """Largest deviation of the mean specific force from what a swing permits. Basis: an elliptical swing of 25 degrees, seen from the
 load, adds 0.1 g."""
 AXIAL_QUANTILE = 0.005
 """Quantile of the axial reading that stands for its value at the turning points, without the outliers of the noise."""
-LEAST_MEAN_G = 0.33
+MIN_MEAN_G = 0.33
 """Least mean over a part of a recording that contains gravity, unless the size says otherwise. Basis: 0.457 g over a swing of
 90 degrees at the pivot; readings without gravity have 2 rho (mean cos - cos A) at most, less than 0.3 g below 45 degrees."""
-LEAST_RMS_G, LEAST_SIZE_G, SIZE_QUANTILE = 0.8, 0.4, 0.05
+MIN_RMS_G, MIN_SIZE_G, SIZE_QUANTILE = 0.8, 0.4, 0.05
 """Least rms, and least quantile, of the size of readings with gravity and a smaller mean. Basis: in planar swings of up to 160
 degrees at any rho with such a mean, the rms is at least 1.0 g and the quantile 0.45 g; without gravity the rms is at most 0.66 g,
 and the readings of what is shaken pass through zero."""
-PARTS, FEWEST_SAMPLES = 4, 24
+JUDGED_PARTS, MIN_PART_SAMPLES = 4, 24
 """Parts of a recording whose means are judged, and fewest samples of one."""
 MAX_TILT_RAD = np.pi / 4
 """Largest tilt of the housing against the rope. Basis: a housing clamped to a rope is upright to a few degrees; between this and
 90 degrees lies a wrong axes map."""
 
 
-LARGEST_CLIPPED_SHARE = 0.4
+MAX_CLIPPED_SHARE = 0.4
 """Part of the axial readings at the upper end of the range, up to which they are left out. Basis: a sensor of 2 g near the load
 reads more for 0.37 to 0.39 of the time in swings of 90 to 110 degrees, about the lowest point."""
 
@@ -42,7 +42,7 @@ def axially_clipped(force_g: Array) -> NDArray[np.bool_]:
     clipped = np.zeros(len(force_g), dtype=np.bool_)
     if limit_g is not None and limit_g > 1.0:
         at_limit: NDArray[np.bool_] = force_g[:, 2] >= limit_g
-        return at_limit if at_limit.mean() <= LARGEST_CLIPPED_SHARE else clipped
+        return at_limit if at_limit.mean() <= MAX_CLIPPED_SHARE else clipped
     return clipped
 
 
@@ -90,10 +90,10 @@ def find_implausible_mean(force_g: Array) -> str | None:
 
 def lacks_gravity(force_g: Array) -> bool:
     """Return whether the readings (n, 3) in g contain no gravity: some part of them is far below 1 g, in the mean and in size."""
-    parts = np.array_split(force_g, max(1, min(PARTS, len(force_g) // FEWEST_SAMPLES)))
-    return any(float(np.linalg.norm(part.mean(axis=0))) < LEAST_MEAN_G and _is_small(part) for part in parts)
+    parts = np.array_split(force_g, max(1, min(JUDGED_PARTS, len(force_g) // MIN_PART_SAMPLES)))
+    return any(float(np.linalg.norm(part.mean(axis=0))) < MIN_MEAN_G and _is_small(part) for part in parts)
 
 
 def _is_small(force_g: Array) -> bool:
     size_g = np.linalg.norm(force_g, axis=1)
-    return float(np.sqrt((size_g**2).mean())) < LEAST_RMS_G or float(np.quantile(size_g, SIZE_QUANTILE)) < LEAST_SIZE_G
+    return float(np.sqrt((size_g**2).mean())) < MIN_RMS_G or float(np.quantile(size_g, SIZE_QUANTILE)) < MIN_SIZE_G

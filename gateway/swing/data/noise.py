@@ -13,13 +13,13 @@ DIFFERENCE_ORDER = 6
 noise."""
 DIFFERENCE_GAIN = float(np.sqrt(comb(2 * DIFFERENCE_ORDER, DIFFERENCE_ORDER)))
 """Definition: standard deviation of a difference over that of a sample, the root of the sum of the squared binomials."""
-MIN_SAMPLES = 24
+MIN_NOISE_SAMPLES = 24
 """Fewest samples from which noise is measured. Basis: 18 differences, whose standard deviation is known to 20 %."""
 OUTLIER_SIGMA = 6.0
 """Differences beyond this are left out. Basis: noise exceeds it once in 5e8 samples."""
 MIN_NOISE_G = 1e-6
 """Smallest noise. Basis: resolution of recordings with six digits; it keeps weights finite for simulated data without noise."""
-MIN_EXCESS_RATIO = 1.1
+MIN_NOISE_RATIO = 1.1
 """Measured over stated noise from which on the measured one is used. Basis: two standard deviations of a noise measured from
 256 samples."""
 
@@ -30,7 +30,7 @@ def measured_noise_g(force_g: Array) -> Array | None:
     Sixth differences contain the white noise and nothing of a swing. Their median resists spikes. Where quantisation makes most
     of them equal, their rms is used instead.
     """
-    if len(force_g) < MIN_SAMPLES:
+    if len(force_g) < MIN_NOISE_SAMPLES:
         return None
     differences = np.diff(force_g, n=DIFFERENCE_ORDER, axis=0) / DIFFERENCE_GAIN
     noise_g = robust_sigma(differences)
@@ -49,7 +49,7 @@ def effective_noise_g(force_g: Array, stated_g: float | Array | None) -> Array:
         floor_g, 0.0 if stated_g is None else np.broadcast_to(np.asarray(stated_g, dtype=float), 3)
     )
     if measured_g is not None:
-        noise_g = np.where(measured_g > MIN_EXCESS_RATIO * noise_g, measured_g, noise_g)
+        noise_g = np.where(measured_g > MIN_NOISE_RATIO * noise_g, measured_g, noise_g)
     return noise_g
 
 

@@ -15,20 +15,20 @@ from gateway.swing.data.bins import Bins
 from gateway.swing.fit.harmonics import Harmonics, find_harmonics
 from gateway.swing.rig import MountedHousing
 
-SILENT = 5.0
+NOISE_SIGMA = 5.0
 """Standard uncertainties up to which an amplitude is noise,"""
 SILENT_SHARE = 0.02
 """or this part of what the other axes ask for."""
-APART, APART_SIGMA = 0.04, 3.0
+MIN_ASYMMETRY, APART_SIGMA = 0.04, 3.0
 """Relative difference between the two sides, and standard uncertainties of it, from which on they do not belong together."""
-LARGEST_UNEXPLAINED = 0.12
+MAX_UNEXPLAINED_SHARE = 0.12
 """By harmonics: in a driven stretch nothing can be said."""
-LENGTH_U_REL = 0.005
-"""Of a rope's length by the period, where no pendulum fits."""
+PERIOD_LENGTH_U_REL = 0.005
+"""Relative standard uncertainty of a rope's length by the period, where no pendulum fits."""
 WINDOW_PERIODS = 3.0
-LARGEST_SEEN_RHO = 0.95
-"""Nearer to the load x and y show too little of any swing."""
-LIVELY = 0.05
+MAX_SEEN_RHO = 0.95
+"""Largest position over the length at which x and y are judged: nearer to the load they show too little of any swing."""
+MIN_ACTIVITY = 0.05
 """Part of the liveliest axis' scatter, from which on x or y is surely not silent."""
 
 
@@ -45,7 +45,7 @@ class DeadAxis:
 def check_axes_in_window(bins: Bins, noise_g: Array, rig: MountedHousing, length_m: float) -> DeadAxis:
     """Check a window of a few swings on a rope of this length, which follows from the period."""
     scatter_g = bins.force_g.std(axis=0)
-    if scatter_g.min() > LIVELY * scatter_g.max() and scatter_g[2] > 2 * noise_g[2] / np.sqrt(bins.count.mean()):
+    if scatter_g.min() > MIN_ACTIVITY * scatter_g.max() and scatter_g[2] > 2 * noise_g[2] / np.sqrt(bins.count.mean()):
         return DeadAxis()
     return compare_axes(find_harmonics(bins, noise_g, rig), rig, length_m)
 
@@ -66,18 +66,18 @@ def check_axes(bins: Bins, noise_g: Array, rig: MountedHousing, length_m: float)
 
 def compare_axes(harmonics: Harmonics, rig: MountedHousing, length_m: float) -> DeadAxis:
     """Check the harmonics of a window of a few swings on a rope of this length."""
-    sides = _Sides.of(harmonics, rig, length_m)
+    sides = _AmplitudeComparison.of(harmonics, rig, length_m)
     if sides is None:
         return DeadAxis()
     size, u_g = np.abs(harmonics.amplitude_g), harmonics.u_g
     expected_xy_g = np.sqrt(sides.largest * sides.transverse_gain)
     expected_g = np.array([expected_xy_g, expected_xy_g, sides.largest * sides.axial_gain])
-    silent = size < np.maximum(SILENT * u_g, SILENT_SHARE * expected_g)
+    silent = size < np.maximum(NOISE_SIGMA * u_g, SILENT_SHARE * expected_g)
     z_is_smaller = abs(sides.square_of_z) < abs(sides.square_of_xy)
     dead = "z" * bool(silent[2]) if z_is_smaller else " or ".join(np.array(["x", "y"])[silent[:2]])
     if not dead:
         return DeadAxis()
-    if sides.are_apart:
+    if sides.differ:
         return DeadAxis(
             f"{dead} shows nothing of the swing that the other axes show: a dead axis, or the housing is not where stated"
         )
@@ -86,12 +86,12 @@ def compare_axes(harmonics: Harmonics, rig: MountedHousing, length_m: float) -> 
 
 def contradiction_u_rel(harmonics: Harmonics, rig: MountedHousing, length_m: float) -> float:
     """Return half the relative difference of the angles by x and y and by z, 0 where the axes agree."""
-    sides = _Sides.of(harmonics, rig, length_m)
-    return sides.difference / (2 * sides.largest) if sides is not None and sides.are_apart else 0.0
+    sides = _AmplitudeComparison.of(harmonics, rig, length_m)
+    return sides.difference / (2 * sides.largest) if sides is not None and sides.differ else 0.0
 
 
 @dataclass(frozen=True, slots=True)
-class _Sides:
+class _AmplitudeComparison:
     """The square of the load's complex amplitude by x and y and by z."""
 
     square_of_xy: complex
@@ -102,17 +102,17 @@ class _Sides:
     """Standard uncertainty of their difference."""
 
     @classmethod
-    def of(cls, harmonics: Harmonics, rig: MountedHousing, length_m: float) -> "_Sides | None":
+    def of(cls, harmonics: Harmonics, rig: MountedHousing, length_m: float) -> "_AmplitudeComparison | None":
         """Return both sides; None where nothing can be said."""
         rho = rig.rho_at(length_m)
-        if harmonics.unexplained > LARGEST_UNEXPLAINED or rho > LARGEST_SEEN_RHO:
+        if harmonics.unexplained > MAX_UNEXPLAINED_SHARE or rho > MAX_SEEN_RHO:
             return None
         size, u_g = np.abs(harmonics.amplitude_g), harmonics.u_g
         axial_gain, transverse_gain = rho / 2 + 0.25, (1 - rho) ** 2
         square_of_xy = complex((harmonics.amplitude_g[:2] ** 2).sum()) / transverse_gain
         square_of_z = -complex(harmonics.amplitude_g[2]) / axial_gain
         u = np.hypot(u_g[2] / axial_gain, 2 * size[:2].max() * u_g[:2].max() / transverse_gain)
-        u_rho = rig.position_u_m / length_m + LENGTH_U_REL * rho
+        u_rho = rig.position_u_m / length_m + PERIOD_LENGTH_U_REL * rho
         u += max(abs(square_of_xy), abs(square_of_z)) * u_rho * (2 / (1 - rho) + 0.5 / axial_gain)
         return cls(square_of_xy, square_of_z, axial_gain, transverse_gain, float(u))
 
@@ -125,6 +125,6 @@ class _Sides:
         return abs(self.square_of_xy - self.square_of_z)
 
     @property
-    def are_apart(self) -> bool:
+    def differ(self) -> bool:
         """The two do not belong together."""
-        return self.difference > APART * self.largest + self.largest**2 / 2 + APART_SIGMA * self.u
+        return self.difference > MIN_ASYMMETRY * self.largest + self.largest**2 / 2 + APART_SIGMA * self.u

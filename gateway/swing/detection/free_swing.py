@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from gateway.numerics.array import Array
 from gateway.numerics.runs import true_runs
 from gateway.swing.data.bins import validated_samples
-from gateway.swing.detection.held import LARGEST_ACCELERATION_G, pivot_acceleration_g
 from gateway.swing.detection.periodicity import (
     Series,
     find_period_s,
@@ -24,17 +23,52 @@ from gateway.swing.detection.periodicity import (
 )
 from gateway.swing.detection.swing_boundary import swing_boundary
 
+MAX_PIVOT_ACCELERATION_G = 0.22
+"""Acceleration of a pivot that is no crane's, over g. Basis: drives reach 0.06; what the integration adds reaches 0.20 on
+simulated work of cranes, where a gust or drive begins unnoticed."""
+REACH_PERIODS = 0.75
+"""Time from the end of a free swing over which the force is integrated: an error of the equilibrium then counts eleven times."""
+EQUILIBRIUM_PERIODS = 2.0
+"""Part of the free swing next to its end whose mean is the equilibrium."""
+SLOPE_PERIODS = 0.15
+"""Part of the free swing next to its end that gives the first value and slope."""
 SAMPLES_PER_PERIOD = 32
-SHORTEST_PERIODS = 3.0
+MIN_FREE_PERIODS = 3.0
 """Shortest free swing."""
-LEAST_SIZE = 0.1
+MIN_SWING_SHARE = 0.1
 """Least swing relative to the largest one of the recording, for a free swing of its own."""
-SEEN = 1.5
+MIN_SWING_OVER_NOISE = 1.5
 """Least rms of a swing over the noise of one sample."""
-NEGLIGIBLE_PERIODS = 0.2
+MAX_END_PERIODS = 0.2
 """Length of an end without a free swing that is left with it."""
-GAP_PERIODS = 0.25
+MAX_GAP_DISTANCE_PERIODS = 0.25
 """Distance from the end of a swing within which missing samples, and no hand, may have ended it."""
+
+
+def pivot_acceleration_g(swing_g: Array, beside_g: Array, period: float) -> float:
+    """Return the largest acceleration of the pivot over g that explains what follows a free swing, times 1 - rho.
+
+    So what lies beside a free swing was held or moved by a hand, or by rope and crane. On a rope that a crane carries, the
+    transverse force u (less that of equilibrium, over 1 - rho) moves the load by theta'' = -w0^2 u, and u - theta is the
+    acceleration of the pivot over g (Łuczak et al. 2022, section 8, with a moving pivot). Integrated from the end of a free
+    swing, where theta = u, the readings themselves state the acceleration that a crane would have needed. The factor 1 - rho is
+    not known; without it that acceleration is too small, never too large.
+
+    Both of shape (n, 3), with the period in samples; what precedes a swing is judged with both reversed in time.
+    """
+    equilibrium_g = swing_g[-round(EQUILIBRIUM_PERIODS * period) :].mean(axis=0)
+    up = equilibrium_g / np.linalg.norm(equilibrium_g)
+    across = np.eye(3) - np.outer(up, up)
+    near_g = (swing_g[-max(4, round(SLOPE_PERIODS * period)) :] - equilibrium_g) @ across
+    force_g = (beside_g[: round(REACH_PERIODS * period)] - equilibrium_g) @ across
+    if len(force_g) == 0:
+        return 0.0
+    slope, start = np.polyfit(np.arange(len(near_g)) - (len(near_g) - 1), near_g, min(2, len(near_g) - 2))[-2:]
+    rate_squared = (2 * np.pi / period) ** 2
+    forces = np.vstack([start, force_g])
+    speed = np.vstack([slope, slope - rate_squared * np.cumsum((forces[1:] + forces[:-1]) / 2, axis=0)])
+    angle = start + np.cumsum((speed[1:] + speed[:-1]) / 2, axis=0)
+    return float(np.linalg.norm(force_g - angle, axis=1).max())
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,16 +140,19 @@ def _swinging_parts(series: Series, period: float) -> list[tuple[int, int]]:
     found = []
     for start, stop in true_runs(fits.is_consistent(series.total_noise_g)):
         size_g = float(fits.swing_g[start:stop].max())
-        if stop - 1 + length - start >= SHORTEST_PERIODS * period and size_g > SEEN * series.total_noise_g:
+        if (
+            stop - 1 + length - start >= MIN_FREE_PERIODS * period
+            and size_g > MIN_SWING_OVER_NOISE * series.total_noise_g
+        ):
             found.append((start, stop + length - 2, size_g))
     largest_g = max((size_g for _, _, size_g in found), default=0.0)
     tolerance = fits.tolerance(series.total_noise_g)
     refined = [
         _refined(series, period, (start, stop), tolerance)
         for start, stop, size_g in found
-        if size_g >= LEAST_SIZE * largest_g
+        if size_g >= MIN_SWING_SHARE * largest_g
     ]
-    return [(start, stop) for start, stop in refined if stop - start >= SHORTEST_PERIODS * period]
+    return [(start, stop) for start, stop in refined if stop - start >= MIN_FREE_PERIODS * period]
 
 
 def _refined(series: Series, period: float, part: tuple[int, int], tolerance: float) -> tuple[int, int]:
@@ -134,20 +171,20 @@ def _between_hands(series: Series, period: float, swings: list[tuple[int, int]])
     Where one shows, no crane is at work, and nothing beside a free swing belongs to it, unless samples are missing next to it: a
     gap shows no hand, and what lies beyond it is judged with the swing.
     """
-    negligible = NEGLIGIBLE_PERIODS * period
+    negligible = MAX_END_PERIODS * period
     last = len(series) - 1
     period_s = period * series.interval_s
     before, after = _accelerations_g(series, period, swings)
-    ends = math.hypot(before[0], after[-1]) > LARGEST_ACCELERATION_G
+    ends = math.hypot(before[0], after[-1]) > MAX_PIVOT_ACCELERATION_G
     inner = list(zip(after[:-1], before[1:], strict=True))
-    if not (ends or any(min(pair) > LARGEST_ACCELERATION_G for pair in inner)):
+    if not (ends or any(min(pair) > MAX_PIVOT_ACCELERATION_G for pair in inner)):
         return FreeSwing(_intervals(series, [(0, last)]), (), period_s)
-    edge = round(GAP_PERIODS * period)
+    edge = round(MAX_GAP_DISTANCE_PERIODS * period)
     starts_at_gap = not series.known[max(swings[0][0] - edge, 0) : swings[0][0] + 1].all()
     ends_at_gap = not series.known[swings[-1][1] : swings[-1][1] + edge + 1].all()
     free = [list(swings[0])]
     for other, pair in zip(swings[1:], inner, strict=True):
-        if max(pair) > LARGEST_ACCELERATION_G:
+        if max(pair) > MAX_PIVOT_ACCELERATION_G:
             free.append(list(other))
         free[-1][1] = other[1]
     free[0][0] = free[0][0] if free[0][0] > negligible and not starts_at_gap else 0
@@ -160,7 +197,7 @@ def _between_hands(series: Series, period: float, swings: list[tuple[int, int]])
 def _accelerations_g(series: Series, period: float, swings: list[tuple[int, int]]) -> tuple[list[float], list[float]]:
     """Return for each free swing the pivot's acceleration that explains what precedes it, and what follows it."""
     values, last = series.force_g, len(series) - 1
-    negligible = NEGLIGIBLE_PERIODS * period
+    negligible = MAX_END_PERIODS * period
     starts = [0, *(swing[1] + 1 for swing in swings[:-1])]
     stops = [*(swing[0] for swing in swings[1:]), last + 1]
     before, after = [], []

@@ -10,35 +10,35 @@ from gateway.numerics.array import Array
 from gateway.numerics.quantisation import smallest_steps
 from gateway.swing.data.noise import effective_noise_g
 
-HARMONICS = 4
+N_HARMONICS = 4
 """Basis: what the axial force of a swing of 90 degrees has beyond the fourth harmonic is below a hundredth."""
-FEWEST_SAMPLES_PER_PERIOD = 2.5
-"""Per harmonic."""
+MIN_SAMPLES_PER_PERIOD = 2.5
+"""Fewest samples in a period of each harmonic."""
 DRIFTING_HARMONICS = 2
 """Harmonics whose amplitude and phase may change within a window: decay, and the period that depends on the amplitude."""
-BLOCKS = 8
+RESIDUAL_BLOCKS = 8
 """Parts of a window whose residuals are compared."""
 FINEST_S = 0.02
-SHORTEST_PERIOD_S, LONGEST_PERIOD_S, PERIOD_RATIO = 0.4, 14.0, 1.025
+MIN_PERIOD_S, MAX_PERIOD_S, PERIOD_RATIO = 0.4, 14.0, 1.025
 """Searched periods: half of that of a line of 0.2 m, to that of one of 48 m."""
-SEARCH_PERIODS, SEARCH_SAMPLES = 3.0, 16
+SEARCH_PERIODS, SEARCH_SAMPLES_PER_PERIOD = 3.0, 16
 SEARCH_TOLERANCES = (0.15, 0.3)
 """Unexplained over explained oscillation, rms, of a window that repeats; the second one where none does."""
-COMPARABLE = 0.7
+MIN_COVERED_RATIO = 0.7
 """Time covered, relative to the most, by which a shorter period is preferred: all its multiples repeat too."""
-NEIGHBOURS = 6
-"""Next longer periods among which the best one is chosen."""
-WINDOW_PERIODS = 2.0
+PEAK_WINDOW = 6
+"""Number of the next longer periods among which the best one is chosen."""
+COMPARED_PERIODS = 2.0
 LOCAL_RATIOS = tuple(1.04 ** np.arange(-5, 6))
 """Periods of a window relative to that of the recording. Basis: a swing of 90 degrees takes 1.18 times a small one."""
 NOISE_RATIO, WORST_NOISE_RATIO, WORST_RATIO = 1.3, 1.8, 2.0
 """Residual over noise of a window and of its worst part; the latter's tolerance over the former's."""
-LEAST_TOLERANCE, LARGEST_TOLERANCE = 0.06, 0.2
+MIN_TOLERANCE, MAX_TOLERANCE = 0.06, 0.2
 """Unexplained over explained oscillation, rms: twice what is usual in the recording, within these."""
-LIVELY = 3.0
+MIN_TYPICAL_SWING = 3.0
 """Rms of a swing over the noise, from which on it shows what is usual."""
-LARGEST_UNKNOWN_SHARE = 0.8
-"""Of the samples of a window."""
+MAX_UNKNOWN_SHARE = 0.8
+"""Largest share of unknown samples of a window."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,11 +81,11 @@ class WindowFits:
 
     def tolerance(self, noise_g: float) -> float:
         """Return the permissible residual over the oscillation, beside the noise."""
-        lively = self.swing_g > LIVELY * noise_g
+        lively = self.swing_g > MIN_TYPICAL_SWING * noise_g
         if not lively.any():
-            return LARGEST_TOLERANCE
+            return MAX_TOLERANCE
         excess_g = np.sqrt(np.maximum(self.residual_g[lively] ** 2 - noise_g**2, 0.0))
-        return float(np.clip(2 * np.median(excess_g / self.swing_g[lively]), LEAST_TOLERANCE, LARGEST_TOLERANCE))
+        return float(np.clip(2 * np.median(excess_g / self.swing_g[lively]), MIN_TOLERANCE, MAX_TOLERANCE))
 
     def is_consistent(self, noise_g: float) -> NDArray[np.bool_]:
         """Return which windows the harmonics describe."""
@@ -143,7 +143,7 @@ def _cubic(time_s: Array, force_g: Array, grid_s: Array) -> Array:
 
 def harmonic_basis(places: NDArray[np.floating], period: float, *, drifts: bool) -> Array:
     """Return constant, cosines and sines at places in samples, shape (n, columns); with `drifts` also times the place."""
-    harmonics = int(np.clip(period / FEWEST_SAMPLES_PER_PERIOD, 1, HARMONICS))
+    harmonics = int(np.clip(period / MIN_SAMPLES_PER_PERIOD, 1, N_HARMONICS))
     angle = 2 * np.pi / period * places[:, None] * np.arange(1, harmonics + 1)
     waves = np.stack([np.cos(angle), np.sin(angle)], axis=2).reshape(len(places), -1)
     columns = [np.ones((len(places), 1)), waves]
@@ -158,13 +158,13 @@ def fit_windows(series: Series, period: float, length: int, *, drifts: bool, str
     if length > len(series):
         return None
     basis = harmonic_basis(np.arange(length) - (length - 1) / 2, period, drifts=drifts)
-    if basis.shape[1] > LARGEST_UNKNOWN_SHARE * length:
+    if basis.shape[1] > MAX_UNKNOWN_SHARE * length:
         return None
     orthonormal = np.linalg.qr(basis)[0]  # its first column is the constant
     windows = sliding_window_view(series.force_g - series.force_g.mean(axis=0), length, axis=0)[::stride]
     fitted = windows @ orthonormal
     left = ((windows - fitted @ orthonormal.T) ** 2).sum(axis=1)
-    edges = np.linspace(0, length, min(BLOCKS, length // 3) + 1).astype(int)[:-1]
+    edges = np.linspace(0, length, min(RESIDUAL_BLOCKS, length // 3) + 1).astype(int)[:-1]
     widths = np.diff(np.append(edges, length))
     worst = (np.add.reduceat(left, edges, axis=1) / widths).max(axis=1)
     residual = left.sum(axis=1) / (length - basis.shape[1])
@@ -182,20 +182,22 @@ def find_period_s(time_s: Array, force_g: Array, noise_g: float | Array | None =
     """Return the shortest period with which most of what repeats in a recording does; None where nothing repeats."""
     base = resample(time_s, force_g, FINEST_S, noise_g)
     base_s = base.start_s + base.interval_s * np.arange(len(base))
-    longest_s = min(LONGEST_PERIOD_S, len(base) * base.interval_s / SEARCH_PERIODS)
-    count = int(np.log(max(longest_s / SHORTEST_PERIOD_S, 1.0)) / np.log(PERIOD_RATIO)) + 1
-    periods_s = SHORTEST_PERIOD_S * PERIOD_RATIO ** np.arange(count)
+    longest_s = min(MAX_PERIOD_S, len(base) * base.interval_s / SEARCH_PERIODS)
+    count = int(np.log(max(longest_s / MIN_PERIOD_S, 1.0)) / np.log(PERIOD_RATIO)) + 1
+    periods_s = MIN_PERIOD_S * PERIOD_RATIO ** np.arange(count)
     covered_s = np.array([_covered_s(base_s, base, period_s) for period_s in periods_s.tolist()]).T
     best_s = next((row for row in covered_s if row.max() > 0), None)
     if best_s is None:
         return None
-    first = int(np.flatnonzero(best_s >= COMPARABLE * best_s.max())[0])
-    return float(periods_s[first + int(best_s[first : first + NEIGHBOURS].argmax())])
+    first = int(np.flatnonzero(best_s >= MIN_COVERED_RATIO * best_s.max())[0])
+    return float(periods_s[first + int(best_s[first : first + PEAK_WINDOW].argmax())])
 
 
 def _covered_s(base_s: NDArray[np.floating], base: Series, period_s: float) -> list[float]:
     """Return for each tolerance how much of a series repeats with a period."""
-    series = resample(np.asarray(base_s, dtype=np.float64), base.force_g, period_s / SEARCH_SAMPLES, base.noise_g)
+    series = resample(
+        np.asarray(base_s, dtype=np.float64), base.force_g, period_s / SEARCH_SAMPLES_PER_PERIOD, base.noise_g
+    )
     period = period_s / series.interval_s
     stride = max(1, round(period / 4))
     fits = fit_windows(series, period, round(SEARCH_PERIODS * period), drifts=False, stride=stride)
@@ -210,7 +212,7 @@ def _covered_s(base_s: NDArray[np.floating], base: Series, period_s: float) -> l
 
 def fit_drifting_windows(series: Series, period: float) -> WindowFits | None:
     """Fit drifting harmonics to all windows of two periods, each with the best of the periods near the stated one, in samples."""
-    length = round(WINDOW_PERIODS * period)
+    length = round(COMPARED_PERIODS * period)
     tries = [fit_windows(series, ratio * period, length, drifts=True) for ratio in LOCAL_RATIOS]
     fits = [fit for fit in tries if fit is not None]
     if not fits:

@@ -12,20 +12,21 @@ from gateway.swing.estimation.robust_fit import FitResult
 from gateway.swing.fit.harmonics import Harmonics
 from gateway.swing.rig import MountedHousing
 
-FAINTEST_GAIN = 40.0
+MIN_GAIN = 40.0
 """Twice the log-likelihood that harmonics must gain to be called a swing: once in some 10^5 still windows noise does."""
-WORTH_A_FIT = 9.0
-"""The same of the axial force alone, from which on a pendulum is tried on a whole recording."""
-FAINTEST_AXIAL_GAIN = 11.5
-"""What the pendulum must then gain in the axial force: at rest with the housing at the load noise does twice in a thousand.
+MIN_FIT_GAIN = 9.0
+"""Twice the log-likelihood by the axial force alone, from which on a pendulum is tried on a whole recording."""
+MIN_AXIAL_GAIN = 11.5
+"""Gain of that pendulum in the axial force, from which on it counts as a swing: at rest with the housing at the load noise does
+twice in a thousand.
 
-Between this and `FAINTEST_GAIN` the answer is an angle that may as well be smaller, down to none.
+Between this and `MIN_GAIN` the answer is an angle that may as well be smaller, down to none.
 """
 BOUND_FACTOR = 2.5
 """Standard uncertainties added to an amplitude for its upper bound (of an ellipse, over all frequencies searched)."""
-RESTLESS = 0.5
-"""Unexplained by harmonics, rms over rms, from which on a small movement is not a swing."""
-LARGEST_RESTLESS_RAD = np.radians(1.0)
+MIN_UNEXPLAINED_RATIO = 0.5
+"""Rms that harmonics leave unexplained over the rms, from which on a small movement is not a swing."""
+MAX_IRREGULAR_RAD = np.radians(1.0)
 
 
 def at_rest_estimate(
@@ -51,11 +52,11 @@ def irregular_motion_estimate(bins: Bins, noise_g: Array, rig: MountedHousing, f
     high_g, low_g = bins.force_g[:, 2].max() - 1 + u_z_g, 1 - bins.force_g[:, 2].min() + u_z_g
     by_z = np.sqrt(np.maximum(2 * low_g, high_g / np.maximum(rho, 1e-4)).clip(min=0.0))
     swing_rad = float(np.minimum(by_xy, by_z).max())
-    if swing_rad > LARGEST_RESTLESS_RAD:
+    if swing_rad > MAX_IRREGULAR_RAD:
         return None
     u_mean_g = deviation_g[:, :2].std(axis=0)
     found = _estimate_without_swing(bins, noise_g, rig, mean_g, from_s, swing_rad, u_mean_g)
-    return replace(found, reasons=("the rope moves, but not as a load swings",))
+    return replace(found, reasons=("motion without a pendulum's period",))
 
 
 def _estimate_without_swing(
@@ -97,7 +98,7 @@ def upper_bound_amplitude(estimate: SwingEstimate, at_rest: SwingEstimate) -> Sw
         estimate,
         u_rad=max(estimate.u_rad or 0.0, high_rad / (2 * NORMAL_975)),
         coverage95_rad=(0.0, high_rad),
-        reasons=(*estimate.reasons, "hardly distinct from noise: the swing may be smaller, or none"),
+        reasons=(*estimate.reasons, "not significant against noise: the swing may be smaller, or none"),
     )
 
 
@@ -113,7 +114,7 @@ def likelihood_gains(result: FitResult) -> Array:
 
 def is_below_detection(result: FitResult) -> bool:
     """Return whether a load at rest would explain the window as well as the fit does."""
-    return bool(likelihood_gains(result).sum() < FAINTEST_GAIN)
+    return bool(likelihood_gains(result).sum() < MIN_GAIN)
 
 
 def _excess_variance(bins: Bins, noise_g: Array) -> Array:

@@ -13,8 +13,8 @@ from gateway.swing.detection.periodicity import Series, fit_windows, harmonic_ba
 
 TRIED_RATIOS = tuple(np.linspace(0.95, 1.05, 41))
 """Periods of a window, relative to that of the recording."""
-WINDOW_PERIODS = 3.0
-LEAST_U_REL = 0.02
+LENGTH_WINDOW_PERIODS = 3.0
+MIN_LENGTH_U_REL = 0.02
 """Smallest standard uncertainty of the length, relative: the grid of periods, damping, and the noise of the amplitude."""
 AXIAL_SHARE = 0.5
 """Share of the fundamental along the rope from which on it is the second harmonic of the swing: near the load, the axial force
@@ -40,7 +40,7 @@ def rope_length_by_period(time_s: Array, force_g: Array, gravity_m_s2: float) ->
     free = (time_s >= found.longest.from_s) & (time_s <= found.longest.to_s)
     series = resample(time_s[free], force_g[free], found.period_s / SAMPLES_PER_PERIOD)
     period = found.period_s / series.interval_s
-    length = round(WINDOW_PERIODS * period)
+    length = round(LENGTH_WINDOW_PERIODS * period)
     tries = {ratio: fit_windows(series, ratio * period, length, drifts=False) for ratio in TRIED_RATIOS}
     fits = {ratio: fit for ratio, fit in tries.items() if fit is not None}
     if not fits:
@@ -58,7 +58,7 @@ def rope_length_by_period(time_s: Array, force_g: Array, gravity_m_s2: float) ->
         ]
     )
     length_m = float(np.median(lengths_m))
-    u_rel = float(np.hypot(LEAST_U_REL, robust_sigma(lengths_m - length_m) / length_m))
+    u_rel = float(np.hypot(MIN_LENGTH_U_REL, robust_sigma(lengths_m - length_m) / length_m))
     return LengthByPeriod(length_m, u_rel, float(np.median(periods_s)))
 
 
@@ -67,7 +67,7 @@ def _is_axial(series: Series, period: float) -> bool:
 
     A sensor beside the rope reads the swing's own fundamental along it too, but beside a larger second harmonic.
     """
-    places = np.arange(min(len(series), round(WINDOW_PERIODS * period))) - 0.0
+    places = np.arange(min(len(series), round(LENGTH_WINDOW_PERIODS * period))) - 0.0
     basis = harmonic_basis(places, period, drifts=False)
     harmonics = np.linalg.lstsq(basis, series.force_g[: len(places)], rcond=None)[0][1:5]
     up = series.force_g.mean(axis=0)

@@ -3,15 +3,15 @@
 import numpy as np
 
 from gateway.numerics.array import Array
-from gateway.swing.detection.periodicity import LOCAL_RATIOS, WINDOW_PERIODS, Series, harmonic_basis
+from gateway.swing.detection.periodicity import COMPARED_PERIODS, LOCAL_RATIOS, Series, harmonic_basis
 
 INSET_PERIODS = 0.5
 """Distance of the extrapolated window from the end that the windows show: they may contain a little of what follows."""
-REACH_PERIODS = 1.5
+BOUNDARY_REACH_PERIODS = 1.5
 MEAN_PERIODS = 1 / 16
 """Residuals are averaged over this."""
 RESIDUAL_SIGMA, TOLERANCE_RATIO = 2.5, 1.5
-LARGEST_UNKNOWN_SHARE = 0.7
+MAX_UNKNOWN_WINDOW_SHARE = 0.7
 
 
 def swing_boundary(series: Series, period: float, part: tuple[int, int], tolerance: float, *, forward: bool) -> int:
@@ -24,9 +24,9 @@ def swing_boundary(series: Series, period: float, part: tuple[int, int], toleran
     if not forward:
         values, (first, end) = values[::-1], (last - part[1], last - part[0])
     stop = end + 1 - round(INSET_PERIODS * period)
-    start = max(stop - round(WINDOW_PERIODS * period), first)
+    start = max(stop - round(COMPARED_PERIODS * period), first)
     reached = _extrapolate(
-        values[start : stop + round(REACH_PERIODS * period)], stop - start, period, series, tolerance
+        values[start : stop + round(BOUNDARY_REACH_PERIODS * period)], stop - start, period, series, tolerance
     )
     found = start + reached
     return found if forward else last - found
@@ -39,7 +39,7 @@ def _extrapolate(values: Array, count: int, period: float, series: Series, toler
     for ratio in LOCAL_RATIOS:
         for drifts in (False, True):
             basis = harmonic_basis(places, ratio * period, drifts=drifts)
-            if basis.shape[1] > LARGEST_UNKNOWN_SHARE * count:
+            if basis.shape[1] > MAX_UNKNOWN_WINDOW_SHARE * count:
                 continue
             fitted = basis @ np.linalg.lstsq(basis[:count], values[:count], rcond=None)[0]
             variance = float(((values - fitted)[:count] ** 2).sum()) / (count - basis.shape[1])

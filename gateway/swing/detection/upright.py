@@ -8,7 +8,7 @@ from gateway.numerics.array import Array
 from gateway.swing.model.mount import angles_of, rotation
 from gateway.swing.rig import MountedHousing
 
-LARGEST_PULL, LEAST_PULL = 0.05, 0.01
+MAX_PULL_U, MIN_PULL_U = 0.05, 0.01
 """Limits of the standard uncertainty of a side pull over the weight, where the readings may show the mount's tilt as well. Basis:
 wind and a skew pull lean a load that swings freely by up to some 3 degrees."""
 
@@ -28,6 +28,6 @@ def turn_upright(force_g: Array, rig: MountedHousing) -> tuple[Array, MountedHou
         rig,
         mount_rad=(about_x_rad, about_y_rad),
         mount_u_rad=tilt_rad if rig.mount_u_rad is None else rig.mount_u_rad,
-        pull_u=float(np.clip(tilt_rad, LEAST_PULL, LARGEST_PULL)),
+        pull_u=float(np.clip(tilt_rad, MIN_PULL_U, MAX_PULL_U)),
     )
     return force_g @ rotation(apparent_rad), upright

@@ -16,7 +16,7 @@ from gateway.swing.estimation.robust_fit import FitResult, inflate_uncertainty
 from gateway.swing.fit.priors import N_SENSOR_ERRORS
 from gateway.swing.uncertainty.peaks import largest_angle, largest_angle_gradient
 
-CHANCE = 1.5
+MAX_DIFFERENCE_SIGMA = 1.5
 """Standard deviations by which two may differ."""
 
 
@@ -63,7 +63,7 @@ def _excess_difference_rad(one: SegmentEstimate, others: list[SegmentEstimate]) 
     difference = own + covariance - own @ covariance - covariance @ own  # of two estimates with the same prior
     change_rad = float(one.angle_by_errors @ (errors - one.errors))
     variance_rad2 = float(one.angle_by_errors @ difference @ one.angle_by_errors)
-    return float(np.sqrt(max(change_rad**2 - CHANCE**2 * variance_rad2, 0.0)))
+    return float(np.sqrt(max(change_rad**2 - MAX_DIFFERENCE_SIGMA**2 * variance_rad2, 0.0)))
 
 
 def _estimate_errors(result: FitResult) -> SegmentEstimate:

@@ -14,19 +14,19 @@ from gateway.swing.rig import MountedHousing
 
 RASTER_STEPS_PER_PERIOD = 10
 MARGIN_PERIODS = 0.05
-STRIDE_PERIODS = 0.3
-"""By which the window grows from fit to fit: a wrong speed must not cost more than a fraction of a swing."""
-BACK_PERIODS = 0.25
-"""How far before the end of the plain stretch the rope may have begun to move."""
-WINDOW_PERIODS = 3.5
-"""Of one fit."""
-SETTLED_PERIODS, OPEN_PERIODS = 1.5, 0.5
+GROWTH_PERIODS = 0.3
+"""Periods by which the window grows from fit to fit: a wrong speed must not cost more than a fraction of a swing."""
+LOOK_BACK_PERIODS = 0.25
+"""Periods before the end of the plain stretch at which the rope may have begun to move."""
+HOIST_WINDOW_PERIODS = 3.5
+"""Length of the window of one fit, in periods."""
+CONVERGED_PERIODS, UNKNOWN_END_PERIODS = 1.5, 0.5
 """A stretch is settled when this much has been seen, but for its open end."""
-FINEST_RASTER_S = 0.3
-ITERATIONS = 8
-LARGEST_MISFIT = 0.03
-FASTEST_M_S = 2.0
-"""No hoist: something else that the splines took in."""
+MIN_RASTER_S = 0.3
+HOIST_ITERATIONS = 8
+MAX_HOIST_MISFIT = 0.03
+MAX_HOIST_M_S = 2.0
+"""Largest speed of a hoist: a faster one is something else that the splines took in."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ def _spline_step_s(rig: MountedHousing) -> float:
     A housing that moves with the rope reads every change of speed; one that stays in place reads only its effect on the swing.
     """
     step_s = rig.small_swing_period_s / RASTER_STEPS_PER_PERIOD
-    return step_s if rig.above_load_m is None else min(step_s, FINEST_RASTER_S)
+    return step_s if rig.above_load_m is None else min(step_s, MIN_RASTER_S)
 
 
 def fit_hoist(
@@ -71,7 +71,7 @@ def fit_hoist(
     """
     splines = SplineGrid.covering(*moving_s, _spline_step_s(rig))
     prior = hoisting_prior(rig, splines.count)
-    result = fit_robust(bins, noise_g, start.with_splines(splines), prior, iterations, max_misfit=LARGEST_MISFIT)
+    result = fit_robust(bins, noise_g, start.with_splines(splines), prior, iterations, max_misfit=MAX_HOIST_MISFIT)
     return result if result is not None and _is_plausible(result) else None
 
 
@@ -90,20 +90,20 @@ def track_forward(
     `motion` explains the data between `from_s` and `constant_to_s`.
     """
     found: list[FittedInterval] = []
-    moving_from_s = constant_to_s - BACK_PERIODS * motion.period_s
+    moving_from_s = constant_to_s - LOOK_BACK_PERIODS * motion.period_s
     end_s = known_s = constant_to_s
     while end_s < to_s:
         period_s = motion.period_s
-        end_s = min(end_s + STRIDE_PERIODS * period_s, to_s)
-        from_s = max(from_s, end_s - WINDOW_PERIODS * period_s)
+        end_s = min(end_s + GROWTH_PERIODS * period_s, to_s)
+        from_s = max(from_s, end_s - HOIST_WINDOW_PERIODS * period_s)
         start = motion.extended(max(from_s, motion.grid.start_s), end_s + MARGIN_PERIODS * period_s)
         moving_s = max(moving_from_s, from_s), end_s
-        result = fit_hoist(bins.between(from_s, end_s), noise_g, rig, start, moving_s, ITERATIONS)
+        result = fit_hoist(bins.between(from_s, end_s), noise_g, rig, start, moving_s, HOIST_ITERATIONS)
         if result is None:
             break
         motion = result.fit.motion
-        if result.is_valid and (end_s == to_s or end_s - known_s > SETTLED_PERIODS * period_s):
-            settled_s = end_s if end_s == to_s else end_s - OPEN_PERIODS * period_s
+        if result.is_valid and (end_s == to_s or end_s - known_s > CONVERGED_PERIODS * period_s):
+            settled_s = end_s if end_s == to_s else end_s - UNKNOWN_END_PERIODS * period_s
             found.append(FittedInterval(known_s, settled_s, result))
             known_s = settled_s
     return found
@@ -124,20 +124,20 @@ def track_backward(
     `motion` explains the data between `constant_from_s` and `to_s`.
     """
     found: list[FittedInterval] = []
-    moving_to_s = constant_from_s + BACK_PERIODS * motion.period_s
+    moving_to_s = constant_from_s + LOOK_BACK_PERIODS * motion.period_s
     begin_s = known_s = constant_from_s
     while begin_s > from_s:
         period_s = motion.period_s
-        begin_s = max(begin_s - STRIDE_PERIODS * period_s, from_s)
-        to_s = min(to_s, begin_s + WINDOW_PERIODS * period_s)
+        begin_s = max(begin_s - GROWTH_PERIODS * period_s, from_s)
+        to_s = min(to_s, begin_s + HOIST_WINDOW_PERIODS * period_s)
         start = motion.extended_backward(begin_s, to_s + MARGIN_PERIODS * period_s)
         moving_s = begin_s, min(moving_to_s, to_s)
-        result = fit_hoist(bins.between(begin_s, to_s), noise_g, rig, start, moving_s, ITERATIONS)
+        result = fit_hoist(bins.between(begin_s, to_s), noise_g, rig, start, moving_s, HOIST_ITERATIONS)
         if result is None:
             break
         motion = result.fit.motion
-        if result.is_valid and (begin_s == from_s or known_s - begin_s > SETTLED_PERIODS * period_s):
-            settled_s = begin_s if begin_s == from_s else begin_s + OPEN_PERIODS * period_s
+        if result.is_valid and (begin_s == from_s or known_s - begin_s > CONVERGED_PERIODS * period_s):
+            settled_s = begin_s if begin_s == from_s else begin_s + UNKNOWN_END_PERIODS * period_s
             found.insert(0, FittedInterval(settled_s, known_s, result))
             known_s = settled_s
     return found
@@ -145,4 +145,4 @@ def track_backward(
 
 def _is_plausible(result: FitResult) -> bool:
     speeds_m_s = result.fit.motion.parameters[N_BASE_PARAMETERS:]
-    return result.uncertainty.misfit <= LARGEST_MISFIT and bool((np.abs(speeds_m_s) < FASTEST_M_S).all())
+    return result.uncertainty.misfit <= MAX_HOIST_MISFIT and bool((np.abs(speeds_m_s) < MAX_HOIST_M_S).all())

@@ -4,19 +4,19 @@ import numpy as np
 
 from gateway.numerics.array import Array
 from gateway.numerics.runs import true_runs
-from gateway.swing.estimate import SLOWEST_HOIST_M_S, SURE, SwingEstimate, SwingPeak
+from gateway.swing.estimate import DETECTION_SIGMA, MIN_HOIST_M_S, SwingEstimate, SwingPeak
 from gateway.swing.estimation.robust_fit import FitResult
 from gateway.swing.model.motion import N_BASE_PARAMETERS, N_STATES
 from gateway.swing.uncertainty.peaks import half_swing_peaks, sample_angles, swing_ellipse
 from gateway.swing.uncertainty.uncertainty_model import UncertaintyModel
 
 NOTABLE_WIDENING = 1.5
-CHOICE = 1.08
+SELECTION_WIDENING = 1.08
 """Widens the interval: the largest of several nearly equal maxima is chosen, which linear propagation does not know."""
-FAINT = 0.2
+SMALL_SWING_U_REL = 0.2
 """Relative uncertainty by the data, beside that of the model, from which on the interval reaches down to 0: the angle is no
 longer linear in what is measured."""
-LOOK_S = 0.25
+GRID_STEP_S = 0.25
 REMEDY = "check the housing's position and mount in the rig and --axes, or choose a free swing with --from --to"
 NOT_CONVERGED = f"the fit of a pendulum did not converge: {REMEDY}"
 NO_MOTION = f"no pendulum motion fits the data: {REMEDY}"
@@ -71,8 +71,8 @@ def _without_angle(result: FitResult, noise_g: Array, from_s: float, to_s: float
 
 def coverage_interval(peak: SwingPeak, uncertainty: UncertaintyModel) -> tuple[float, float]:
     """Return the 95 % interval of a peak."""
-    half = CHOICE * uncertainty.coverage_factor * peak.u_rad
-    is_faint = peak.u_rad**2 > (FAINT**2 + uncertainty.model_u_rel**2) * peak.phi_max_rad**2
+    half = SELECTION_WIDENING * uncertainty.coverage_factor * peak.u_rad
+    is_faint = peak.u_rad**2 > (SMALL_SWING_U_REL**2 + uncertainty.model_u_rel**2) * peak.phi_max_rad**2
     low = 0.0 if is_faint else peak.phi_max_rad - half
     return max(0.0, low), min(peak.phi_max_rad + half, np.pi)
 
@@ -112,9 +112,9 @@ def full_swings(peaks: list[SwingPeak], from_s: float, to_s: float, period_s: fl
 
 def hoisting_intervals_s(result: FitResult, from_s: float, to_s: float) -> tuple[tuple[float, float], ...]:
     """Return when between two times the rope's length significantly changes, to a quarter of a second."""
-    edges_s = np.arange(from_s, to_s + LOOK_S, LOOK_S)
+    edges_s = np.arange(from_s, to_s + GRID_STEP_S, GRID_STEP_S)
     speed_m_s, u_m_s = _rope_speeds(result, (edges_s[:-1] + edges_s[1:]) / 2)
-    moving = np.abs(speed_m_s) > np.maximum(SURE * u_m_s, SLOWEST_HOIST_M_S)
+    moving = np.abs(speed_m_s) > np.maximum(DETECTION_SIGMA * u_m_s, MIN_HOIST_M_S)
     return tuple((float(edges_s[start]), float(edges_s[stop])) for start, stop in true_runs(moving))
 
 

@@ -15,9 +15,9 @@ from gateway.swing.fit.priors import N_SENSOR_ERRORS, SensorModel
 from gateway.swing.model.spherical_pendulum import equilibrium
 from gateway.swing.uncertainty.peaks import largest_angle
 
-LARGEST_DISTANCE = 3.0
+MAX_DISTANCE_SIGMA = 3.0
 """Standard uncertainties of the position between the sensor and the load, up to which the phase is not known."""
-DECISIVE = 9.0
+DECISIVE_CHI2 = 9.0
 """Difference of chi-square from which on the less likely phase is left out."""
 
 
@@ -27,7 +27,7 @@ def choose_phase(result: FitResult, bins: Bins, noise_g: Array, iterations: int)
     length_m = fit.motion.length_m
     sensor_m = rig.position_at(length_m) + fit.sensor.position_error_m
     position_u_m = float(fit.prior.sigma[-N_SENSOR_ERRORS])
-    if abs(length_m - sensor_m) > LARGEST_DISTANCE * position_u_m:
+    if abs(length_m - sensor_m) > MAX_DISTANCE_SIGMA * position_u_m:
         return result
     q, w, pull = fit.motion.nodes
     motion = replace(fit.motion, nodes=np.stack([2 * equilibrium(pull) - q, -w, pull]))
@@ -38,7 +38,7 @@ def choose_phase(result: FitResult, bins: Bins, noise_g: Array, iterations: int)
         return result
     before, after = _cost(result), _cost(other)
     best, second = (other, result) if after < before else (result, other)
-    if abs(after - before) > DECISIVE or not second.is_valid:
+    if abs(after - before) > DECISIVE_CHI2 or not second.is_valid:
         return best
     best_rad, second_rad = (largest_angle(each.fit, each.uncertainty)[0] for each in (best, second))
     return inflate_uncertainty(best, abs(second_rad / best_rad - 1))

@@ -21,7 +21,7 @@ from gateway.swing.uncertainty.uncertainty_model import (
     variance_inflation,
 )
 
-OUTLIER_SIGMA = 6.0
+RESIDUAL_OUTLIER_SIGMA = 6.0
 MAX_OUTLIER_SHARE = 0.03
 """Share of the bins; more than that are not spikes but something that the pendulum does not know."""
 MIN_REWEIGHT_INFLATION = 1.5
@@ -124,18 +124,18 @@ def _iterated(start: SwingFit, iterations: int, weight: Array, max_misfit: float
     if fit.converged or misfit(fit, weight) > HOPELESS_MISFIT_RATIO * max_misfit:
         return fit
     inflation = uncertainty_of(fit, weight).variance_inflation
-    calmed = iterate(reweight(start, weight / inflation), iterations)
-    return calmed if calmed.converged else fit
+    reweighted = iterate(reweight(start, weight / inflation), iterations)
+    return reweighted if reweighted.converged else fit
 
 
 def _hopeless(weight: Array, max_misfit: float, rival: SwingFit | None = None) -> Callable[[SwingFit], bool]:
     """Return a test of a fit that hardly improves any more: far from being of use, or from the best so far."""
 
-    def is_hopeless(fit: SwingFit) -> bool:
+    def should_abandon(fit: SwingFit) -> bool:
         outdone = rival is not None and fit.cost > HOPELESS_COST_RATIO * rival.cost
         return outdone or misfit(fit, weight) > HOPELESS_MISFIT_RATIO * max_misfit
 
-    return is_hopeless
+    return should_abandon
 
 
 def _refined(fit: SwingFit, weight: Array) -> FitResult | None:
@@ -217,7 +217,7 @@ def _outliers(fit: SwingFit) -> NDArray[np.bool_]:
     """Return which bins are few, lone and far from all others, shape (bins,)."""
     size = np.abs(fit.residual_g) * np.sqrt(fit.weight)
     usual = np.maximum(robust_sigma(size), 1.0)
-    far: NDArray[np.bool_] = np.any(size > OUTLIER_SIGMA * usual, axis=1)
+    far: NDArray[np.bool_] = np.any(size > RESIDUAL_OUTLIER_SIGMA * usual, axis=1)
     few = np.count_nonzero(far) <= max(MAX_OUTLIER_SHARE * len(size), 1)
     return far & few
 

@@ -11,7 +11,7 @@ from gateway.swing.data.bins import Bins
 from gateway.swing.estimate import SwingEstimate
 from gateway.swing.estimation.cross_segment_consistency import enforce_common_sensor_errors
 from gateway.swing.estimation.hoist_tracking import FittedInterval, track_backward, track_forward
-from gateway.swing.estimation.make_estimate import CHOICE, hoisting_intervals_s, make_estimate
+from gateway.swing.estimation.make_estimate import SELECTION_WIDENING, hoisting_intervals_s, make_estimate
 from gateway.swing.estimation.robust_fit import FitResult, fit_robust, fit_robust_from, inflate_uncertainty
 from gateway.swing.fit.harmonics import find_harmonics
 from gateway.swing.fit.initial_guess import initial_motions
@@ -20,31 +20,31 @@ from gateway.swing.model.spherical_pendulum import rope_angle
 from gateway.swing.rig import MountedHousing
 from gateway.swing.uncertainty.peaks import largest_angle
 
-SHORTEST_PERIODS, LONGEST_PERIODS = 1.2, 8.0
-"""Of a stretch."""
-STRIDE_PERIODS = 0.25
-"""Between tries where nothing fits."""
-LATER_PERIODS = (0.5, 1.0)
-"""Where a plain stretch is looked for when the first one is not."""
-FINEST_PERIODS = 0.125
-"""To which the end of a stretch is found."""
-LARGEST_MISFIT = 0.02
-FEWEST_FITS, FITS_PER_PERIOD = 60, 2.0
+MIN_STRETCH_PERIODS, MAX_STRETCH_PERIODS = 1.2, 8.0
+"""Shortest and longest stretch, in periods."""
+STEP_PERIODS = 0.25
+"""Periods between tries where nothing fits."""
+RETRY_OFFSET_PERIODS = (0.5, 1.0)
+"""Periods after the first try at which a plain stretch is looked for where that one finds none."""
+END_RESOLUTION_PERIODS = 0.125
+"""Resolution, in periods, to which the end of a stretch is found."""
+MAX_SEGMENT_MISFIT = 0.02
+MIN_FITS, FITS_PER_PERIOD = 60, 2.0
 """Tries in one recording, the larger of both: a recording that is not a pendulum's is given up."""
-ITERATIONS = 10
-DIFFERENT = 3.0
+SEGMENT_ITERATIONS = 10
+CONFLICT_SIGMA = 3.0
 """Standard uncertainties between the rope's lengths in two pieces, from which on it has moved between them."""
 TRIM_PERIODS = 1.0
-"""Of a piece next to a moving rope: so long a movement can hide in the noise and still bias the swing."""
-SHORTEST_CORE_PERIODS = 0.9
+"""Periods that are cut from a piece next to a moving rope: so long a movement can hide in the noise and still bias the swing."""
+MIN_CORE_PERIODS = 0.9
 TAIL_PERIODS, OVERLAP_PERIODS = 2.0, 1.0
-"""Of the pieces before and after, that a stretch with a moving rope is fitted with."""
+"""Periods of the pieces before and after, with which a stretch with a moving rope is fitted."""
 OFFSET_SHARE = 0.5
-"""Of the zero-g offset's standard uncertainty, that stays in an angle. On hoists with planted errors of all axes, pieces
+"""Share of the zero-g offset's standard uncertainty that stays in an angle. On hoists with planted errors of all axes, pieces
 believed to tell offset from lean by the axial force were wrong by up to 0.8 degrees, with an offset known to 1.4."""
-HARMLESS_GAP_PERIODS = 0.5
+MAX_BRIDGED_GAP_PERIODS = 0.5
 """An unfitted stretch this short cannot hide a larger angle than its neighbours show, unless it is forced for longer."""
-FEWEST_BINS = 12
+MIN_SEGMENT_BINS = 12
 
 
 @dataclass(slots=True)
@@ -57,16 +57,16 @@ class Segmenter:
     period_s: float
     to_s: float
     fits: int = 0
-    max_fits: float = FEWEST_FITS
+    max_fits: float = MIN_FITS
 
     def segments(self, from_s: float) -> list[FittedInterval]:
         """Return all segments from `from_s` on, oldest first."""
         found: list[FittedInterval] = []
-        self.max_fits = max(FEWEST_FITS, FITS_PER_PERIOD * (self.to_s - from_s) / self.period_s)
-        while from_s + SHORTEST_PERIODS * self.period_s <= self.to_s and self.fits < self.max_fits:
+        self.max_fits = max(MIN_FITS, FITS_PER_PERIOD * (self.to_s - from_s) / self.period_s)
+        while from_s + MIN_STRETCH_PERIODS * self.period_s <= self.to_s and self.fits < self.max_fits:
             segment = self._first(from_s)
             if segment is None:
-                from_s += STRIDE_PERIODS * self.period_s
+                from_s += STEP_PERIODS * self.period_s
                 continue
             if not segment.result.is_explained and (explained := self._explained_soon(from_s)) is not None:
                 found.append(replace(segment, to_s=min(segment.to_s, explained.from_s)))
@@ -77,21 +77,23 @@ class Segmenter:
         return found
 
     def _first(self, from_s: float) -> FittedInterval | None:
-        to_s = min(from_s + SHORTEST_PERIODS * self.period_s, self.to_s)
+        to_s = min(from_s + MIN_STRETCH_PERIODS * self.period_s, self.to_s)
         window = self.bins.between(from_s, to_s)
-        if len(window) < FEWEST_BINS:
+        if len(window) < MIN_SEGMENT_BINS:
             return None
         harmonics = find_harmonics(window, self.noise_g, self.prior.rig)
-        guesses = initial_motions(harmonics, self.prior.rig, from_s, to_s + FINEST_PERIODS * self.period_s)
+        guesses = initial_motions(harmonics, self.prior.rig, from_s, to_s + END_RESOLUTION_PERIODS * self.period_s)
         self.fits += len(guesses)
-        result = fit_robust_from(window, self.noise_g, guesses, self.prior, ITERATIONS, max_misfit=LARGEST_MISFIT)
+        result = fit_robust_from(
+            window, self.noise_g, guesses, self.prior, SEGMENT_ITERATIONS, max_misfit=MAX_SEGMENT_MISFIT
+        )
         return self._accepted(from_s, to_s, result)
 
     def _explained_soon(self, from_s: float) -> FittedInterval | None:
         """Return a segment that begins a little later and follows the pendulum to the noise."""
-        for later in LATER_PERIODS:
+        for later in RETRY_OFFSET_PERIODS:
             begin_s = from_s + later * self.period_s
-            if begin_s + SHORTEST_PERIODS * self.period_s <= self.to_s:
+            if begin_s + MIN_STRETCH_PERIODS * self.period_s <= self.to_s:
                 segment = self._first(begin_s)
                 if segment is not None and segment.result.is_explained:
                     return segment
@@ -101,15 +103,15 @@ class Segmenter:
         """Return the segment, extended until it no longer fits."""
         step = 0.5
         explained = segment
-        while step >= FINEST_PERIODS and segment.to_s < self.to_s and self.fits < self.max_fits:
-            if segment.to_s - segment.from_s > LONGEST_PERIODS * self.period_s:
+        while step >= END_RESOLUTION_PERIODS and segment.to_s < self.to_s and self.fits < self.max_fits:
+            if segment.to_s - segment.from_s > MAX_STRETCH_PERIODS * self.period_s:
                 break
             fit, to_s = segment.result.fit, min(segment.to_s + step * self.period_s, self.to_s)
-            start = fit.motion.extended(segment.from_s, to_s + FINEST_PERIODS * self.period_s)
+            start = fit.motion.extended(segment.from_s, to_s + END_RESOLUTION_PERIODS * self.period_s)
             window = self.bins.between(segment.from_s, to_s)
             self.fits += 1
             result = fit_robust(
-                window, self.noise_g, start, self.prior, ITERATIONS, fit.sensor, max_misfit=LARGEST_MISFIT
+                window, self.noise_g, start, self.prior, SEGMENT_ITERATIONS, fit.sensor, max_misfit=MAX_SEGMENT_MISFIT
             )
             longer = self._accepted(segment.from_s, to_s, result)
             if longer is None:
@@ -120,7 +122,7 @@ class Segmenter:
         return explained if explained.result.is_explained else segment
 
     def _accepted(self, from_s: float, to_s: float, result: FitResult | None) -> FittedInterval | None:
-        if result is None or not result.is_valid or result.uncertainty.misfit > LARGEST_MISFIT:
+        if result is None or not result.is_valid or result.uncertainty.misfit > MAX_SEGMENT_MISFIT:
             return None
         return FittedInterval(from_s, to_s, result)
 
@@ -130,7 +132,7 @@ def fit_gaps_with_hoisting(
 ) -> list[FittedInterval]:
     """Return the segments; where the rope's length changes between explained ones, what that explains in their place."""
     rig, (from_s, to_s) = prior.rig, ends_s
-    harmless_s = HARMLESS_GAP_PERIODS * segments[0].period_s
+    harmless_s = MAX_BRIDGED_GAP_PERIODS * segments[0].period_s
     gaps = _gaps(segments, from_s, to_s)
     if all(end_s - begin_s <= harmless_s for begin_s, end_s in gaps) and not _lengths_differ(segments):
         return segments
@@ -138,11 +140,11 @@ def fit_gaps_with_hoisting(
     if not cores:
         return segments
     hoists: list[FittedInterval] = []
-    if cores[0].from_s - from_s > FINEST_PERIODS * cores[0].period_s:
+    if cores[0].from_s - from_s > END_RESOLUTION_PERIODS * cores[0].period_s:
         hoists += _before(cores[0], bins, noise_g, rig, from_s)
     for core, following in pairwise(cores):
         hoists += _between(core, following, bins, noise_g, rig)
-    if to_s - cores[-1].to_s > FINEST_PERIODS * cores[-1].period_s:
+    if to_s - cores[-1].to_s > END_RESOLUTION_PERIODS * cores[-1].period_s:
         hoists += _after(cores[-1], bins, noise_g, rig, to_s)
     if not hoists:
         return segments
@@ -155,7 +157,7 @@ def _lengths_differ(segments: list[FittedInterval]) -> bool:
     """Return whether the rope has another length in one segment than in the next."""
     return any(
         abs(np.log(one.result.fit.motion.length_m / other.result.fit.motion.length_m))
-        > DIFFERENT * np.hypot(one.result.uncertainty.length_u_rel, other.result.uncertainty.length_u_rel)
+        > CONFLICT_SIGMA * np.hypot(one.result.uncertainty.length_u_rel, other.result.uncertainty.length_u_rel)
         for one, other in pairwise(segments)
     )
 
@@ -167,12 +169,12 @@ def _core(
     if not segment.result.is_explained:
         return None
     is_open = np.array([segment.from_s > ends_s[0], segment.to_s < ends_s[1]])
-    spare_s = (segment.periods - SHORTEST_CORE_PERIODS) * segment.period_s / max(is_open.sum(), 1)
+    spare_s = (segment.periods - MIN_CORE_PERIODS) * segment.period_s / max(is_open.sum(), 1)
     trim_s = is_open * min(TRIM_PERIODS * segment.period_s, spare_s)
     from_s, to_s = segment.from_s + float(trim_s[0]), segment.to_s - float(trim_s[1])
     fit = segment.result.fit
-    start = fit.motion.extended(from_s, to_s + FINEST_PERIODS * segment.period_s)
-    result = fit_robust(bins.between(from_s, to_s), noise_g, start, prior, ITERATIONS, fit.sensor)
+    start = fit.motion.extended(from_s, to_s + END_RESOLUTION_PERIODS * segment.period_s)
+    result = fit_robust(bins.between(from_s, to_s), noise_g, start, prior, SEGMENT_ITERATIONS, fit.sensor)
     return FittedInterval(from_s, to_s, result) if result is not None and result.is_valid else None
 
 
@@ -212,7 +214,7 @@ def combine_segments(
     segments, disagreements = enforce_common_sensor_errors(with_offset)
     parts = [make_estimate(segment.result, noise_g, segment.from_s, segment.to_s) for segment in segments]
     largest = max(parts, key=lambda part: part.phi_max_rad or 0.0)
-    unknown = [gap for gap in _gaps(segments, from_s, to_s) if gap[1] - gap[0] > HARMLESS_GAP_PERIODS * period_s]
+    unknown = [gap for gap in _gaps(segments, from_s, to_s) if gap[1] - gap[0] > MAX_BRIDGED_GAP_PERIODS * period_s]
     hoists_s = tuple(when for s in segments for when in hoisting_intervals_s(s.result, s.from_s, s.to_s))
     reasons = [f"fitted in {len(segments)} segments"]
     if hoists_s:
@@ -264,7 +266,7 @@ def _growth_towards(first: FittedInterval, from_s: float) -> float:
 def _joint_u_rad(largest: SwingEstimate, coverage_rad: tuple[float, float]) -> float:
     """Return the uncertainty that the joint interval stands for, at least that of the largest part."""
     above_rad = coverage_rad[1] - (largest.phi_max_rad or 0.0)
-    return max(largest.u_rad or 0.0, above_rad / (CHOICE * NORMAL_975))
+    return max(largest.u_rad or 0.0, above_rad / (SELECTION_WIDENING * NORMAL_975))
 
 
 def _gaps(segments: list[FittedInterval], from_s: float, to_s: float) -> list[tuple[float, float]]:

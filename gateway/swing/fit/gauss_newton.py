@@ -14,17 +14,17 @@ from gateway.swing.model.motion import LN_LENGTH, N_STATES, PendulumMotion
 from gateway.swing.model.rope_spline import RopeLengthSpline
 from gateway.swing.model.spherical_pendulum import SensorPlacement, position_jacobian, specific_force_g
 
-CONVERGED, SETTLED = 0.01, 1.0
+CONVERGED_CHI2_FALL, SETTLED_CHI2_FALL = 0.01, 1.0
 """Fall of chi-square that a step may still promise when it is no longer taken, and when steps no longer keep the promise."""
-STAGNANT = 0.05
+STAGNANT_CHI2_FALL = 0.05
 """Fall of chi-square by a step, below which steps do not keep their promise: the axes hardly see what they change."""
-SLOW, UNEXPLAINED = 0.5, 10.0
+SLOW_CHI2_RATIO, UNEXPLAINED_CHI2 = 0.5, 10.0
 """Part of chi-square that a step leaves, and chi-square per reading, from which on steps are not on their way to an answer."""
-LARGEST_SHARE_OF_MOTION = 0.5
-LARGEST_LENGTH_STEP = 0.15
-LARGEST_LENGTH_RATIO = 50.0
-"""Of the rope's length to the stated one, either way. Basis: more than any hoist; on a rope without length a swing has no period,
-and a grid no end."""
+MAX_SHARE_OF_MOTION = 0.5
+MAX_LENGTH_STEP = 0.15
+MAX_LENGTH_RATIO = 50.0
+"""Largest ratio of the rope's length to the stated one, either way. Basis: more than any hoist; on a rope without length a
+swing has no period, and a grid no end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,28 +74,32 @@ def linearise(
     return _linearise(bins, weight, motion, sensor or SensorModel.ideal(), prior, 0)
 
 
-def iterate(fit: SwingFit, iterations: int, is_hopeless: Callable[[SwingFit], bool] | None = None) -> SwingFit:
+def iterate(fit: SwingFit, iterations: int, should_abandon: Callable[[SwingFit], bool] | None = None) -> SwingFit:
     """Return the fit after some iterations of Gauss-Newton; it may not have converged.
 
-    A step that makes the fit worse is tried again at half its length. `is_hopeless` is asked where two steps in a row have gained
-    little and much is unexplained: what the pendulum explains is found in two or three steps.
+    A step that makes the fit worse is tried again at half its length. `should_abandon` is asked where two steps in a row have
+    gained little and much is unexplained: what the pendulum explains is found in two or three steps.
     """
     best, fraction, slow = fit, 1.0, 0
     for iteration in range(1, iterations + 2):
         step, predicted_gain = _gauss_newton_step(best)
-        if predicted_gain < CONVERGED:
+        if predicted_gain < CONVERGED_CHI2_FALL:
             return replace(best, converged=True)
         trial = _stepped(best, step, fraction * _step_fraction(best.linearised, step), iteration)
         before = best.cost
-        if trial is not None and trial.cost < before + CONVERGED:
-            stagnant = predicted_gain < SETTLED and before - trial.cost < STAGNANT
+        if trial is not None and trial.cost < before + CONVERGED_CHI2_FALL:
+            stagnant = predicted_gain < SETTLED_CHI2_FALL and before - trial.cost < STAGNANT_CHI2_FALL
             best, fraction = trial, min(1.0, 2 * fraction)
             if stagnant:
                 return replace(best, converged=True)
         else:
             fraction /= 2
-        slow = slow + 1 if iteration > 1 and best.cost > max(SLOW * before, UNEXPLAINED * best.weight.size) else 0
-        if slow >= 2 and is_hopeless is not None and is_hopeless(best):
+        slow = (
+            slow + 1
+            if iteration > 1 and best.cost > max(SLOW_CHI2_RATIO * before, UNEXPLAINED_CHI2 * best.weight.size)
+            else 0
+        )
+        if slow >= 2 and should_abandon is not None and should_abandon(best):
             return best
     return best
 
@@ -130,7 +134,7 @@ def _linearise(
 ) -> SwingFit | None:
     shortest_m, longest_m = motion.extreme_lengths_m
     stated_m = prior.rig.length_m
-    if not (stated_m / LARGEST_LENGTH_RATIO < shortest_m and longest_m < stated_m * LARGEST_LENGTH_RATIO):
+    if not (stated_m / MAX_LENGTH_RATIO < shortest_m and longest_m < stated_m * MAX_LENGTH_RATIO):
         return None
     linearised = linearise_segments(motion)
     if not (np.isfinite(linearised.trajectory.state).all() and np.isfinite(linearised.condensed).all()):
@@ -204,5 +208,5 @@ def _gauss_newton_step(fit: SwingFit) -> tuple[Array, float]:
 
 def _step_fraction(linearised: LinearisedMotion, step: Array) -> float:
     """Return the fraction of a step that stays where the linear model holds for the motion and for the length."""
-    of_motion = LARGEST_SHARE_OF_MOTION / max(relative_step_size(linearised, step[: linearised.n_unknowns]), 1e-12)
-    return min(1.0, of_motion, LARGEST_LENGTH_STEP / max(abs(float(step[N_STATES + LN_LENGTH])), 1e-12))
+    of_motion = MAX_SHARE_OF_MOTION / max(relative_step_size(linearised, step[: linearised.n_unknowns]), 1e-12)
+    return min(1.0, of_motion, MAX_LENGTH_STEP / max(abs(float(step[N_STATES + LN_LENGTH])), 1e-12))

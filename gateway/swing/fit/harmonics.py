@@ -15,7 +15,7 @@ FREQUENCY_SPAN = (0.68, 1.55)
 WIDE_RAD = 0.77
 """Amplitude up to which harmonics state size and period of a swing; those of a wider one follow from the axial force. Basis:
 their errors grow with its square: 4 % of the period here."""
-AXIAL_QUANTILE = 0.01
+TURNING_POINT_QUANTILE = 0.01
 """Quantile of the axial force that stands for that at the turning points. Basis: a swing spends more time there than anywhere."""
 BELIEF_OF_FREQUENCY = 0.5
 """A relative error of the rope's length is half as large in the frequency."""
@@ -45,7 +45,7 @@ class Harmonics:
 
 def angle_by_axial_force(bins: Bins) -> float:
     """Return the rope's largest angle by the axial force at the turning points; noise makes that of a small swing too large."""
-    return float(np.arccos(np.clip(np.quantile(bins.force_g[:, 2], AXIAL_QUANTILE), -1.0, 1.0)))
+    return float(np.arccos(np.clip(np.quantile(bins.force_g[:, 2], TURNING_POINT_QUANTILE), -1.0, 1.0)))
 
 
 def find_harmonics(

@@ -15,10 +15,10 @@ from gateway.swing.model.motion import PendulumMotion, ShootingGrid
 from gateway.swing.model.spherical_pendulum import ComplexArray
 from gateway.swing.rig import MountedHousing
 
-SEEN = 5.0
+MIN_HARMONIC_SIGMA = 5.0
 """Standard uncertainties that a harmonic must have to be used."""
-LEAST_SHARE = 0.02
-"""Of the swing that transverse axes show, below which it is not scaled up."""
+MIN_TRANSVERSE_SHARE = 0.02
+"""Least share of the swing that transverse axes show: a smaller one is not scaled up further."""
 AXIAL_WITHIN_RHO = 0.3
 """Difference of rho from 1 up to which the axial force is used beside the transverse one."""
 _AS_COMPLEX = np.array([1, 1j])
@@ -59,8 +59,8 @@ def _amplitudes(harmonics: Harmonics, rig: MountedHousing, rate_1_s: float) -> l
     """Return X, each of shape (2,): from the transverse axes where they show the swing, near the load also from the axial one."""
     length_m = rig.length_of(rate_1_s)
     rho = rig.position_at(length_m) / length_m  # above 1 for a body that swings about a point above its end
-    transverse_visible = bool((np.abs(harmonics.amplitude_g) > SEEN * harmonics.u_g)[:2].any())
-    transverse = -harmonics.amplitude_g[:2] / math.copysign(max(abs(1 - rho), LEAST_SHARE), 1 - rho)
+    transverse_visible = bool((np.abs(harmonics.amplitude_g) > MIN_HARMONIC_SIGMA * harmonics.u_g)[:2].any())
+    transverse = -harmonics.amplitude_g[:2] / math.copysign(max(abs(1 - rho), MIN_TRANSVERSE_SHARE), 1 - rho)
     if transverse_visible and abs(1 - rho) > AXIAL_WITHIN_RHO:
         return [_sized(transverse, harmonics)]
     return [

@@ -10,7 +10,7 @@ import numpy as np
 
 from gateway.numerics.array import Array
 from gateway.swing.model.motion import N_STATES, STEPS_PER_SEGMENT, GridTimes, PendulumMotion
-from gateway.swing.model.segments import PERTURBATION, PerturbedSegments
+from gateway.swing.model.segments import DIFFERENCE_STEP, PerturbedSegments
 from gateway.swing.model.spherical_pendulum import ComplexArray, SwingTrajectory, integrate, interpolate
 
 MAX_AZIMUTH_STEP_RAD = 1.0
@@ -46,7 +46,7 @@ class LinearisedMotion:
 
     def condense(self, variants: Array, times: GridTimes) -> tuple[Array, Array]:
         """Return derivatives by the unknowns, (n, ..., unknowns), and shifts, (n, ...), of quantities (n, ..., variants)."""
-        jacobian = (variants[..., 1:] - variants[..., :1]) / PERTURBATION
+        jacobian = (variants[..., 1:] - variants[..., :1]) / DIFFERENCE_STEP
         condensed: Array = jacobian @ self.condensed[times.segment]
         return condensed[..., :-1], condensed[..., -1]
 
@@ -56,7 +56,7 @@ def linearise_segments(motion: PendulumMotion) -> LinearisedMotion:
     segments, grid = PerturbedSegments.of_motion(motion), motion.grid
     trajectory = integrate(segments.states, segments.trajectory_input(), grid.step_s, STEPS_PER_SEGMENT)
     ends = _dimensionless(trajectory.state[-1], motion)
-    jacobian = (ends[..., 1:] - ends[..., :1]) / PERTURBATION
+    jacobian = (ends[..., 1:] - ends[..., :1]) / DIFFERENCE_STEP
     gaps = ends[:-1, :, 0] - _dimensionless(motion.nodes[:, 1:, None], motion)[..., 0]
     unknowns = N_STATES + len(motion.parameters)
     condensed = np.zeros((grid.segments, jacobian.shape[-1], unknowns + 1))

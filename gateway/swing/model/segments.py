@@ -23,7 +23,7 @@ from gateway.swing.model.motion import (
 from gateway.swing.model.rope_spline import RopeLengthSpline
 from gateway.swing.model.spherical_pendulum import ComplexArray, ForceField, TrajectoryInput
 
-PERTURBATION = 1e-6
+DIFFERENCE_STEP = 1e-6
 """Step of the forward differences. Definition: its truncation and rounding errors are both some 1e-6 or less of a derivative."""
 
 
@@ -116,14 +116,14 @@ def _perturbed(parameters: Array) -> Array:
     own = parameters.shape[-1]
     variants = np.repeat(parameters[..., None], 1 + N_STATES + own, axis=-1)
     places = np.arange(own)
-    variants[..., places, 1 + N_STATES + places] += PERTURBATION
+    variants[..., places, 1 + N_STATES + places] += DIFFERENCE_STEP
     return variants
 
 
 def _perturbed_states(motion: PendulumMotion, own: int) -> ComplexArray:
     """Return the first states of the segments in variants, shape (3, segments, 1 + N_STATES + own)."""
     states = np.repeat(motion.nodes[..., None], 1 + N_STATES + own, axis=-1)
-    step = PERTURBATION * motion.state_scale[:, 0]
+    step = DIFFERENCE_STEP * motion.state_scale[:, 0]
     for row in range(3):
         states[row, :, 1 + 2 * row] += step[row]
         states[row, :, 2 + 2 * row] += 1j * step[row]

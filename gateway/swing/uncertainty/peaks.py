@@ -10,7 +10,7 @@ from gateway.swing.fit.gauss_newton import SwingFit
 from gateway.swing.model.spherical_pendulum import ComplexArray, equilibrium, rope_angle
 from gateway.swing.uncertainty.uncertainty_model import UncertaintyModel
 
-SAMPLES_PER_PERIOD = 48
+PEAK_SAMPLES_PER_PERIOD = 48
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class AngleSeries:
 
 def sample_angles(fit: SwingFit, from_s: float, to_s: float) -> AngleSeries:
     """Sample the motion between two times inside its grid."""
-    count = max(8, int(np.ceil((to_s - from_s) / fit.motion.period_s * SAMPLES_PER_PERIOD)) + 1)
+    count = max(8, int(np.ceil((to_s - from_s) / fit.motion.period_s * PEAK_SAMPLES_PER_PERIOD)) + 1)
     time_s = np.linspace(from_s, to_s, count)
     state = fit.linearised.states(fit.motion.grid.locate(time_s))[..., 0]
     q, pull = state[:, 0], state[:, 2]

@@ -20,7 +20,7 @@ Basis: a second body or a stand that yields (`tests.benchmarks.unmodelled_swing`
 0.5 to 8 %, by less than 1.9 times in 95 % of 51 drawn cases; the interval reaches 3.2 times."""
 MAX_MISFIT = 0.08
 """Unexplained part of the signal (rms over rms) beyond which the pendulum does not describe the data."""
-CHANCE = 4.5
+MIN_MISFIT_SIGMA = 4.5
 """Standard deviations above the noise's own share from which on smoothed residuals count as misfit."""
 SMOOTHING_BINS = 4
 """An eighth of a period: misfit is what is left in the swing's own band, not a vibration far above it."""
@@ -102,7 +102,7 @@ def misfit(fit: SwingFit, weight: Array) -> float:
     """Return the unexplained part of the signal, all axes together; `weight` is 1/variance of the bins by sensor noise alone."""
     residual_g, variance_g2 = _smoothed(fit.residual_g, weight)
     noise_g2 = variance_g2.mean(axis=0)
-    limit = 1 + CHANCE * np.sqrt(2 * SMOOTHING_BINS / max(len(fit.residual_g), 1))
+    limit = 1 + MIN_MISFIT_SIGMA * np.sqrt(2 * SMOOTHING_BINS / max(len(fit.residual_g), 1))
     variance = (residual_g**2).mean(axis=0)
     unexplained = np.where(variance > limit * noise_g2, variance - noise_g2, 0.0)
     signal = fit.bins.force_g.var(axis=0) - (1 / weight).mean(axis=0)

@@ -18,7 +18,7 @@ from devices.i2c.analogue_accelerometer import (
     AnalogueAccelerometer,
     AnaloguePart,
 )
-from gateway.bench.thermal.datasheet_limits import PARTS
+from gateway.bench.thermal.datasheet_limits import LIMITS_BY_PART
 from tests.devices.i2c.ads1115_chip import Ads1115Chip
 from tests.devices.i2c.i2c_chip import START_NS, FakeClock
 from tests.values import present
@@ -175,7 +175,7 @@ def test_an_output_that_the_data_sheet_excludes_is_counted() -> None:
 
 @pytest.mark.parametrize("name", ["ADXL335", "ADXL327", "LIS344ALH"])
 def test_the_limits_are_those_of_the_thermal_evaluation(name: str) -> None:
-    part, limits = ANALOGUE_PARTS[name], PARTS[name]
+    part, limits = ANALOGUE_PARTS[name], LIMITS_BY_PART[name]
     assert limits.sensitivity == part.sensitivity_limits_v_per_g
     assert limits.zero_g == part.zero_g_limits_v
     assert limits.offset_mg_per_c == pytest.approx(1e3 * part.zero_g_offset_g_per_k)

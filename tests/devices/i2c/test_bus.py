@@ -13,7 +13,7 @@ from devices.errors import (
     DeviceNotFoundError,
     TransferError,
 )
-from devices.i2c.bus import ATTEMPTS, I2cPart
+from devices.i2c.bus import MAX_ATTEMPTS, I2cPart
 from tests.devices.i2c.i2c_chip import FakeClock
 
 ADDRESS = 0x1D
@@ -78,7 +78,7 @@ def test_a_register_that_does_not_keep_its_value_is_named(clock: FakeClock) -> N
 def test_a_transfer_that_fails_twice_is_repeated_and_counted(clock: FakeClock) -> None:
     part, bus = opened(clock, errno.EREMOTEIO, errno.EAGAIN, b"\xad")
     assert part.read(0x00, 1) == b"\xad"
-    assert len(bus.asked) == ATTEMPTS
+    assert len(bus.asked) == MAX_ATTEMPTS
     assert part.faults == {"i2c_no_acknowledge": 1, "i2c_bus_error": 1}
 
 
@@ -98,8 +98,8 @@ def test_a_persistent_transfer_error_is_raised(clock: FakeClock, number: int, na
         part.read(0x00, 1)
     assert "\n" not in str(caught.value)
     assert f"errno {number}" in str(caught.value)
-    assert len(bus.asked) == ATTEMPTS
-    assert part.faults == {name: ATTEMPTS}
+    assert len(bus.asked) == MAX_ATTEMPTS
+    assert part.faults == {name: MAX_ATTEMPTS}
 
 
 def test_a_timeout_of_the_kernel_is_not_repeated(clock: FakeClock) -> None:

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from devices.block import SampleBlock
-from devices.clock import HostClock
 from devices.errors import (
     ConfigurationReadBackError,
     DeviceError,
     DeviceNotFoundError,
     TransferError,
 )
+from devices.host_clock import HostClock
 from devices.iio.accelerometer import IioAccelerometer
 from tests.devices.iio.iio_tree import MPU6050, IioTree, adxl355_scan, mpu6050_scan
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from devices.serial.aspp_frames import LONGEST_PAYLOAD, AsppDecoder, fletcher16
+from devices.serial.aspp_frames import MAX_ASPP_PAYLOAD_BYTES, AsppDecoder, fletcher16
 from devices.serial.aspp_payloads import LAYOUTS, Diagnostic, read_diagnostic, read_sweeps
 from tests.devices.serial.aspp_wire import AsppNode, diagnostic_payload, packet, sweep_payload
 from tests.devices.serial.witmotion_wire import NOISE
@@ -77,7 +77,7 @@ def test_lost_and_additional_bytes_lose_only_their_packet(version: int, gone: in
 
 def test_a_header_that_promises_too_much_does_not_stop_the_stream() -> None:
     decoder, node = AsppDecoder(), AsppNode()
-    promise = bytes.fromhex("AB 08 1A 00 00 C3 51") + LONGEST_PAYLOAD.to_bytes(2, "big")
+    promise = bytes.fromhex("AB 08 1A 00 00 C3 51") + MAX_ASPP_PAYLOAD_BYTES.to_bytes(2, "big")
     ticks = [present(read_sweeps(one)).tick for _ in range(3) for one in decoder.feed(promise + node.frame())]
     assert ticks == [0, 4, 8]
 
@@ -142,7 +142,7 @@ def test_any_bytes_are_decoded_or_counted_and_none_are_kept(pieces: list[bytes])
         read_diagnostic(one)
     sent = sum(len(piece) for piece in pieces)
     assert sum(one.length for one in found) + decoder.faults["discarded_bytes"] + decoder.buffered == sent
-    assert decoder.buffered <= LONGEST_PAYLOAD + 15
+    assert decoder.buffered <= MAX_ASPP_PAYLOAD_BYTES + 15
     # The head of a packet in the noise may claim the longest payload of what follows.
-    frames = AsppNode().frames(2 + LONGEST_PAYLOAD // len(AsppNode().frame()))
+    frames = AsppNode().frames(2 + MAX_ASPP_PAYLOAD_BYTES // len(AsppNode().frame()))
     assert [one.address for one in decoder.feed(frames)][-1:] == [50_001]

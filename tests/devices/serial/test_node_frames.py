@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from devices.serial.node_frames import LONGEST_ENCODED, NodeFrameDecoder, NodeFrameError, decode_frame, encode_frame
+from devices.serial.node_frames import MAX_ENCODED_BYTES, NodeFrameDecoder, NodeFrameError, decode_frame, encode_frame
 from tests.devices.serial.node_wire import Node
 
 ROOT = Path(__file__).parents[3]
@@ -122,7 +122,7 @@ def test_bytes_without_a_delimiter_are_not_kept() -> None:
     decoder = NodeFrameDecoder()
     for _ in range(10):
         assert decoder.feed(b"\x55" * 1000) == []
-    assert len(decoder._buffer) <= LONGEST_ENCODED
+    assert len(decoder._buffer) <= MAX_ENCODED_BYTES
     assert decoder.bytes_since_frame >= 9000
     node = Node()
     assert [frame.sequence for frame in decoder.feed(node.frames(2))][-1] == 5
@@ -146,7 +146,7 @@ PIECES = st.lists(
 def test_any_bytes_are_decoded_or_counted_and_none_are_kept(pieces: list[bytes]) -> None:
     decoder = NodeFrameDecoder()
     found = list(chain.from_iterable(decoder.feed(piece) for piece in pieces))
-    assert len(decoder._buffer) <= LONGEST_ENCODED
+    assert len(decoder._buffer) <= MAX_ENCODED_BYTES
     for frame in found:
         assert 1 <= len(frame.counts) <= 40
         assert np.isfinite(frame.counts * (frame.scale_ng * 1e-9)).all()

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from devices.block import SampleBlock
-from devices.clock import HostClock
 from devices.errors import DeviceError, TransferError
+from devices.host_clock import HostClock
 from devices.serial_sensor import SerialSensor
 from tests.devices.serial.serial_peer import Peer
 from tests.devices.serial.serial_rigs import ODR_HZ, RIGS, SerialRig

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from devices.block import SampleBlock
-from devices.clock import HostClock
 from devices.errors import DeviceAccessError, DeviceError, DeviceNotFoundError, TransferError
+from devices.host_clock import HostClock
 from devices.serial.witmotion import open_witmotion
 from devices.serial.witmotion_frames import FRAME_BYTES
 from devices.serial_sensor import SerialSensor

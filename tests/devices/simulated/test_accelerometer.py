@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from devices.simulated.accelerometer import LARGEST_COUNT, Accelerometer, Ambient, no_errors, typical_errors
+from devices.simulated.accelerometer import MAX_COUNT, Accelerometer, Ambient, no_errors, typical_errors
 from devices.simulated.factory import factory_calibration
 
 
@@ -28,7 +28,7 @@ def test_range_halves_the_sensitivity_and_doubles_the_full_scale() -> None:
 def test_beyond_full_scale_every_reading_is_at_or_beyond_the_stated_limit() -> None:
     part = Accelerometer(no_errors(), odr_hz=125.0)
     counts = part.counts(np.array([[3.0, -3.0, 2.0]]), np.array([25.0]), np.random.default_rng(0))
-    assert counts[0, :2].tolist() == [LARGEST_COUNT, -LARGEST_COUNT - 1]
+    assert counts[0, :2].tolist() == [MAX_COUNT, -MAX_COUNT - 1]
     clipped = np.abs(counts) / part.units_per_g >= part.full_scale_g
     assert clipped.tolist() == [[True, True, False]]
 

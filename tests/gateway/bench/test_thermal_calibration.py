@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from devices.block import DeviceInfo, SampleBlock
-from gateway.bench.thermal.datasheet_limits import PARTS, judge_interval
+from gateway.bench.thermal.datasheet_limits import LIMITS_BY_PART, judge_interval
 from gateway.bench.thermal.ramp_calibration import ThermalCalibration, calibrate_ramps
 from gateway.bench.thermal.rest_calibration import learn_at_rest
 from gateway.calibration.acceptance import change_since
@@ -37,7 +37,7 @@ AXES = ((0, 1), (1, 1), (2, 1))
 @pytest.fixture(scope="module")
 def calibrations() -> dict[str, ThermalCalibration]:
     random = np.random.default_rng(4)
-    return {sensor: calibrate_ramps(ramps(sensor, random), limits=PARTS[sensor]) for sensor in SENSORS}
+    return {sensor: calibrate_ramps(ramps(sensor, random), limits=LIMITS_BY_PART[sensor]) for sensor in SENSORS}
 
 
 def make(found: ThermalCalibration) -> CalibrationRecord:

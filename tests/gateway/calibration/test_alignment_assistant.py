@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.calibration.alignment.assistant import MIN_TILTS, AlignmentAssistant, AlignmentView
+from gateway.calibration.alignment.assistant import MIN_WINDOW_TILTS, AlignmentAssistant, AlignmentReadout
 from gateway.calibration.alignment.screw_advice import ScrewMechanics
 from gateway.messages import Tilt
 
@@ -32,9 +32,9 @@ def add_tilts(
     pitch_deg: float,
     roll_deg: float,
     noise_deg: float = 0.0,
-    tilts: int = MIN_TILTS,
+    tilts: int = MIN_WINDOW_TILTS,
     **changes: Any,
-) -> AlignmentView:
+) -> AlignmentReadout:
     """Add tilts at ten per second, and return the last view."""
     random = np.random.default_rng(1)
     for number in range(tilts):
@@ -47,7 +47,7 @@ def add_tilts(
 
 def test_it_waits_for_an_average_and_then_names_screw_direction_and_turns() -> None:
     assistant = AlignmentAssistant()
-    assert add_tilts(assistant, 0.2, -1.5, tilts=MIN_TILTS - 1).advice.state == "not_still"
+    assert add_tilts(assistant, 0.2, -1.5, tilts=MIN_WINDOW_TILTS - 1).advice.state == "not_still"
     view = add_tilts(assistant, 0.2, -1.5, noise_deg=0.01, tilts=2)
     assert (view.advice.state, view.advice.screw, view.advice.direction) == ("turn", "roll", "in")
     assert view.advice.turns == pytest.approx(np.tan(np.radians(1.5)) * 80, rel=0.02)

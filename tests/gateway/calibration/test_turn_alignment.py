@@ -14,7 +14,7 @@ from gateway.calibration.alignment.turn_advice import (
     calibration_error_rad,
     total_alignment_error_rad,
 )
-from gateway.calibration.alignment.turn_monitor import TurnMonitor, TurnView, sensor_force_g
+from gateway.calibration.alignment.turn_monitor import TurnMonitor, TurnReadout, sensor_force_g
 from gateway.numerics.array import Array
 from tests.values import present
 
@@ -125,7 +125,7 @@ def test_an_adjustment_the_wrong_way_and_noise_are_reported() -> None:
     assert advise_after_turn(noisy).state == "at_floor"
 
 
-def follow(monitor: TurnMonitor, force_g: Array) -> TurnView:
+def follow(monitor: TurnMonitor, force_g: Array) -> TurnReadout:
     for number, reading in enumerate(force_g):
         view = monitor.add(number / 10, reading)
     return view

@@ -55,7 +55,7 @@ class ScriptedGateway(GatewayClient):
 
 @pytest.fixture(autouse=True)
 def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(aligning, "SILENCE_S", 0.01)
+    monkeypatch.setattr(aligning, "TILT_SILENCE_S", 0.01)
     monkeypatch.setattr(time, "sleep", lambda _: None)
 
 

@@ -65,7 +65,7 @@ class ScriptedLink(GatewayClient):
 
 @pytest.fixture(autouse=True)
 def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(following, "SILENCE_S", 0.01)
+    monkeypatch.setattr(following, "SESSION_SILENCE_S", 0.01)
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from devices.clock import HostClock
 from devices.errors import DeviceError
+from devices.host_clock import HostClock
 from gateway.configuration.loading import ConfigurationError, validate
 from gateway.configuration.render import to_toml
 from gateway.daemon.sampling.device_factory import make_device

@@ -7,7 +7,7 @@ import pytest
 from gateway.configuration.loading import ConfigurationError
 from gateway.configuration.model import Configuration
 from gateway.configuration.proposal import Table, check_proposal
-from gateway.configuration.remote_keys import REMOTE, visible_part
+from gateway.configuration.remote_keys import REMOTE_KEYS, visible_part
 
 FILE = """\
 # the yard crane
@@ -111,4 +111,4 @@ def test_what_can_be_read_contains_no_file_and_no_command() -> None:
 
 
 def test_every_remote_section_is_one_of_the_configuration() -> None:
-    assert set(REMOTE) <= set(Configuration.model_fields)
+    assert set(REMOTE_KEYS) <= set(Configuration.model_fields)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.configuration.trial import MOST_STARTS, ConfigurationTrial, TrialJournal
+from gateway.configuration.trial import MAX_TRIAL_STARTS, ConfigurationTrial, TrialJournal
 
 BEFORE, AFTER = "[rope]\nlength_m = 12.0\n", "[rope]\nlength_m = 14.0\n"
 JOURNAL = TrialJournal(id="a" * 12, by="ann", reason="", before=BEFORE, after=AFTER, kept="plumbline.toml.until-1")
@@ -82,7 +82,7 @@ def test_a_kill_at_every_call_to_the_disk_leaves_one_of_the_two_files(step: Call
         after_kill, on_trial = path.read_text(), ConfigurationTrial(path).journal() is not None
         assert after_kill in (BEFORE, AFTER)
         assert on_trial or after_kill == (AFTER if step is _confirm else BEFORE), "a new configuration is on trial"
-        outcomes = [ConfigurationTrial(path).resume() for _ in range(MOST_STARTS + 2)]
+        outcomes = [ConfigurationTrial(path).resume() for _ in range(MAX_TRIAL_STARTS + 2)]
         assert outcomes[-1] == ("rolled_back" if on_trial else "none")
         assert path.read_text() == (BEFORE if on_trial else after_kill)
         ConfigurationTrial(path).end()
@@ -98,8 +98,8 @@ def test_a_gateway_that_never_becomes_healthy_gets_the_configuration_before(path
     _begin(path)
     assert path.read_text() == AFTER
     assert path.with_name(JOURNAL.kept).read_text() == BEFORE
-    outcomes = [ConfigurationTrial(path).resume() for _ in range(MOST_STARTS + 1)]
-    assert outcomes == ["continued"] * MOST_STARTS + ["rolled_back"]
+    outcomes = [ConfigurationTrial(path).resume() for _ in range(MAX_TRIAL_STARTS + 1)]
+    assert outcomes == ["continued"] * MAX_TRIAL_STARTS + ["rolled_back"]
     journal = ConfigurationTrial(path).journal()
     assert journal is not None
     assert journal.rolled_back == "the gateway did not become healthy in 3 starts"

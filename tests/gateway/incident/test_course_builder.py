@@ -10,7 +10,7 @@ import pytest
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import correction_for
 from gateway.incident.course_builder import CourseBuilder
-from gateway.incident.event_table import MOST_EVENTS, event_table
+from gateway.incident.event_table import MAX_SHOWN_EVENTS, event_table
 from gateway.incident.evidence import IncidentEvidence
 from gateway.incident.incident_selection import IncidentWindow
 from gateway.messages import NO_SESSION, Calibration, ClockOffset, FoxgloveTime, Health, Log, Mark
@@ -129,5 +129,5 @@ def test_alerts_and_marks_stand_among_the_events_however_many_others_there_are()
     window = IncidentWindow(ORIGIN_NS, end_ns, ORIGIN_NS, None, ())
     evidence = IncidentEvidence("yard", window, builder.course(ORIGIN_NS, end_ns), (), {}, None, {}, ())
     table = event_table(evidence)
-    assert (len(table.rows), table.hidden) == (MOST_EVENTS, 301 - MOST_EVENTS)
+    assert (len(table.rows), table.hidden) == (MAX_SHOWN_EVENTS, 301 - MAX_SHOWN_EVENTS)
     assert (table.rows[-1].kind, table.rows[-1].text) == ("mark", "Ann: load set down.")

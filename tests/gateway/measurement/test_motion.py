@@ -159,4 +159,6 @@ def test_a_drive_that_fills_a_recording_is_doubted(working: tuple[Source, float]
     endless = replace(motion, phases=(MotionPhase(state="driven", from_s=ends_s[0], to_s=ends_s[1], largest=None),))
     doubted = with_smoothed_angle(replace(swing, coverage95_rad=None), endless)
     assert doubted.coverage95_rad is None
-    assert doubted.reasons[0].startswith("the smoothed motion is doubted: it has trolley or bridge accelerate for 60 s")
+    assert doubted.reasons[0].startswith(
+        "the smoothed motion is unreliable: it has trolley or bridge accelerate for 60 s"
+    )

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gateway.numerics.dropouts import find_dropouts
+from gateway.numerics.foreign_readings import find_dropouts
 
 
 def swing_g(count: int = 400) -> np.ndarray:

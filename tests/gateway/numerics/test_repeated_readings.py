@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gateway.numerics.repeated_readings import find_fresh_rows
+from gateway.numerics.foreign_readings import find_fresh_rows
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.outbox import outbox as files
-from gateway.outbox.change import MOST_DIGITS, StoredChange, encode_line, parse_line, readable_size
-from gateway.outbox.outbox import FILE_CHANGES, KEPT_FILES, MOST_FILES, AlertOutbox
+from gateway.outbox.change import MAX_DIGITS, StoredChange, encode_line, parse_line, readable_size
+from gateway.outbox.outbox import FILE_CHANGES, KEPT_FILES, MAX_OUTBOX_FILES, AlertOutbox
 from gateway.outbox.position import Position
 
 
@@ -37,7 +37,7 @@ def filled(folder: Path, count: int, boot_id: str = "a", first: int = 1) -> Aler
     return outbox
 
 
-@given(st.text(), st.integers(0, 10**MOST_DIGITS - 1), st.binary())
+@given(st.text(), st.integers(0, 10**MAX_DIGITS - 1), st.binary())
 def test_a_line_is_read_again_and_any_flipped_bit_is_noticed(boot_id: str, number: int, payload: bytes) -> None:
     known = StoredChange(boot_id, number, payload)
     try:
@@ -111,8 +111,8 @@ def test_the_number_of_files_is_bounded_and_what_was_deleted_is_said(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(files, "FILE_CHANGES", 2)
-    outbox = filled(tmp_path, 2 * MOST_FILES + 9)
-    assert len(list(tmp_path.iterdir())) == MOST_FILES
+    outbox = filled(tmp_path, 2 * MAX_OUTBOX_FILES + 9)
+    assert len(list(tmp_path.iterdir())) == MAX_OUTBOX_FILES
     page = outbox.page_after(Position(3, "a"))
     assert not page.complete
     assert page.changes[0].number > 4

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from gateway.messages import ActiveAlert, Alert, Level
-from gateway.page.alert_log import MOST_ALERTS, SHIFT_NS, AlertLog
+from gateway.page.alert_log import MAX_LISTED_ALERTS, SHIFT_NS, AlertLog
 
 SECOND_NS = 10**9
 LIMITS_DEG: dict[Level, float] = {"warn": 4.0, "trip": 6.0}
@@ -106,11 +106,11 @@ def test_the_list_begins_with_its_first_alert_or_the_start_or_the_shift(log: Ale
 
 
 def test_number_and_age_are_bounded(log: AlertLog) -> None:
-    for i in range(2 * MOST_ALERTS):
+    for i in range(2 * MAX_LISTED_ALERTS):
         log.add(_message(2 * i, ("swing", "warn", 4.5), since_s=2 * i))
         log.add(_message(2 * i + 1))
-    assert len(log.alerts()) == MOST_ALERTS
-    log.add(_message(4 * MOST_ALERTS + SHIFT_NS / 1e9))
+    assert len(log.alerts()) == MAX_LISTED_ALERTS
+    log.add(_message(4 * MAX_LISTED_ALERTS + SHIFT_NS / 1e9))
     assert log.alerts() == []
 
 

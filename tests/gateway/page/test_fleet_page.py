@@ -20,7 +20,7 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, expect
 
 from gateway.fleet.fleet_page import CARD_STYLES
-from gateway.fleet.gateway_status import LABELS
+from gateway.fleet.gateway_status import STATE_LABELS
 from gateway.languages import LANGUAGES, read_texts
 from gateway.messages import Health
 from gateway.stages.conditions.verdict import DISTURBING, UNUSABLE
@@ -219,7 +219,7 @@ def test_every_word_gate_and_part_has_a_text() -> None:
 
 
 def test_every_state_has_a_card() -> None:
-    assert set(CARD_STYLES) == set(LABELS)
+    assert set(CARD_STYLES) == set(STATE_LABELS)
 
 
 def test_a_site_without_its_router_says_so(site: Site, serve: Callable[..., str], browser: Browser) -> None:

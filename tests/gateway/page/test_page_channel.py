@@ -10,10 +10,10 @@ import pytest
 
 from gateway.daemon.commands.page_requests import PageRequests
 from gateway.daemon.commands.requests import RemoteRequest
-from gateway.daemon.outputs.page_channel import MOST_WAITING, PageChannel
+from gateway.daemon.outputs.page_channel import MAX_WAITING_FRAMES, PageChannel
 from gateway.page.channel import (
     ANSWER,
-    LARGEST_FRAME,
+    MAX_FRAME_BYTES,
     PARAMETERS,
     PAST_ALERT,
     REQUEST,
@@ -57,7 +57,7 @@ def _open(channel: PageChannel) -> socket.socket:
 
 
 def test_a_page_that_starts_gets_past_alerts_before_the_last_messages() -> None:
-    channel = PageChannel(PageRequests({}).answer, lambda: [b"raised", b"x" * LARGEST_FRAME, b"cleared"])
+    channel = PageChannel(PageRequests({}).answer, lambda: [b"raised", b"x" * MAX_FRAME_BYTES, b"cleared"])
     channel.put("alert", b"standing")
     for _ in range(2):  # it starts again
         page = _open(channel)
@@ -135,7 +135,7 @@ def test_alerts_wait_in_a_bounded_queue(channel: PageChannel) -> None:
             channel.put("tilt", FULL)
         wait_until(lambda: channel.dropped, "a full channel")
         before = channel.dropped
-        for number in range(MOST_WAITING["alert"] + 5):
+        for number in range(MAX_WAITING_FRAMES["alert"] + 5):
             channel.put("alert", b"%d" % number)
         assert channel.dropped == before + 5
         first = next(frame for frame in iter(lambda: _receive(page), None) if frame.kind == "alert")
@@ -144,7 +144,7 @@ def test_alerts_wait_in_a_bounded_queue(channel: PageChannel) -> None:
 
 def test_a_message_that_is_too_large_is_counted_and_not_sent(channel: PageChannel) -> None:
     with _open(channel) as page:
-        channel.put("calibration", b"x" * LARGEST_FRAME)
+        channel.put("calibration", b"x" * MAX_FRAME_BYTES)
         channel.put("tilt", b"1")
         assert _receive(page).kind == "tilt"
     assert channel.dropped == 1

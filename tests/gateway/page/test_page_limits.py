@@ -10,9 +10,9 @@ from collections.abc import Iterator
 import pytest
 
 from gateway.daemon.outputs.page_channel import PageChannel
-from gateway.page.admission import Admission
-from gateway.page.http_protocol import MOST_PER_ADDRESS, REQUEST_S
-from gateway.page.hub import MOST_PER_ADDRESS as MOST_STREAMS
+from gateway.page.connection_limiter import ConnectionLimiter
+from gateway.page.http_protocol import MAX_CONNECTIONS_PER_ADDRESS, REQUEST_S
+from gateway.page.hub import MAX_STREAMS_PER_ADDRESS
 from tests.gateway.page.conftest import FakeGateway, PageUnderTest
 from tests.waiting import PATIENCE_S, wait_until
 
@@ -29,30 +29,30 @@ class Place:
 
 
 def test_the_oldest_idle_place_of_the_same_address_makes_room() -> None:
-    admission: Admission[Place] = Admission(4, 2)
+    limiter: ConnectionLimiter[Place] = ConnectionLimiter(4, 2)
     busy, idle, other = Place("a", idle=False), Place("a"), Place("b")
-    assert all(map(admission.admit, (busy, idle, other)))
-    assert admission.admit(Place("a"))
+    assert all(map(limiter.admit, (busy, idle, other)))
+    assert limiter.admit(Place("a"))
     assert [busy.ended, idle.ended, other.ended] == [False, True, False]
-    assert (len(admission), admission.ended) == (3, 1)
+    assert (len(limiter), limiter.ended) == (3, 1)
 
 
 def test_a_full_house_takes_from_the_address_that_has_most() -> None:
-    admission: Admission[Place] = Admission(4, 4)
+    limiter: ConnectionLimiter[Place] = ConnectionLimiter(4, 4)
     lonely, crowd = Place("b"), [Place("a") for _ in range(3)]
-    assert all(map(admission.admit, (lonely, *crowd)))
-    assert admission.admit(Place("c"))
+    assert all(map(limiter.admit, (lonely, *crowd)))
+    assert limiter.admit(Place("c"))
     assert [place.ended for place in (lonely, *crowd)] == [False, True, False, False]
 
 
 def test_nobody_is_ended_who_is_being_answered() -> None:
-    admission: Admission[Place] = Admission(2, 2)
+    limiter: ConnectionLimiter[Place] = ConnectionLimiter(2, 2)
     busy = [Place("a", idle=False), Place("a", idle=False)]
-    assert all(map(admission.admit, busy))
-    assert not admission.admit(Place("a"))
-    assert (admission.refused, len(admission)) == (1, 2)
-    admission.release(busy[0])
-    assert admission.admit(Place("a"))
+    assert all(map(limiter.admit, busy))
+    assert not limiter.admit(Place("a"))
+    assert (limiter.refused, len(limiter)) == (1, 2)
+    limiter.release(busy[0])
+    assert limiter.admit(Place("a"))
 
 
 @contextlib.contextmanager
@@ -103,11 +103,11 @@ def test_a_request_that_is_not_complete_in_time_is_ended(page: PageUnderTest) ->
 def test_event_streams_that_are_held_do_not_keep_others_out(gateway: FakeGateway, page: PageUnderTest) -> None:
     wait_until(lambda: page.word() == "OK", "OK")
     request = b"GET /api/events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
-    with _connections(page, request, count=MOST_STREAMS + 20):
+    with _connections(page, request, count=MAX_STREAMS_PER_ADDRESS + 20):
         for _ in range(3):
             with urllib.request.urlopen(page.url + "/api/events", timeout=PATIENCE_S) as stream:
                 assert stream.readline() == b"retry: 500\n"
-    assert MOST_STREAMS < MOST_PER_ADDRESS
+    assert MAX_STREAMS_PER_ADDRESS < MAX_CONNECTIONS_PER_ADDRESS
 
 
 @pytest.mark.slow

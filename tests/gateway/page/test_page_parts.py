@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from gateway.page.hub import LONGEST_QUEUE, MOST_PER_ADDRESS, EventStream, event
+from gateway.page.hub import MAX_STREAMS_PER_ADDRESS, MAX_WAITING_PUSHES, EventStream, event
 from gateway.page.metrics import Counters, format_exposition
 from gateway.page.parameters import Parameters, encode, parse
 from gateway.page.verdict import PageEvidence
@@ -32,7 +32,7 @@ def test_browsers_share_one_payload_and_the_slow_one_is_dropped() -> None:
         quick, slow = hub.stream("a", b"hello\n\n"), hub.stream("b", b"hello\n\n")
         assert await _next(quick) == await _next(slow) == b"retry: 500\n\nhello\n\n"
         payload = event("state", {"a": 1}, number=7)
-        for _ in range(LONGEST_QUEUE + 1):
+        for _ in range(MAX_WAITING_PUSHES + 1):
             hub.publish(payload)
             assert await _next(quick) is payload
         assert (len(hub), hub.dropped) == (1, 1)
@@ -49,11 +49,11 @@ def test_browsers_share_one_payload_and_the_slow_one_is_dropped() -> None:
 def test_a_new_browser_replaces_the_oldest_of_its_address_where_there_are_too_many() -> None:
     async def scenario() -> None:
         hub = EventStream()
-        streams = [hub.stream("a", b"") for _ in range(MOST_PER_ADDRESS)]
+        streams = [hub.stream("a", b"") for _ in range(MAX_STREAMS_PER_ADDRESS)]
         other = hub.stream("b", b"")
         for stream in (other, *streams, hub.stream("a", b"")):
             await _next(stream)
-        assert (len(hub), hub.dropped) == (MOST_PER_ADDRESS + 1, 1)
+        assert (len(hub), hub.dropped) == (MAX_STREAMS_PER_ADDRESS + 1, 1)
         with pytest.raises(StopAsyncIteration):
             await _next(streams[0])
         hub.publish(b"news")

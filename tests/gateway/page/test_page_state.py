@@ -8,7 +8,7 @@ from pydantic_core import from_json, to_json
 
 from gateway.messages import Calibration, Tilt
 from gateway.page.channel import Frame
-from gateway.page.history import MOST_POINTS, SPAN_S, History
+from gateway.page.history import MAX_HISTORY_POINTS, SPAN_S, History
 from gateway.page.parameters import Parameters
 from gateway.page.state import PageState
 from gateway.topics import TOPIC_OF, encode
@@ -122,16 +122,16 @@ def test_history_takes_two_points_a_second_and_a_gap_where_the_angle_is_not_know
 
 def test_history_is_bounded_by_time_and_number(scene: Scene) -> None:
     history = History()
-    for k in range(MOST_POINTS + 10):  # without the gaps it would take longer than the span
+    for k in range(MAX_HISTORY_POINTS + 10):  # without the gaps it would take longer than the span
         history.add(scene.motion(), sound=True, at_s=k / 10)
         history.add_gap(at_s=k / 10)
-    assert len(history.rows(since=0, now_s=0.0)) == MOST_POINTS
-    assert [row[0] for row in history.rows(since=2 * MOST_POINTS + 18, now_s=0.0)] == [
-        2 * MOST_POINTS + 18,
-        2 * MOST_POINTS + 19,
+    assert len(history.rows(since=0, now_s=0.0)) == MAX_HISTORY_POINTS
+    assert [row[0] for row in history.rows(since=2 * MAX_HISTORY_POINTS + 18, now_s=0.0)] == [
+        2 * MAX_HISTORY_POINTS + 18,
+        2 * MAX_HISTORY_POINTS + 19,
     ]
-    history.add(scene.motion(), sound=True, at_s=MOST_POINTS / 10 + SPAN_S - 1.0)
-    kept = history.rows(since=0, now_s=MOST_POINTS / 10 + SPAN_S - 1.0)
+    history.add(scene.motion(), sound=True, at_s=MAX_HISTORY_POINTS / 10 + SPAN_S - 1.0)
+    kept = history.rows(since=0, now_s=MAX_HISTORY_POINTS / 10 + SPAN_S - 1.0)
     assert kept[0][1] == pytest.approx(SPAN_S)
     assert len(kept) == 41
 

@@ -9,7 +9,7 @@ import pytest
 
 from gateway.gateway_state import GatewayPresence, GatewayState
 from gateway.messages import NO_SESSION, Alert, Level, Message, Validity
-from gateway.page.verdict import STATED, STYLES, USUAL_INTERVAL_S, PageEvidence, verdict
+from gateway.page.verdict import STATED_VERDICTS, STYLES, USUAL_INTERVAL_S, PageEvidence, verdict
 from gateway.topics import TOPIC_OF, TOPICS
 from tests.gateway.page.conftest import Scene
 from tests.values import present
@@ -93,7 +93,7 @@ def test_the_page_is_never_calmer_than_what_receivers_of_alerts_are_told(
     alert = replace(present(whole.get(Alert)), validity=validity)
     judged = verdict(replace(whole, latest={**whole.latest, "alert": alert}))
     told = GatewayPresence(is_alive=True, alert=alert, heard_s=0.0, connected_s=0.0).judge(0.0, 1.0, is_linked=True)
-    word = STATED[told][0] if told in STATED else None
+    word = STATED_VERDICTS[told][0] if told in STATED_VERDICTS else None
     assert (word is None) == (told is GatewayState.FINE)
     assert judged.sound == (word is None and level != "unknown")
     if word is not None:

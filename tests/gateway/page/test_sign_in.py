@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from gateway.page.hosts import AllowedHosts, is_same_origin
-from gateway.page.log_limit import INTERVAL_S, MOST_LINES, LogLimit
-from gateway.page.pin import DIGITS, make_pin, read_pin
-from gateway.page.sign_in import EXPIRY_S, LONGEST_PAUSE_S, MOST_ADDRESSES, MOST_SESSIONS, SignIn
+from gateway.page.guard import AllowedHosts, is_same_origin
+from gateway.page.http_server import LOG_INTERVAL_S, MAX_LINES_PER_INTERVAL, LogRateLimiter
+from gateway.page.pin import PIN_DIGITS, make_pin, read_pin
+from gateway.page.sign_in import EXPIRY_S, MAX_ADDRESSES, MAX_SESSIONS, MAX_SIGN_IN_PAUSE_S, SignIn
 
 PIN = "12345678"
 
@@ -19,7 +19,7 @@ def test_the_pin_is_made_once_and_read_by_the_group_alone(tmp_path: Path) -> Non
     make_pin(path)
     first = read_pin(path)
     assert first is not None
-    assert len(first) == DIGITS
+    assert len(first) == PIN_DIGITS
     assert first.isdigit()
     assert stat.S_IMODE(path.stat().st_mode) & 0o137 == 0
     make_pin(path)
@@ -57,7 +57,7 @@ def test_wrong_attempts_of_an_address_wait_longer_each_time() -> None:
         assert people.sign_in("Eve", "0" * 8, PIN, "10.0.0.9", now_s) is None
         pauses_s.append(people.pause_s("10.0.0.9", now_s))
         now_s += pauses_s[-1]
-    assert pauses_s == [1, 2, 4, 8, 16, 32, LONGEST_PAUSE_S, LONGEST_PAUSE_S]
+    assert pauses_s == [1, 2, 4, 8, 16, 32, MAX_SIGN_IN_PAUSE_S, MAX_SIGN_IN_PAUSE_S]
     assert people.pause_s("10.0.0.1", now_s) == 0.0
     assert people.sign_in("Ann", PIN, PIN, "10.0.0.9", now_s) is not None
     assert people.pause_s("10.0.0.9", now_s) == 0.0
@@ -72,10 +72,10 @@ def test_the_addresses_of_one_ipv6_network_count_as_one() -> None:
 
 def test_sessions_and_addresses_are_bounded() -> None:
     people = SignIn()
-    tokens = [people.sign_in("Ann", PIN, PIN, "10.0.0.1", 0.0) for _ in range(MOST_SESSIONS + 1)]
+    tokens = [people.sign_in("Ann", PIN, PIN, "10.0.0.1", 0.0) for _ in range(MAX_SESSIONS + 1)]
     assert people.session(tokens[0], PIN, 1.0) is None
     assert people.session(tokens[1], PIN, 1.0) is not None
-    for number in range(MOST_ADDRESSES + 1):
+    for number in range(MAX_ADDRESSES + 1):
         people.sign_in("Eve", "0" * 8, PIN, f"address {number}", 0.0)
     assert people.pause_s("address 0", 0.0) == 0.0
     assert people.pause_s("address 1", 0.0) == 1.0
@@ -115,13 +115,15 @@ def test_only_the_page_itself_is_the_same_origin() -> None:
 
 def test_lines_that_browsers_cause_are_limited_and_counted() -> None:
     now = [0.0]
-    limit = LogLimit(lambda: now[0])
+    limit = LogRateLimiter(lambda: now[0])
 
     def line() -> logging.LogRecord:
         return logging.LogRecord("x", logging.WARNING, "", 0, "bad %s", ("request",), None)
 
-    assert [limit.filter(line()) for _ in range(MOST_LINES + 20)] == [True] * MOST_LINES + [False] * 20
-    now[0] = INTERVAL_S
+    assert [limit.filter(line()) for _ in range(MAX_LINES_PER_INTERVAL + 20)] == [True] * MAX_LINES_PER_INTERVAL + [
+        False
+    ] * 20
+    now[0] = LOG_INTERVAL_S
     record = line()
     assert limit.filter(record)
     assert record.getMessage() == "bad request (20 lines were left out)"

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from devices.block import DeviceInfo, SampleBlock
-from devices.clock import HostClock
+from devices.host_clock import HostClock
 from devices.simulated.device import SimulatedCrane
 from gateway import __version__
 from gateway.calibration.correction import Correction, correction_for

@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 
 from gateway.cli.main import main
 from gateway.measurement.measure import measure
-from gateway.measurement.rig import read_rig
+from gateway.measurement.rig_file import read_rig
 from gateway.measurement.source import read_source
 from gateway.recording.export import tables
 from gateway.recording.export.tables import samples_table
@@ -181,7 +181,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(
 
 
 def test_samples_are_read_as_they_are_written(recorded: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tables, "ROWS", 500)
+    monkeypatch.setattr(tables, "BATCH_ROWS", 500)
     timeline = open_timeline([recorded])
     shares: list[float] = []
     table = samples_table(CalibratedReader(timeline, EVERYTHING), START_NS, with_utc=False, report=shares.append)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from devices.block import SampleBlock
-from devices.simulated.accelerometer import LARGEST_COUNT
+from devices.simulated.accelerometer import MAX_COUNT
 from gateway import __version__
 from gateway.calibration.correction import Correction, correction_for
 from gateway.calibration.record import CalibrationRecord, content_hash
@@ -113,7 +113,7 @@ class SaturatingCrane(RecordedCrane):
         self.blocks += 1
         if self.blocks % 5 == 0:
             raw, saturated = block.raw.copy(), np.zeros(len(block), dtype=np.bool_)
-            raw[3, 0], saturated[3] = LARGEST_COUNT, True
+            raw[3, 0], saturated[3] = MAX_COUNT, True
             block = replace(block, raw=raw, saturated=saturated)
         super().process(block)
 
@@ -126,7 +126,7 @@ def test_saturated_samples_are_replayed(tmp_path: Path, capsys: pytest.CaptureFi
     assert (code, result["differing"]) == (0, {})
     recorded = read_samples([next(tmp_path.glob("*.mcap"))]).recording()
     assert recorded.saturated is not None
-    assert np.array_equal(recorded.saturated, recorded.raw[:, 0] == LARGEST_COUNT)
+    assert np.array_equal(recorded.saturated, recorded.raw[:, 0] == MAX_COUNT)
     assert recorded.saturated.sum() == len(recorded) // 50
 
 

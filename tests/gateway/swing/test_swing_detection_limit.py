@@ -42,7 +42,7 @@ def test_a_swing_near_the_detection_limit_has_an_interval_down_to_zero(simulated
     assert low == 0.0
     assert recording.phi_max_rad < high < 2 * recording.phi_max_rad
     assert present(estimate.u_rad) > 0.2 * present(estimate.phi_max_rad)
-    assert any("hardly distinct from noise" in reason for reason in estimate.reasons)
+    assert any("not significant against noise" in reason for reason in estimate.reasons)
 
 
 def test_rest_in_the_same_noise_is_not_a_swing() -> None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.measurement.rig import Rig
+from gateway.pipeline.rig import Rig
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.plausibility import TAIL_SHARE, implausibility, limit_of
 from gateway.twin.model import model_of

@@ -9,7 +9,8 @@ import pytest
 import tomli_w
 
 from gateway.errors import InputError
-from gateway.measurement.rig import Rig, read_rig
+from gateway.measurement.rig_file import read_rig
+from gateway.pipeline.rig import Rig
 from gateway.twin.model import EffectValues, as_tables, model_of, parse_effect_assignments, validate_effects
 from gateway.twin.simulator.simulator import Simulator
 from tests.gateway.twin.swings import RIG

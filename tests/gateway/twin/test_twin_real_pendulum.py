@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.measurement.rig import read_rig
+from gateway.measurement.rig_file import read_rig
 from gateway.measurement.source import read_source
 from gateway.twin.model import TwinRig, model_of
 from gateway.twin.reconcile.data.data_checks import check_recording, find_fault

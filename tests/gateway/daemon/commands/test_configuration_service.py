@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from gateway.authorization.caller import Caller, Role
-from gateway.configuration.trial import MOST_STARTS
+from gateway.configuration.trial import MAX_TRIAL_STARTS
 from gateway.daemon.commands.configuration_service import DEADLINE_S, HEALTHY_S, ConfigurationService, TrialSupervisor
 from gateway.daemon.commands.requests import RemoteRequest
 from gateway.recalibration.requests import ApplyConfiguration, ProposeConfiguration, ReadConfiguration, Request
@@ -115,7 +115,7 @@ def test_a_configuration_that_was_edited_since_the_proposal_stays(bench: Bench) 
 def test_a_gateway_that_never_becomes_healthy_is_rolled_back_and_says_so(bench: Bench) -> None:
     bench.propose()
     bench.apply()
-    assert [bench.start() for _ in range(MOST_STARTS + 1)] == ["continued"] * MOST_STARTS + ["rolled_back"]
+    assert [bench.start() for _ in range(MAX_TRIAL_STARTS + 1)] == ["continued"] * MAX_TRIAL_STARTS + ["rolled_back"]
     assert bench.path.read_text() == FILE
     assert bench.events == ["proposed", "applied", "rolled_back"]
     accepted, answer = bench.ask("config_get", ReadConfiguration(id="read-0001", by="ann"))

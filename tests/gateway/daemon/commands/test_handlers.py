@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from devices.clock import HostClock
+from devices.host_clock import HostClock
 from gateway.daemon.commands.handlers import MarkService
 from gateway.daemon.runtime.wall_clock import WallClockMonitor
 from gateway.messages import Mark

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from devices.block import DeviceInfo, SampleBlock
-from devices.clock import HostClock
+from devices.host_clock import HostClock
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.store import CalibrationStore
 from gateway.daemon.commands.recalibration_service import PipelineInstruction, ProcessedBlock, RecalibrationService

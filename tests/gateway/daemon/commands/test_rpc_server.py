@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from devices.clock import HostClock
+from devices.host_clock import HostClock
 from gateway.daemon.commands.authorisation import refuse_all
 from gateway.daemon.commands.dispatcher import RequestDispatcher
 from gateway.daemon.commands.recalibration_service import RecalibrationService

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from devices.clock import HostClock
+from devices.host_clock import HostClock
 from gateway.daemon.commands import worker as command_worker
 from gateway.daemon.commands.recalibration_service import ProcessedBlock, RecalibrationService
 from gateway.daemon.commands.requests import RemoteRequest

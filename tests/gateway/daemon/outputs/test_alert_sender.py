@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from gateway.daemon.outputs.alert_sender import MOST_CHANGES, STORE_PATIENCE_S, AlertLatency, AlertSender
+from gateway.daemon.outputs.alert_sender import MAX_KEPT_LATENCIES, STORE_PATIENCE_S, AlertLatency, AlertSender
 from gateway.daemon.runtime.faults import FaultRegister
 from gateway.daemon.storage import outbox_writer
 from gateway.daemon.storage.outbox_writer import OutboxWriter
@@ -100,7 +100,7 @@ def test_what_a_broken_disk_did_not_take_is_stored_in_order_when_it_works_again(
     def broken(*_: object) -> None:
         raise OSError(errno.EIO, "Input/output error")
 
-    monkeypatch.setattr(outbox_writer, "RETRY_S", 0.05)
+    monkeypatch.setattr(outbox_writer, "DISK_RETRY_S", 0.05)
     monkeypatch.setattr(AlertOutbox, "append", broken)
     site = Site(tmp_path)
     site.sender.submit(alert(1), 0)
@@ -140,8 +140,8 @@ def test_the_latency_states_median_99th_percentile_and_maximum_of_the_last_hour(
         latency.add(sample_ns=0, sent_ns=number * 1_000_000)
     assert latency.summary_ms(10**9) == {"count": 100, "p50": 50.0, "p99": 99.0, "max": 100.0}
     assert latency.summary_ms(2 * 3600 * 10**9) is None
-    for _ in range(2 * MOST_CHANGES):
+    for _ in range(2 * MAX_KEPT_LATENCIES):
         latency.add(sample_ns=0, sent_ns=10**9)
     summary = latency.summary_ms(10**9)
     assert summary is not None
-    assert summary["count"] == MOST_CHANGES
+    assert summary["count"] == MAX_KEPT_LATENCIES

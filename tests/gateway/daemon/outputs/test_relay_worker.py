@@ -122,7 +122,7 @@ def test_a_killed_process_is_replaced_by_one_that_releases_first(relay: Scripted
 
 
 def test_a_process_that_hangs_is_replaced(relay: ScriptedRelay, start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(relay_worker, "ANSWER_S", -0.5)
+    monkeypatch.setattr(relay_worker, "MAX_RELAY_ANSWER_S", -0.5)
     worker = start(command(relay, command_timeout_s=0.5))
     hold(worker, lambda: relay.state == "energise", "the relay")
     assert worker._process is not None

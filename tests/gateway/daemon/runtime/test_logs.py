@@ -3,7 +3,7 @@
 import os
 import time
 
-from gateway.daemon.runtime.logs import LINES, LineWriter
+from gateway.daemon.runtime.logs import MAX_WAITING_LINES, LineWriter
 from tests.waiting import wait_until
 
 
@@ -12,7 +12,7 @@ def test_a_reader_that_stalls_costs_lines_that_are_counted_and_reported() -> Non
     writer = LineWriter(writing)
     writer.start()
     begun_s = time.monotonic()
-    for number in range(5 * LINES):
+    for number in range(5 * MAX_WAITING_LINES):
         writer.put(f"{number:06d}" + 94 * "-")
     assert time.monotonic() - begun_s < 5
     wait_until(lambda: writer.dropped > 0, "a full queue")
@@ -24,7 +24,7 @@ def test_a_reader_that_stalls_costs_lines_that_are_counted_and_reported() -> Non
         assert lines[-1] == (
             f"WARNING plumbline: {writer.dropped} lines are missing here; the reader was too slow\n".encode()
         )
-        assert len(lines) - 1 + writer.dropped == 5 * LINES
+        assert len(lines) - 1 + writer.dropped == 5 * MAX_WAITING_LINES
         writer.finish(5)
         assert not writer.is_alive()
     os.close(writing)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from devices.clock import HostClock
+from devices.host_clock import HostClock
 from gateway.daemon.runtime.instance import FolderError, InstanceError, InstanceLock
 from gateway.daemon.runtime.wall_clock import STEP_NS, WallClockMonitor
 from gateway.daemon.runtime.watchdog import ServiceNotifier

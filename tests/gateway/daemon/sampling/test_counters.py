@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from devices.block import RadioStatus, SampleBlock
-from gateway.daemon.sampling.counters import STALE_S, RadioMonitor, SampleCounters
+from gateway.daemon.sampling.counters import MAX_REPORT_AGE_S, RadioMonitor, SampleCounters
 
 
 class SetTime:
@@ -23,12 +23,12 @@ def test_each_quantity_is_kept_until_it_is_stale() -> None:
     now = SetTime()
     monitor = RadioMonitor(now)
     monitor.add(RadioStatus(battery_v=3.9, battery_percent=75.0, battery_low=False, signal_dbm=-60.0))
-    now.now_s += STALE_S - 1
+    now.now_s += MAX_REPORT_AGE_S - 1
     monitor.add(RadioStatus(signal_dbm=-71.0))
     assert monitor.status() == RadioStatus(3.9, 75.0, False, -71.0)
     now.now_s += 2
     assert monitor.status() == RadioStatus(signal_dbm=-71.0)
-    now.now_s += STALE_S
+    now.now_s += MAX_REPORT_AGE_S
     assert monitor.status() == RadioStatus()
 
 

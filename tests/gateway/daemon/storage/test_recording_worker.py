@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gateway.daemon.runtime.faults import FaultRegister
-from gateway.daemon.storage.recording_worker import INBOX, STALLED_S, RecordingWorker
+from gateway.daemon.storage.recording_worker import MAX_WAITING_RECORDS, STALLED_S, RecordingWorker
 from gateway.messages import Samples
 from gateway.pipeline.outgoing_message import EncodedMessage, encode_message
 from gateway.recording.format.header import RecordingHeader
@@ -35,7 +35,7 @@ def full(tmp_path: Path, message: EncodedMessage) -> RecordingWorker:
         claim_folder=lambda: None,
         faults=FaultRegister(),
     )
-    for _ in range(INBOX):
+    for _ in range(MAX_WAITING_RECORDS):
         worker.submit(message, can_wait=False)
     assert worker.samples_lost == 0
     return worker
@@ -58,7 +58,7 @@ def test_a_source_that_can_wait_waits_for_a_slow_disk(full: RecordingWorker, mes
     threading.Timer(1.2, lambda: full.inbox.get(0.0)).start()
     full.submit(message, can_wait=True)
     assert full.samples_lost == 0
-    assert len(full.inbox) == INBOX
+    assert len(full.inbox) == MAX_WAITING_RECORDS
 
 
 def test_a_disk_that_hangs_is_not_waited_for(full: RecordingWorker, message: EncodedMessage) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gateway.cli.main import main
-from gateway.measurement.rig import read_rig
+from gateway.measurement.rig_file import read_rig
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.registry import BUILT_IN
 from gateway.twin.effects.term_library import registered_library

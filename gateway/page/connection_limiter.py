@@ -7,7 +7,7 @@ from collections import Counter
 from typing import Generic, Protocol, TypeVar
 
 
-class Held(Protocol):
+class Connection(Protocol):
     """Something that occupies a place."""
 
     @property
@@ -22,10 +22,10 @@ class Held(Protocol):
         """End it."""
 
 
-Item = TypeVar("Item", bound=Held)
+Item = TypeVar("Item", bound=Connection)
 
 
-class Admission(Generic[Item]):
+class ConnectionLimiter(Generic[Item]):
     """The places of one kind, bounded in total and for each address."""
 
     def __init__(self, most: int, most_per_address: int) -> None:

@@ -1,28 +1,30 @@
-"""The file `rig.toml`: the nominal description of rope, housing, sensor and site."""
+"""The rig as it is stated, in a file `rig.toml` or in the configuration, and its one conversion to the rig of the estimators."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
-from gateway.errors import InputError, describe_problems
-from gateway.file_input import MAX_TOML_BYTES, parse_toml, read_bounded
+from gateway.calibration.correction import Correction
+from gateway.configuration.model import Configuration
 from gateway.numerics.array import Array
 from gateway.swing.model.mount import rotation
-from gateway.swing.rig import MountedHousing
+from gateway.swing.rig import NOMINAL_LENGTH_U_REL, MountedHousing
 
-NO_LENGTH_M = 1e3
-"""Stands for a length that is not stated, while the rest of a rig is validated. Basis: a choice; longer than any rope, so that no
-check of a length fails."""
-LARGEST_RHO = 2.0
+MAX_RHO = 2.0
 """Largest position of the housing relative to the nominal length. Basis: the hook may hang lower than the nominal length says."""
 BESIDE_U_M = 0.015
 """Standard uncertainty of the sensor's place across the rope, per axis. Basis: a housing is clamped beside a rope, not in it."""
+MOUNT_U_RAD = 0.01
+"""Standard uncertainty of the angle between the housing's z axis and the rope, clamped by eye, for the offline fit. Basis: by eye
+an edge is parallel to a rope within one degree, uniformly distributed."""
+
+MIN_LENGTH_OVER_ABOVE_LOAD = 1.02
+"""Shortest rope over the housing's distance above the load: the distance is measured, the rope's length is a belief. Basis: a
+choice; above the error of the tape on a long rope, and below any rope that hangs above its housing."""
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 MountAngle = Annotated[float, Field(gt=-90, lt=90)]
@@ -42,12 +44,15 @@ class DefaultUncertainty:
 
 
 CALIBRATED = DefaultUncertainty(position_u_m=0.001, position_u_rel=0.0)
-"""Of readings in the product's own form, which are calibrated. Basis: the reading of a tape measure."""
+"""Uncertainties of readings in the product's own form, which are calibrated. Basis: the reading of a tape measure."""
+CONFIGURED = DefaultUncertainty(position_u_m=0.05, position_u_rel=0.0)
+"""Uncertainties of a rig in the configuration. Basis: a choice; a tape measures to millimetres, and the middle of a load is
+known to centimetres."""
 UNCALIBRATED = DefaultUncertainty(
     position_u_m=0.005, position_u_rel=0.01, offset_u_g=0.02, scale_u=0.01, cross_axis_u=0.01
 )
-"""Of readings of another program. Basis: where in its case a sensor is; limits of 40 mg, 2 % and 2 % in the data sheets of
-parts in phones and radio boards."""
+"""Uncertainties of readings of another program. Basis: where in its case a sensor is; limits of 40 mg, 2 % and 2 % in the data
+sheets of parts in phones and radio boards."""
 
 
 class RigTable(BaseModel):
@@ -60,7 +65,7 @@ class RigRope(RigTable):
     """The rope."""
 
     length_m: Positive
-    length_u_rel: Annotated[float, Field(gt=0, lt=1)] = 0.2
+    length_u_rel: Annotated[float, Field(gt=0, lt=1)] = NOMINAL_LENGTH_U_REL
 
 
 class RigHousing(RigTable):
@@ -94,7 +99,7 @@ class RigSite(RigTable):
 
 
 class Rig(RigTable):
-    """The content of the file."""
+    """A rig as stated: the content of a `rig.toml`."""
 
     rope: RigRope
     housing: RigHousing
@@ -108,12 +113,12 @@ class Rig(RigTable):
         if (position_m is None) == (self.housing.above_load_m is None):
             raise ValueError("[housing] wants either position_m or above_load_m")
         # The nominal length may be outdated by hoisting, whereas the position of the housing was measured.
-        if position_m is not None and position_m > LARGEST_RHO * length_m:
+        if position_m is not None and position_m > MAX_RHO * length_m:
             raise ValueError(f"housing.position_m {position_m:g} is far beyond rope.length_m {length_m:g}")
         return self
 
     def mounted_housing(self, limits: DefaultUncertainty = CALIBRATED) -> MountedHousing:
-        """Return the housing for the swing estimator, for readings to which `correct` was applied."""
+        """Return the rig of the estimators, for readings to which `correct` was applied."""
         position_u_m = self.housing.position_u_m
         mount_u_deg = self.housing.mount_u_deg
         default_m = limits.position_u_m + limits.position_u_rel * self.rope.length_m
@@ -150,32 +155,34 @@ def _per_axis(stated: float | list[float] | None, unit: float, default: float) -
     return x, y, z
 
 
-def rig_without_length(path: Path) -> float | None:
-    """Return the site's gravity where a file states no rope length; None where it does, or cannot be read.
-
-    Raises `InputError` where another value is wrong.
-    """
-    try:
-        rope = parse_toml(read_bounded(path, MAX_TOML_BYTES).decode()).get("rope", {})
-    except (OSError, ValueError):
+def configured_housing(
+    configuration: Configuration, correction: Correction, bandwidth_hz: float | None
+) -> MountedHousing | None:
+    """Return the rig of the estimators for a gateway's own readings; None where the housing's position is not configured."""
+    if configuration.housing_position_m is None:
         return None
-    if not isinstance(rope, dict) or "length_m" in rope:
-        return None
-    return read_rig(path, {"length_m": NO_LENGTH_M}).site.gravity_m_s2
+    above_m = configuration.housing_above_load_m
+    rig = Rig(
+        rope=RigRope(length_m=max(configuration.rope.length_m, MIN_LENGTH_OVER_ABOVE_LOAD * (above_m or 0.0))),
+        housing=RigHousing(
+            position_m=configuration.housing_position_m if above_m is None else None,
+            above_load_m=above_m,
+            beside_u_m=0.0,
+            mount_u_deg=0.0,  # a gateway zeroes the mount
+        ),
+        site=RigSite(gravity_m_s2=configuration.site.local_gravity_m_s2),
+    )
+    return with_sensor(rig.mounted_housing(CONFIGURED), correction, bandwidth_hz)
 
 
-def read_rig(path: Path, rope: Mapping[str, float] | None = None) -> Rig:
-    """Return the rig of a file, with values of the rope where the file states none. Raises `InputError` with the remedy."""
-    try:
-        table = parse_toml(read_bounded(path, MAX_TOML_BYTES).decode())
-        if rope is not None:
-            table = table | {"rope": dict(rope) | table.get("rope", {})}
-        return Rig.model_validate(table)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    except ValidationError as error:
-        is_missing = error.errors(include_url=False)[0]["type"] == "missing"
-        remedy = "; needed are [rope] length_m and [housing] position_m" if is_missing else ""
-        raise InputError(f"{path}: {describe_problems(error, 'rig')[0]}{remedy}") from error
-    except ValueError as error:
-        raise InputError(f"{path}: is not TOML: {error}") from error
+def with_sensor(housing: MountedHousing, correction: Correction, bandwidth_hz: float | None) -> MountedHousing:
+    """Return the housing with the uncertainties of the calibration and the bandwidth of the sensor."""
+    x, y, z = correction.u_zero_g_offset_g.tolist()
+    sx, sy, sz = correction.u_scale_factor.tolist()
+    return replace(
+        housing,
+        zero_g_offset_u_g=(x, y, z),
+        scale_u=(sx, sy, sz),
+        cross_axis_u=math.hypot(MOUNT_U_RAD, correction.u_cross_axis),
+        bandwidth_hz=bandwidth_hz,
+    )

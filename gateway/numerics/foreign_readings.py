@@ -1,11 +1,11 @@
-"""Readings that a sensor slower than its file holds over several rows (sample and hold)."""
+"""What loggers and ranges make of readings: one reading in several rows, zeros in place of a reading, the end of a range."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.numerics.array import Array
 
-FEWEST_READINGS = 20
+MIN_HELD_READINGS = 20
 """Fewest different readings in succession from which a hold is judged. Basis: a choice; a share of a tenth is then two
 readings."""
 MIN_HELD_SHARE = 0.1
@@ -14,11 +14,22 @@ neighbours by chance are rarer with `MAX_CHANCE`, and a slower sensor repeats mo
 MAX_CHANCE = 0.01
 """Largest probability of three equal axes by chance, from which on equal rows are one reading. Basis: a choice; one wrong row in
 a hundred changes no result."""
-LONGEST_HOLD = 50
+MAX_HOLD_ROWS = 50
 """Most rows of one reading. Basis: an axis that is equal for longer is stuck, or at rest in coarse steps."""
 MIN_REGULAR_SHARE = 0.95
 """Least share of the readings that stand in a multiple of the same number of rows, or in that number and the next. Basis: by
 chance 1 over that number, and at most 0.74 where a sinusoid without noise crosses steps."""
+MAX_DROPOUT_SHARE = 0.05
+"""Largest share of the rows. Basis: a choice; more zeros are a sensor that does not work, which is told as such."""
+MIN_NEIGHBOUR_SHARE = 0.5
+"""Norm of the rows around zeros over the median norm. Basis: a load in free fall reads little before it reads zero."""
+MIN_DISTINCT_VALUES = 20
+"""Fewest distinct readings. Basis: with fewer, coarse quantisation makes the extreme reading frequent by itself."""
+MIN_EXTREME_READINGS = 8
+"""Fewest readings at exactly the extreme value. Basis: a choice; chance seldom repeats an extreme, and a clipped swing has more
+in a second."""
+MIN_EXTREME_RATIO = 4
+"""Readings at the extreme value over those at the next. Basis: the turning point of a sinusoid in steps gives 2.4."""
 
 
 def find_fresh_rows(readings: Array) -> NDArray[np.bool_] | None:
@@ -27,18 +38,18 @@ def find_fresh_rows(readings: Array) -> NDArray[np.bool_] | None:
     A row counts as repeated where all its columns equal the row before it exactly. Equal rows are taken for one held reading
     where chance cannot make them: either the steps are so fine that two readings hardly ever agree in all columns, or the rows of
     each reading are regular in number. A load at rest in coarse steps satisfies neither. Rows that are equal for longer than
-    `LONGEST_HOLD` are kept.
+    `MAX_HOLD_ROWS` are kept.
     """
     changed = np.diff(readings, axis=0) != 0
     first = np.flatnonzero(np.concatenate([[True], changed.any(axis=1)]))
     rows = np.diff(np.append(first, len(readings)))
-    if len(rows) < FEWEST_READINGS or np.mean(rows > 1) < MIN_HELD_SHARE:
+    if len(rows) < MIN_HELD_READINGS or np.mean(rows > 1) < MIN_HELD_SHARE:
         return None
     if _chance_of_equal_readings(changed[first[1:] - 1]) > MAX_CHANCE and not _is_regular(rows[1:-1]):
         return None
     fresh = np.zeros(len(readings), dtype=np.bool_)
     fresh[first] = True
-    return fresh | np.repeat(rows > LONGEST_HOLD, rows)
+    return fresh | np.repeat(rows > MAX_HOLD_ROWS, rows)
 
 
 def _chance_of_equal_readings(changed: NDArray[np.bool_]) -> float:
@@ -49,13 +60,41 @@ def _chance_of_equal_readings(changed: NDArray[np.bool_]) -> float:
     chance = 1.0
     for column in range(changed.shape[1]):
         others = np.delete(changed, column, axis=1).any(axis=1)
-        if np.count_nonzero(others) >= FEWEST_READINGS:
+        if np.count_nonzero(others) >= MIN_HELD_READINGS:
             chance *= 1.0 - float(changed[others, column].mean())
     return chance
 
 
 def _is_regular(rows: NDArray[np.int64]) -> bool:
     """Return whether the readings stand in multiples of one number of rows, or in one of two successive numbers."""
-    numbers = np.arange(2, LONGEST_HOLD + 1)[:, None]
+    numbers = np.arange(2, MAX_HOLD_ROWS + 1)[:, None]
     multiples, neighbours = rows % numbers == 0, (rows == numbers) | (rows == numbers + 1)
     return bool(max(multiples.mean(axis=1).max(), neighbours.mean(axis=1).max()) >= MIN_REGULAR_SHARE)
+
+
+def find_dropouts(readings: Array) -> NDArray[np.bool_]:
+    """Return the dropouts: which rows of (n, 3) are zero in all axes though the rows around them read a weight, shape (n,).
+
+    A logger writes zeros because it has no reading.
+    """
+    norm = np.linalg.norm(readings, axis=1)
+    zero = norm == 0
+    present = np.flatnonzero(~zero)
+    if not 0 < zero.sum() <= MAX_DROPOUT_SHARE * len(zero):
+        return np.zeros(len(zero), dtype=np.bool_)
+    after = np.searchsorted(present, np.arange(len(zero)))
+    before = norm[present[np.maximum(after - 1, 0)]]
+    beyond = norm[present[np.minimum(after, len(present) - 1)]]
+    has_weight = np.minimum(before, beyond) > MIN_NEIGHBOUR_SHARE * np.median(norm[present])
+    return np.asarray(zero & has_weight, dtype=np.bool_)
+
+
+def saturation_level(values: Array) -> float | None:
+    """Return the extreme value of readings (n,) that occurs too often for a motion; None where neither end does."""
+    distinct, counts = np.unique(values, return_counts=True)
+    if len(distinct) < MIN_DISTINCT_VALUES:
+        return None
+    for extreme, next_to_it in ((-1, -2), (0, 1)):
+        if counts[extreme] >= MIN_EXTREME_READINGS and counts[extreme] > MIN_EXTREME_RATIO * counts[next_to_it]:
+            return float(distinct[extreme])
+    return None
