@@ -9,7 +9,14 @@ if TYPE_CHECKING:
     from gateway.recording.chain.chain_verification import ChainVerification
     from gateway.recording.chain.file_verification import FileVerification
 
-DIFFERS = 1
+EXIT_CODES = {"genuine": 0, "differs": 1, "consistent": 3}
+"""Definition: exit codes of the answers."""
+ANSWERS = {
+    "genuine": "genuine: everything is as the key signed that was given",
+    "consistent": "consistent in itself only: nothing differs from what was signed, but whoever wrote the files may "
+    "have signed them; give the gateway's public key with --key",
+    "differs": "NOT genuine: see above",
+}
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -18,8 +25,10 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         "verify",
         help="check that recordings are what the gateway wrote: nothing changed, removed, exchanged or forged",
         description="Check recordings against the signed statements in them: nothing changed, removed, exchanged, cut off or "
-        "forged, and no clock set back. Exit code 1: something differs, and each difference is named. A folder is expected "
-        "from the first segment on: those that the gateway has deleted, as it has signed, are named and are no difference.",
+        "forged, and no clock set back. Exit code 0: genuine by the key that is given. Exit code 1: something differs, and each "
+        "difference is named. Exit code 3: consistent in itself only, because no key is given, or nothing is signed. A folder "
+        "is expected from the first segment on: those that the gateway has deleted, as it has signed, are named and are no "
+        "difference.",
         epilog="example: plumbline record verify plumbline-data --key signing-key.pem.pub",
     )
     add_paths(verify)
@@ -33,7 +42,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Verify recordings; return 1 where something differs."""
+    """Verify recordings; return the exit code of the answer."""
     from gateway.cli.terminal.output import show
     from gateway.cli.terminal.progress import ProgressBar
     from gateway.recording.chain.chain_verification import verify_chain
@@ -48,9 +57,9 @@ def run(arguments: argparse.Namespace) -> int:
         for number, path in enumerate(paths):
             bar.update(number / len(paths))
             found.append(verify_file(path, key))
-    chain = verify_chain(found, [path for path in arguments.paths if path.is_dir()])
+    chain = verify_chain(found, [path for path in arguments.paths if path.is_dir()], key)
     show(_text(chain, key), chain.as_json(), arguments.json)
-    return 0 if chain.is_genuine else DIFFERS
+    return EXIT_CODES[chain.answer]
 
 
 def _text(chain: "ChainVerification", key: str | None) -> str:
@@ -61,11 +70,8 @@ def _text(chain: "ChainVerification", key: str | None) -> str:
         lines.append(f"the files are segments {chain.segments[0]} to {chain.segments[-1]}")
     lines += [f"  {problem}" for problem in chain.problems] + [f"  {remark}" for remark in chain.remarks]
     if key is None and chain.public_keys:
-        lines.append(
-            f"key {fingerprint(chain.public_keys[0])} stands in the recordings themselves; "
-            "compare it with the gateway's, or give that with --key"
-        )
-    lines.append("genuine: nothing differs from what was signed" if chain.is_genuine else "NOT genuine: see above")
+        lines.append(f"key {fingerprint(chain.public_keys[0])} stands in the recordings themselves")
+    lines.append(ANSWERS[chain.answer])
     return "\n".join(lines)
 
 

@@ -148,14 +148,28 @@ class SegmentChain:
     ) -> dict[str, str]:
         """Return the signature of a segment that is being written."""
         with self._lock:
-            return self._sign(self._statement("checkpoint", segment, name, n_bytes, sha256, from_ns, to_ns, False))
+            return self._sign(self._statement("checkpoint", segment, name, n_bytes, sha256, from_ns, to_ns))
 
     def final(
-        self, *, segment: int, name: str, n_bytes: int, sha256: str, from_ns: int, to_ns: int, repaired: bool
+        self,
+        *,
+        segment: int,
+        name: str,
+        n_bytes: int,
+        sha256: str,
+        from_ns: int,
+        to_ns: int,
+        repaired_from_ns: int | None,
     ) -> dict[str, str]:
-        """Return the final signature of a segment; `commit` it when the file is in its place."""
+        """Return the final signature of a segment; `commit` it when the file is in its place.
+
+        `repaired_from_ns` is the time of the last signature in a segment that had been cut off; None: it had not been.
+        """
         with self._lock:
-            return self._sign(self._statement("final", segment, name, n_bytes, sha256, from_ns, to_ns, repaired))
+            whole = self._statement("final", segment, name, n_bytes, sha256, from_ns, to_ns)
+            if repaired_from_ns is not None:
+                whole = replace(whole, repaired=True, repaired_from_ns=repaired_from_ns)
+            return self._sign(whole)
 
     def trimmed(self, text: str, *, n_bytes: int, sha256: str, from_ns: int, to_ns: int) -> dict[str, str]:
         """Return the final signature of a part of a segment, about which a statement was made as a whole."""
@@ -208,7 +222,6 @@ class SegmentChain:
         sha256: str,
         from_ns: int,
         to_ns: int,
-        repaired: bool,
     ) -> Statement:
         return Statement(
             kind=kind,
@@ -222,7 +235,6 @@ class SegmentChain:
             sha256=sha256,
             from_ns=from_ns,
             to_ns=to_ns,
-            repaired=repaired,
             rebuilt_before=self._state.rebuilt_before,
             public_key=self._public_key,
         )

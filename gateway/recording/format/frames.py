@@ -27,6 +27,8 @@ SIGNATURE_PLACE = RECORD_HEAD.size + 28
 """Distance of the signature from the start of a chunk record. Definition: the fields of an MCAP chunk before its records."""
 INDEX_HEAD = struct.Struct("<HI")
 """Channel, and length of the entries, of a message index."""
+TIME_AND_OFFSET_BYTES = 16
+"""Definition: an entry of a message index (MCAP)."""
 FOOTER_BYTES = 20
 """Definition: the content of a footer record (MCAP)."""
 SEARCH_BYTES = 1024 * 1024
@@ -36,6 +38,8 @@ Frame = tuple[bytes, int, bytes]
 """Head, opcode and content of a record."""
 MAX_CHUNK_BYTES = 64_000_000
 """Largest chunk, without compression. Basis: writers make chunks of 1 to 4 MB; one message may be as large as a photograph."""
+MAX_RECORD_BYTES = MAX_CHUNK_BYTES
+"""Largest record that is read. Basis: a chunk that was not compressed."""
 MAX_EXPANSION = 200
 """Largest ratio of all chunks of a file to its size, beside one largest chunk. Basis: recordings of a crane at rest reach 12."""
 MAX_WINDOW_BYTES = 1 << 27
@@ -50,7 +54,9 @@ def next_frame(file: BinaryIO, size: int) -> Frame | None:
     head = file.read(RECORD_HEAD.size)
     if len(head) == RECORD_HEAD.size:
         opcode, length = RECORD_HEAD.unpack(head)
-        if opcode != 0 and length <= size - file.tell():  # 0 is not an opcode: some file systems leave zeros
+        if opcode != 0 and length <= min(
+            MAX_RECORD_BYTES, size - file.tell()
+        ):  # 0 is not an opcode: some file systems leave zeros
             content = file.read(length)
             if _is_plausible(opcode, content):
                 return head, opcode, content
@@ -110,8 +116,7 @@ class ChunkReader:
         data = self._decompress(chunk)
         if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
             raise ChunkError("the checksum is wrong")
-        _check_frames(data)
-        return _frames(data)
+        return (frame for frame in records_of(data) if frame[0] in IN_CHUNKS)
 
     def _decompress(self, chunk: Chunk) -> bytes:
         size = chunk.uncompressed_size
@@ -134,8 +139,8 @@ class ChunkReader:
         return bytes(data)
 
 
-def _check_frames(data: bytes) -> None:
-    """Raise `ChunkError` where the lengths of the records do not add up, or something is no record."""
+def records_of(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Return opcode and content of each record. Raises `ChunkError` at once where the lengths do not add up."""
     place = 0
     while place < len(data):
         if place + RECORD_HEAD.size > len(data):
@@ -144,13 +149,13 @@ def _check_frames(data: bytes) -> None:
         place += RECORD_HEAD.size + length
         if opcode == 0 or place > len(data):
             raise ChunkError("a record is none, or is longer than its chunk")
+    return _records_of(data)
 
 
-def _frames(data: bytes) -> Iterator[tuple[int, bytes]]:
+def _records_of(data: bytes) -> Iterator[tuple[int, bytes]]:
     place = 0
     while place < len(data):
         opcode, length = RECORD_HEAD.unpack_from(data, place)
         place += RECORD_HEAD.size
-        if opcode in IN_CHUNKS:
-            yield opcode, data[place : place + length]
+        yield opcode, data[place : place + length]
         place += length
