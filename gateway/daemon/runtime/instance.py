@@ -8,6 +8,8 @@ from pathlib import Path
 from gateway.errors import PlumblineError
 
 LOCK_NAME = ".lock"
+LOCK_MODE = 0o600
+"""Whoever can open the file can lock it, and so keep a gateway from starting. Definition: access rights."""
 
 
 class InstanceError(PlumblineError):
@@ -85,11 +87,14 @@ class InstanceLock:
         flags = os.O_CLOEXEC | os.O_NONBLOCK
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            return os.open(self._path, os.O_RDWR | os.O_CREAT | flags, 0o644)
+            descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT | flags | os.O_NOFOLLOW, LOCK_MODE)
         except OSError:
             with suppress(OSError):
                 return os.open(self._path, os.O_RDONLY | flags)
             raise
+        with suppress(OSError):  # one that a former version made
+            os.fchmod(descriptor, LOCK_MODE)
+        return descriptor
 
 
 def _read_holder(descriptor: int) -> str:
