@@ -7,6 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
+from gateway.messages import NewestStatement
 from gateway.recording.chain.chain_state import STATE_NAME, ChainState, ChainStateError, read_state
 from gateway.recording.chain.file_verification import FileVerification
 from gateway.recording.chain.missing_segments import MissingSegments, describe_missing, list_missing
@@ -63,11 +64,14 @@ class ChainVerification:
 
 
 def verify_chain(
-    files: Sequence[FileVerification], folders: Sequence[Path] = (), key: str | None = None
+    files: Sequence[FileVerification],
+    folders: Sequence[Path] = (),
+    key: str | None = None,
+    heard: Sequence[NewestStatement] = (),
 ) -> ChainVerification:
     """Compare the statements of files with each other; `folders` are given as a whole, from the first to the newest segment.
 
-    `key` is the one with which the files were verified.
+    `key` is the one with which the files were verified, `heard` what somebody has kept of the gateway's statements.
     """
     numbered = sorted((file for file in files if file.segment is not None), key=lambda file: file.segment or 0)
     others = [file for file in files if file.segment is None]
@@ -81,9 +85,14 @@ def verify_chain(
     for (before, first), (after, second) in pairwise(stated):
         problems += _between(before, first, after, second)
     problems += _not_whole(numbered)
+    named = {statement.gateway for _, statement in stated}
+    heard = [each for each in heard if each.gateway in named]
+    problems += _rewritten(numbered, heard)
     states = _read_states(numbered, folders, remarks)
     deletions = _join_deletions([file for file, _ in stated], states, problems)
-    missing = _missing(numbered, states, deletions, is_whole=bool(folders))
+    newest = max((state.final_segment for state in states), default=0)
+    newest = max([newest, *(each.segment for each in heard)])
+    missing = _missing(numbered, newest, deletions, is_whole=bool(folders))
     removed, deleted = describe_missing(missing, deletions)
     for number in sorted({statement.rebuilt_before for _, statement in stated} - {0}):
         remarks.append(
@@ -133,12 +142,11 @@ def _join_deletions(
 
 
 def _missing(
-    numbered: Sequence[FileVerification], states: Sequence[ChainState], stated: DeletionStatement, *, is_whole: bool
+    numbered: Sequence[FileVerification], newest: int, stated: DeletionStatement, *, is_whole: bool
 ) -> tuple[MissingSegments, ...]:
     found = sorted({file.segment for file in numbered if file.segment is not None})
     if not found:
         return ()
-    newest = max((state.final_segment for state in states), default=0)
     return list_missing(found, 1 if is_whole else found[0], newest, stated)
 
 
@@ -192,6 +200,22 @@ def _not_whole(numbered: Sequence[FileVerification]) -> list[str]:
                 f"though segment {after.segment} follows; the gateway signs them when it repairs the file"
             )
     return [*wrong.values(), *problems]
+
+
+def _rewritten(numbered: Sequence[FileVerification], heard: Sequence[NewestStatement]) -> list[str]:
+    """Return the segments that are not those whose statements were heard."""
+    problems = []
+    by_number = {file.segment: file for file in numbered}
+    for each in heard:
+        file = by_number.get(each.segment)
+        if file is None or file.statement is None:
+            continue  # missing, or named as not signed
+        if each.sha256 not in (hash_of(file.statement_text), file.statement.replaces_sha256):
+            problems.append(
+                f"REWRITTEN: {file.path.name} has another statement than the one of segment {each.segment} that was heard "
+                "from the gateway when it was signed"
+            )
+    return problems
 
 
 def _file_json(file: FileVerification) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from devices.errors import RecordingError
+from gateway.messages import NewestStatement
 from gateway.recording.chain.chain_state import (
     KEPT_ASIDE,
     STATE_NAME,
@@ -46,6 +47,8 @@ class SegmentChain:
         self._lock = threading.Lock()
         self._state = ChainState()
         self._deleted = DeletionStatement(gateway=gateway)
+        self.newest: NewestStatement | None = None
+        """The newest final statement; read without the lock, which may wait for the disk."""
         self.loss: str | None = None
         """What was lost of the state at the start, in one line; None: nothing."""
 
@@ -67,6 +70,7 @@ class SegmentChain:
             if not stated:  # by a version that stated the largest number alone, or without this key
                 self._deleted = replace(self._deleted, unstated_up_to=self._state.deleted_up_to)
             self._sign_deletions()
+            self._publish()
             if saved is None and self._state.final_segment:
                 problem = problem or f"{self._data_dir / STATE_NAME}: is missing"
             if problem is not None:
@@ -195,6 +199,7 @@ class SegmentChain:
             if segment < self._state.final_segment:
                 return
             self._state.final_segment, self._state.final_sha256 = segment, hash_of(signature["statement"])
+            self._publish()
             self._save()
 
     def note_deletion(self, segment: int, reason: DeletionReason, quota_mb: float) -> None:
@@ -238,6 +243,16 @@ class SegmentChain:
             rebuilt_before=self._state.rebuilt_before,
             public_key=self._public_key,
         )
+
+    def _publish(self) -> None:
+        """Let others read what the newest final statement is."""
+        if self._state.final_segment:
+            self.newest = NewestStatement(
+                gateway=self._gateway,
+                segment=self._state.final_segment,
+                sha256=self._state.final_sha256,
+                public_key=self._public_key,
+            )
 
     @property
     def _public_key(self) -> str:

@@ -214,7 +214,7 @@ def test_the_command_names_the_difference_and_exits_with_one(
     folder = segments[0].parent
     key = str(folder / "signing-key.pem.pub")
     assert main(["record", "verify", str(folder), "--key", key]) == 0
-    assert "genuine: everything is as the key signed" in capsys.readouterr().out
+    assert "genuine: everything is as the gateway's key signed" in capsys.readouterr().out
     assert main(["record", "verify", str(folder)]) == 3
     assert "consistent in itself only" in capsys.readouterr().out
     segments[1].unlink()
