@@ -2,6 +2,8 @@
 
 import fcntl
 import os
+import stat
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -87,6 +89,9 @@ class InstanceLock:
         flags = os.O_CLOEXEC | os.O_NONBLOCK
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
+            with suppress(FileNotFoundError):
+                if not stat.S_ISREG(self._path.lstat().st_mode):  # a link, a pipe or a folder, which no gateway makes
+                    self._path.replace(self._path.with_name(f"{LOCK_NAME}.foreign-{time.time_ns()}"))
             descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT | flags | os.O_NOFOLLOW, LOCK_MODE)
         except OSError:
             with suppress(OSError):
