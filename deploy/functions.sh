@@ -7,6 +7,7 @@ base=$root/opt/plumbline
 releases=$base/releases
 settings=$root/etc/plumbline
 installed=$settings/plumbline.toml
+environment=$root/etc/default/plumbline
 data=$root/var/lib/plumbline
 package_unit=$root/usr/lib/systemd/system/plumbline.service
 started_s=${PLUMBLINE_START_S:-30}    # time in which a gateway that starts well has started
@@ -40,17 +41,35 @@ has_package() { [ -e "$package_unit" ]; }
 
 has_systemd() { [ -z "$root" ] && [ -d /run/systemd/system ]; }
 
-# put_user: make the service's user, its groups and its folders.
+# put_environment FILE: make the environment of the service where there is none: root alone may change it, because it can name programs
+# to load. Until 0.2.0 it was in the folder of the settings, in which the service may write; it stays there for a rollback.
+put_environment() {
+    [ ! -e "$environment" ] || return 0
+    mkdir -p "$(dirname "$environment")"
+    former=$settings/service.env
+    if [ -f "$former" ] && [ ! -L "$former" ] && [ "$(stat -c %u "$former")" = "$(id -u)" ]; then
+        cp "$former" "$environment"
+    else
+        cp "$1" "$environment"
+    fi
+    chmod 0644 "$environment"
+}
+
+# put_user: make the service's user, its groups and its folders. People who read recordings are in the group plumbline; those who
+# command as well in plumbline-command, which owns the token and the PIN. The service alone is in plumbline-settings.
 put_user() {
     mkdir -p "$settings" "$data"
     [ -z "$root" ] || return 0
-    for group in i2c dialout; do
+    for group in i2c dialout plumbline-command plumbline-settings; do
         getent group "$group" >/dev/null || groupadd --system "$group"
     done
     id plumbline >/dev/null 2>&1 || useradd --system --user-group --home-dir "$data" --shell /usr/sbin/nologin plumbline
     chown plumbline:plumbline "$data"
     chmod 0750 "$data"
-    chown root:plumbline "$settings"    # `plumbline remote config apply` writes there
+    for secret in "$data/command-token" "$data/page-pin"; do
+        if [ -f "$secret" ] && [ ! -L "$secret" ]; then chgrp -h plumbline-command "$secret"; fi
+    done
+    chown root:plumbline-settings "$settings"    # `plumbline remote config apply` writes there
     chmod 0775 "$settings"
 }
 
@@ -106,7 +125,10 @@ ask_to_delete() {
 }
 
 delete_data() {
-    rm -rf "$data" "$settings"
-    [ -n "$root" ] || userdel plumbline 2>/dev/null || true
+    rm -rf "$data" "$settings" "$environment"
+    if [ -z "$root" ]; then
+        userdel plumbline 2>/dev/null || true
+        for group in plumbline-command plumbline-settings; do groupdel "$group" 2>/dev/null || true; done
+    fi
     echo "removed, with recordings, calibration records and settings"
 }

@@ -55,7 +55,7 @@ put_service() {
     mkdir -p "$root/etc/systemd/system" "$root/etc/udev/rules.d" "$root/usr/local/bin"
     cp "$parts/plumbline.service" "$root/etc/systemd/system/plumbline.service"
     cp "$parts/60-plumbline.rules" "$root/etc/udev/rules.d/60-plumbline.rules"
-    [ -e "$settings/service.env" ] || cp "$parts/service.env" "$settings/service.env"
+    put_environment "$parts/service.env"
     cp "$parts/plumbline.sh" "$root/usr/local/bin/plumbline.new"
     chmod 0755 "$root/usr/local/bin/plumbline.new"
     mv "$root/usr/local/bin/plumbline.new" "$root/usr/local/bin/plumbline"
@@ -96,3 +96,4 @@ fi
 echo "service    running; its log: journalctl -u plumbline -f; its state: plumbline doctor"
 echo "page       on this machine: http://127.0.0.1:8321/"
 echo "recordings $data; to read them without sudo: usermod -aG plumbline USER"
+echo "commands   those who may command as well: usermod -aG plumbline,plumbline-command USER"

@@ -2,10 +2,14 @@
 
 import contextlib
 import errno
+import grp
 import os
 import stat
 from collections.abc import Iterator
 from pathlib import Path
+
+COMMAND_GROUP = "plumbline-command"
+"""The group of those who may command an installed gateway; others read its recordings by the group of its files."""
 
 
 def write_durably(path: Path, content: bytes) -> None:
@@ -20,7 +24,21 @@ def write_private(path: Path, content: bytes, mode: int) -> None:
     make_folder(path.parent)
     with replace_file(path, mode=0o600) as descriptor:
         os.fchmod(descriptor, mode)
+        if mode & stat.S_IRGRP and not mode & stat.S_IROTH:
+            give_to_commanders(descriptor)
         _write_all(descriptor, content)
+
+
+def give_to_commanders(descriptor: int) -> None:
+    """Give a secret that a group may read to those who may command, on a machine with that group; else to its owner alone."""
+    try:
+        group = grp.getgrnam(COMMAND_GROUP).gr_gid
+    except KeyError:
+        return
+    try:
+        os.fchown(descriptor, -1, group)
+    except OSError:
+        os.fchmod(descriptor, stat.S_IRUSR | stat.S_IWUSR)
 
 
 @contextlib.contextmanager

@@ -4,6 +4,7 @@ import errno
 import json
 import os
 import re
+import stat
 import tomllib
 from pathlib import Path
 from typing import Any, TypeVar
@@ -27,6 +28,31 @@ def read_bounded(path: Path, max_bytes: int = MAX_STATE_BYTES) -> bytes:
         if os.fstat(file.fileno()).st_size > max_bytes:
             raise OSError(errno.EFBIG, f"has more than {max_bytes / 1e6:g} MB", str(path))
         return file.read(max_bytes)
+
+
+def read_owned(folder: Path, name: str, max_bytes: int = MAX_STATE_BYTES) -> bytes:
+    """Return the end of a regular file below a folder, which belongs to the folder's owner and is reached through no link.
+
+    For root, who reads in a folder that another user may write. Raises `OSError`.
+    """
+    *parents, last = Path(name).parts
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        owner = os.fstat(descriptor).st_uid
+        for parent in parents:
+            flags = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
+            inner = os.open(parent, flags, dir_fd=descriptor)
+            os.close(descriptor)
+            descriptor = inner
+        file = os.open(last, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, dir_fd=descriptor)
+    finally:
+        os.close(descriptor)
+    with os.fdopen(file, "rb") as opened:
+        state = os.fstat(file)
+        if not stat.S_ISREG(state.st_mode) or state.st_uid != owner:
+            raise OSError(errno.EPERM, "is not a file of the folder's owner", str(folder / name))
+        opened.seek(max(0, state.st_size - max_bytes))
+        return opened.read(max_bytes)
 
 
 def parse_json(content: bytes | str) -> Any:

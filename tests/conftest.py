@@ -22,6 +22,14 @@ ARGUMENTS = [
 
 
 @pytest.fixture(scope="session", autouse=True)
+def _own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep what commands remember of gateways apart from what the user of this machine has heard."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
 def _interruptible() -> None:
     """Let child processes receive Ctrl-C, which a shell hides from what it runs in the background."""
     if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:

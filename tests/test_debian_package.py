@@ -109,7 +109,7 @@ def test_the_package_has_the_same_parts_as_the_installer(machine: Machine) -> No
     for place, part in (
         ("usr/lib/systemd/system/plumbline.service", "plumbline.service"),
         ("usr/lib/udev/rules.d/60-plumbline.rules", "60-plumbline.rules"),
-        ("etc/plumbline/service.env", "service.env"),
+        ("etc/default/plumbline", "service.env"),
         ("usr/bin/plumbline", "plumbline.sh"),
     ):
         assert (machine.root / place).read_text() == (ROOT / "deploy" / part).read_text()
@@ -159,7 +159,7 @@ def test_a_downgrade_is_an_upgrade_to_the_old_version(machine: Machine, old: Pat
 
 
 def test_an_edited_environment_of_the_service_stays(machine: Machine, new: Path) -> None:
-    environment = machine.root / "etc" / "plumbline" / "service.env"
+    environment = machine.root / "etc" / "default" / "plumbline"
     environment.write_text("PLUMBLINE_GATEWAY__DATA_DIR=/srv/plumbline\n")
     assert machine.dpkg("-i", new).returncode == 0
     assert environment.read_text() == "PLUMBLINE_GATEWAY__DATA_DIR=/srv/plumbline\n"

@@ -145,10 +145,35 @@ def test_a_simulated_crane_is_not_put_into_service(installation: Installation, w
 
 def test_an_edited_environment_of_the_service_stays(installation: Installation, wanted: Path) -> None:
     assert installation.run("install.sh", wanted).returncode == 0
-    environment = installation.settings.with_name("service.env")
+    environment = installation.root / "etc" / "default" / "plumbline"
     environment.write_text("PLUMBLINE_GATEWAY__DATA_DIR=/srv/plumbline\n")
     assert installation.run("install.sh").returncode == 0
     assert environment.read_text() == "PLUMBLINE_GATEWAY__DATA_DIR=/srv/plumbline\n"
+
+
+def test_the_environment_of_a_former_version_goes_where_root_alone_may_change_it(
+    installation: Installation, wanted: Path
+) -> None:
+    former = installation.settings.with_name("service.env")
+    former.parent.mkdir(parents=True)
+    former.write_text("PLUMBLINE_GATEWAY__DATA_DIR=/srv/plumbline\n")
+    assert installation.run("install.sh", wanted).returncode == 0
+    environment = installation.root / "etc" / "default" / "plumbline"
+    assert environment.read_text() == "PLUMBLINE_GATEWAY__DATA_DIR=/srv/plumbline\n"
+    assert former.exists()  # a version before reads it after a rollback
+    for path in (environment, former):
+        path.unlink()
+    former.symlink_to(wanted)
+    assert installation.run("install.sh").returncode == 0
+    assert environment.read_text() == (ROOT / "deploy" / "service.env").read_text()
+
+
+def test_reading_recordings_gives_no_right_to_command_or_to_change_settings() -> None:
+    unit, functions = UNIT.read_text(), (ROOT / "deploy" / "functions.sh").read_text()
+    assert "\nGroup=plumbline\n" in unit  # of the recordings
+    assert "\nEnvironmentFile=/etc/default/plumbline\n" in unit  # it can name programs to load
+    assert 'chown root:plumbline-settings "$settings"' in functions
+    assert 'chgrp -h plumbline-command "$secret"' in functions
 
 
 def test_an_edited_configuration_is_installed_the_second_time(installation: Installation, wanted: Path) -> None:

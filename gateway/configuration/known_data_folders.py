@@ -7,14 +7,16 @@ from contextlib import suppress
 from pathlib import Path
 
 from gateway.atomic_io import write_private
+from gateway.configuration.user_state import user_state_folder
 
+FOLDER = "data-folders"
 MAX_FOLDERS = 32
 """Folders that are remembered, the newest. Basis: a choice; more than a host has, and a bound of the file."""
 
 
 def remember_data_folder(data_dir: Path, environment: Mapping[str, str] = os.environ) -> None:
     """Remember a data folder; without a home, or where it cannot be written, nothing is remembered."""
-    folder = _state_folder(environment)
+    folder = user_state_folder(FOLDER, environment)
     if folder is None:
         return
     with suppress(OSError):
@@ -26,7 +28,7 @@ def remember_data_folder(data_dir: Path, environment: Mapping[str, str] = os.env
 
 def known_data_folders(environment: Mapping[str, str] = os.environ) -> list[Path]:
     """Return the remembered folders that exist, the newest first."""
-    folder = _state_folder(environment)
+    folder = user_state_folder(FOLDER, environment)
     if folder is None:
         return []
     try:
@@ -35,11 +37,3 @@ def known_data_folders(environment: Mapping[str, str] = os.environ) -> list[Path
     except (OSError, UnicodeDecodeError):
         return []
     return [path for path in paths if path.is_absolute() and path.is_dir()]
-
-
-def _state_folder(environment: Mapping[str, str]) -> Path | None:
-    """Return the folder by the XDG base directory specification; None without a home."""
-    state, home = environment.get("XDG_STATE_HOME"), environment.get("HOME")
-    if state:
-        return Path(state) / "plumbline" / "data-folders"
-    return Path(home) / ".local" / "state" / "plumbline" / "data-folders" if home else None

@@ -8,7 +8,7 @@ from gateway.configuration.loading import ConfigurationError, load
 from gateway.configuration.model import Configuration
 
 SETTINGS = Path("/etc/plumbline/plumbline.toml")
-SERVICE_ENVIRONMENT = Path("/etc/plumbline/service.env")
+SERVICE_ENVIRONMENT = Path("/etc/default/plumbline")
 WITHOUT_SENSOR = ("simulated", "replay")
 
 

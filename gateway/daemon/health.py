@@ -107,6 +107,7 @@ class HealthReporter:
             certificate_days_left=None if self.certificates is None else self.certificates.expires_in_days,
             recording=None if path is None else str(path),
             recording_error=standing.get("recording"),
+            newest_statement=self.recording.newest_statement,
             disk_free_mb=self.recording.disk_free_mb,
             cpu_percent=self._cpu.percent(),
             resident_mb=resident_mb(),

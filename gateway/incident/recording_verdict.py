@@ -29,7 +29,7 @@ def judge_recordings(paths: Sequence[Path], key: str | None) -> RecordVerdict:
     `RecordingError` where a file cannot be read.
     """
     try:
-        chain = verify_chain([verify_file(path, key) for path in paths])
+        chain = verify_chain([verify_file(path, key) for path in paths], (), key)
     except KeyFileError as error:
         return RecordVerdict("open", "not verified", (f"{error}.",))
     if all(file.segment is None and file.statement is None for file in chain.files):
@@ -37,14 +37,17 @@ def judge_recordings(paths: Sequence[Path], key: str | None) -> RecordVerdict:
             "open", "not signed", ("The recordings have no signatures: no change of them can be detected.",)
         )
     remarks = (*chain.remarks, *(f"{file.path.name}: {text}" for file in chain.files for text in file.remarks))
-    if not chain.is_genuine:
+    if chain.answer == "differs":
         return RecordVerdict("differs", "THEY DIFFER FROM WHAT THE GATEWAY SIGNED", (*_problems(chain), *remarks))
     if not chain.public_keys:
         return RecordVerdict("open", "chained by hashes, not signed", remarks)
     signer = fingerprint(chain.public_keys[0])
     if key is None:
-        compare = f"Its key {signer} stands in the recordings themselves; compare it with the gateway’s, or give that with --key."
-        return RecordVerdict("open", "nothing differs from what was signed", (compare, *remarks))
+        compare = (
+            f"Whoever wrote the recordings may have signed them: their key {signer} stands in them alone. "
+            "Compare it with the gateway’s, or give that with --key."
+        )
+        return RecordVerdict("open", "consistent in themselves only", (compare, *remarks))
     return RecordVerdict("genuine", f"genuine, nothing differs from what the gateway signed (key {signer})", remarks)
 
 

@@ -1,5 +1,8 @@
 """Arrays of a MATLAB file as the columns of a table."""
 
+import os
+import struct
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -7,8 +10,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from devices.regular_file import open_regular
 from gateway.errors import InputError
 
+LEAST_BYTES = 16_000_000
+"""So many bytes are decompressed of every file. Basis: a choice; some minutes of a fast sensor, and little memory."""
+MAX_EXPANSION = 4
+"""So many more bytes are decompressed for each byte of the file. Basis: noise of 12 bits in numbers of 64
+compresses to a quarter; zeros compress to a thousandth, and a megabyte of them took 3 GB."""
+HEADER_BYTES = 128
+"""Definition: the header of a MATLAB 5 file."""
+COMPRESSED = 15
+"""Definition: the type of an element that is compressed."""
+PART_BYTES = 1 << 20
+"""Bytes that are decompressed at once. Basis: a choice; more is not faster, and a small board has the memory."""
 MIN_ROWS = 3
 """Basis: a choice; a shorter array is a constant or a vector, and no recording."""
 MAX_COLUMNS = 64
@@ -43,6 +58,7 @@ def _load(path: Path) -> Mapping[str, Any]:
         raise InputError(f"{path}: MATLAB files need scipy; install plumbline-gateway[twin]") from error
     if not path.exists():
         raise InputError(f"{path}: no such file; check the path")
+    _check_expansion(path)
     try:
         content: Mapping[str, Any] = loadmat(path, squeeze_me=True, struct_as_record=True)
     except OSError as error:
@@ -52,6 +68,38 @@ def _load(path: Path) -> Mapping[str, Any]:
     except (MatReadError, ValueError, TypeError, KeyError, IndexError, EOFError) as error:
         raise InputError(f"{path}: is no MATLAB file ({error})") from error
     return {name: value for name, value in content.items() if not name.startswith("__")}
+
+
+def _check_expansion(path: Path) -> None:
+    """Raise `InputError` where the elements of a file are far larger than the file, or it cannot be read."""
+    try:
+        with open_regular(path) as file:
+            order = "<" if file.read(HEADER_BYTES)[-2:] == b"IM" else ">"
+            left = LEAST_BYTES + MAX_EXPANSION * os.fstat(file.fileno()).st_size
+            while len(tag := file.read(8)) == 8:
+                kind, length = struct.unpack(f"{order}II", tag)
+                if kind == COMPRESSED:
+                    left -= _expanded_bytes(file.read(min(length, left)), left)
+                else:
+                    file.seek(length, os.SEEK_CUR)
+                if left <= 0:
+                    raise InputError(
+                        f"{path}: contains far more than files of its size do; save it with -v6, without compression, or cut it"
+                    )
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+
+
+def _expanded_bytes(data: bytes, most: int) -> int:
+    """Return the length of compressed data, at most little more than `most`; 0 for damaged ones, which scipy reports."""
+    reader, count = zlib.decompressobj(), 0
+    while data and count <= most and not reader.eof:
+        try:
+            part = reader.decompress(data, PART_BYTES)
+        except zlib.error:
+            return 0
+        count, data = count + len(part), reader.unconsumed_tail
+    return count
 
 
 def _columns(content: Mapping[str, Any]) -> Iterator[tuple[str, NDArray[np.float64]]]:

@@ -18,7 +18,7 @@ from gateway.messages.header import (
     Seconds,
     Vector,
 )
-from gateway.messages.health import Health
+from gateway.messages.health import Health, NewestStatement
 from gateway.messages.log import FoxgloveTime, Log
 from gateway.messages.mark import Mark
 from gateway.messages.motion import Formulas, HorizontalVector, Motion, MotionProbabilities, MotionState, Swing, Tilt
@@ -52,6 +52,7 @@ __all__ = [
     "Motion",
     "MotionProbabilities",
     "MotionState",
+    "NewestStatement",
     "Readings",
     "Samples",
     "Seconds",

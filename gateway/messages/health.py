@@ -9,6 +9,18 @@ from gateway.messages.header import Message
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class NewestStatement:
+    """The newest segment about which the gateway has signed a final statement: who keeps it can prove a rewriting."""
+
+    gateway: Annotated[str, Field(max_length=300, description="its key on the bus")]
+    segment: Annotated[int, Field(ge=1, description="number of the segment")]
+    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$", description="hash of the statement")]
+    public_key: Annotated[
+        str, Field(pattern=r"^([0-9a-f]{64})?$", description="the key that has signed it; empty: not signed")
+    ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Health(Message):
     """The state of the gateway itself."""
 
@@ -43,6 +55,10 @@ class Health(Message):
     ] = None
     recording: str | None = None
     recording_error: str | None = None
+    newest_statement: Annotated[
+        NewestStatement | None,
+        Field(description="the newest signed statement about a recording; null: there is none yet"),
+    ] = None
     disk_free_mb: float | None = None
     cpu_percent: float | None = None
     resident_mb: float | None = None

@@ -46,7 +46,7 @@ class AlertOutbox:
             numbers += [change.number for change in _read(path)]
             if len(numbers) > 1:
                 break
-        self._open_file(paths[-1] if paths else self._folder / FIRST_NAME)
+        self._open_file(paths[-1] if paths else _unused(self._folder / FIRST_NAME))
         return max(numbers)
 
     def append(self, changes: Sequence[StoredChange]) -> None:
@@ -95,11 +95,12 @@ class AlertOutbox:
         return span
 
     def _paths(self) -> list[Path]:
-        return sorted(self._folder.glob("changes-*.log"))
+        """Return the files in order; what is no regular file is not the gateway's, and stays as it is."""
+        return sorted(path for path in self._folder.glob("changes-*.log") if path.is_file() and not path.is_symlink())
 
     def _open_file(self, path: Path) -> None:
         self.close()
-        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o640)
+        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW, 0o640)
         content = path.read_bytes()
         size = readable_size(content)
         if size < len(content):
@@ -109,7 +110,7 @@ class AlertOutbox:
 
     def _begin_file(self) -> None:
         last = self._paths()[-1]
-        self._open_file(last.with_name(_next_name(last)))
+        self._open_file(_unused(last.with_name(_next_name(last))))
         paths = self._paths()
         excess = max(len(paths) - MAX_OUTBOX_FILES, 0)
         old_s = time.time() - KEPT_S
@@ -123,6 +124,13 @@ class AlertOutbox:
         while content:
             content = content[os.write(self._descriptor, content) :]
         os.fdatasync(self._descriptor)
+
+
+def _unused(path: Path) -> Path:
+    """Return this name, or the next one that nothing has."""
+    while os.path.lexists(path):
+        path = path.with_name(_next_name(path))
+    return path
 
 
 def _next_name(path: Path) -> str:

@@ -5,6 +5,8 @@ import secrets
 from contextlib import suppress
 from pathlib import Path
 
+from gateway.atomic_io import give_to_commanders
+
 PIN_NAME = "page-pin"
 PIN_DIGITS = 8
 """Basis: with `sign_in.MAX_SIGN_IN_PAUSE_S` half of the numbers need 95 years; a person types eight digits."""
@@ -13,10 +15,11 @@ MAX_PIN_FILE_BYTES = 256
 
 
 def make_pin(path: Path) -> None:
-    """Make the file with a random PIN where there is none, readable by the group of the service. Raises `OSError`."""
+    """Make the file with a random PIN where there is none, readable by those who may command. Raises `OSError`."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with suppress(FileExistsError):
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o640)
+        give_to_commanders(descriptor)
         with os.fdopen(descriptor, "w", encoding="ascii") as file:
             file.write(f"{secrets.randbelow(10**PIN_DIGITS):0{PIN_DIGITS}d}\n")
             file.flush()

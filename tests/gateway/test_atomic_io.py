@@ -1,12 +1,13 @@
 """Files that are whole or not there."""
 
+import grp
 import os
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from gateway.atomic_io import append_durably, write_durably
+from gateway.atomic_io import COMMAND_GROUP, append_durably, write_durably, write_private
 
 
 def test_a_file_is_replaced_in_folders_that_are_made(tmp_path: Path) -> None:
@@ -52,3 +53,26 @@ def test_a_link_in_place_of_the_incomplete_file_is_not_followed(tmp_path: Path) 
     assert victim.read_bytes() == b"whole"
     write_durably(path, b"new")
     assert path.read_bytes() == b"new"
+
+
+def test_a_secret_of_a_group_goes_to_those_who_may_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[int] = []
+    entry = grp.getgrgid(os.getegid())
+    monkeypatch.setattr("gateway.atomic_io.grp.getgrnam", lambda name: entry if name == COMMAND_GROUP else None)
+    monkeypatch.setattr("gateway.atomic_io.os.fchown", lambda _, user, group: given.append(group))
+    for name, mode in (("token", 0o640), ("key", 0o600), ("public", 0o644)):
+        write_private(tmp_path / name, b"x", mode)
+        assert (tmp_path / name).stat().st_mode & 0o777 == mode
+    assert given == [entry.gr_gid]
+
+
+def test_a_secret_that_cannot_be_given_to_them_is_its_owners_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: int) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr("gateway.atomic_io.grp.getgrnam", lambda _: grp.getgrgid(os.getegid()))
+    monkeypatch.setattr("gateway.atomic_io.os.fchown", refuse)
+    write_private(tmp_path / "token", b"x", 0o640)
+    assert (tmp_path / "token").stat().st_mode & 0o777 == 0o600

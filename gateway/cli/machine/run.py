@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from gateway.daemon.gateway import Gateway
     from gateway.daemon.runtime.logs import LineWriter
 
+NO_OTHERS = 0o027
+"""Definition: access rights that files of the gateway do not have: those of users outside its group, and writing by the group."""
 OUTPUT_S = 0.3
 """Longest wait for a reader of standard output or error to take the last lines. Basis: a choice; a pipe takes them in
 milliseconds, and a reader that hangs holds no end up."""
@@ -49,6 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the gateway."""
     from gateway.daemon.runtime.logs import LineWriter, start_logging
 
+    os.umask(NO_OTHERS)
     stopping = threading.Event()
     for name in (signal.SIGINT, signal.SIGTERM):
         signal.signal(name, lambda *_: stopping.set())

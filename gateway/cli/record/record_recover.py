@@ -23,10 +23,14 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 def run(arguments: argparse.Namespace) -> int:
     """Recover a recording; return 3 where something of it could not be read."""
     from gateway.recording.format.salvage import describe_losses
-    from gateway.recording.segments.recovery import recover, recovered_path
+    from gateway.recording.segments.recovery import NothingRecordedError, recover, recovered_path
 
     out = arguments.out or recovered_path(arguments.log)
-    recovered = recover(arguments.log, out)
+    try:
+        recovered = recover(arguments.log, out)
+    except NothingRecordedError as nothing:
+        print(nothing)
+        return 0
     losses = recovered.losses
     print(f"{out}: {', '.join([f'{recovered.messages} messages recovered', *describe_losses(losses)])}")
     return WITH_LOSSES if losses.torn_bytes or losses.damaged_records or losses.unreadable_messages else 0

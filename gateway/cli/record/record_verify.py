@@ -1,14 +1,24 @@
 """`plumbline record verify`: whether recordings are what the gateway wrote."""
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.cli.record.record_options import add_json, add_paths
-from gateway.errors import ANSWER_IS_NO
+from gateway.errors import ANSWER_IS_NO, WITH_LOSSES
 
 if TYPE_CHECKING:
     from gateway.recording.chain.chain_verification import ChainVerification
     from gateway.recording.chain.file_verification import FileVerification
+
+EXIT_CODES = {"genuine": 0, "differs": ANSWER_IS_NO, "consistent": WITH_LOSSES}
+"""Definition: exit codes of the answers."""
+ANSWERS = {
+    "genuine": "genuine: everything is as the gateway's key signed",
+    "consistent": "consistent in itself only: nothing differs from what was signed, but whoever wrote the files may "
+    "have signed them; give the gateway's public key with --key",
+    "differs": "NOT genuine: see above",
+}
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -17,8 +27,10 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         "verify",
         help="check that recordings are what the gateway wrote: nothing changed, removed, exchanged or forged",
         description="Check recordings against the signed statements in them: nothing changed, removed, exchanged, cut off or "
-        "forged, and no clock set back. Exit code 1: something differs, and each difference is named. A folder is expected "
-        "from the first segment on: those that the gateway has deleted, as it has signed, are named and are no difference.",
+        "forged, and no clock set back. Exit code 0: genuine by the key that is given, or that `remote status` has heard at the "
+        "first contact. Exit code 1: something differs, and each difference is named. Exit code 3: consistent in itself only, "
+        "because no key is known, or nothing is signed. A folder is expected from the first segment on: those that the gateway "
+        "has deleted, as it has signed, are named and are no difference.",
         epilog="example: plumbline record verify plumbline-data --key signing-key.pem.pub",
     )
     add_paths(verify)
@@ -27,44 +39,66 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         metavar="PUBLIC",
         help="the gateway's public key: 64 hexadecimal digits, or the file signing-key.pem.pub, kept apart from the recordings",
     )
+    verify.add_argument(
+        "--heard",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="health messages that somebody kept, as `remote status --json FILE` writes them: what they say of the newest "
+        "segment must be there",
+    )
     add_json(verify)
     verify.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Verify recordings; return 1 where something differs."""
+    """Verify recordings; return the exit code of the answer."""
     from gateway.cli.terminal.output import show
     from gateway.cli.terminal.progress import ProgressBar
     from gateway.recording.chain.chain_verification import verify_chain
     from gateway.recording.chain.file_verification import verify_file
+    from gateway.recording.chain.known_gateways import known_statement, read_statements
     from gateway.recording.chain.signing_key import read_public_key
     from gateway.recording.reading.catalogue import list_recordings
 
-    key = None if arguments.key is None else read_public_key(arguments.key)
     paths = list_recordings(arguments.paths)
+    known = known_statement(_gateway_of(paths[0]))
+    heard = [statement for path in arguments.heard for statement in read_statements(path)]
+    pinned = None if known is None else known.public_key
+    key = pinned if arguments.key is None else read_public_key(arguments.key)
+    heard += [] if known is None or known.public_key != key else [known]
     found = []
     with ProgressBar("verifying") as bar:
         for number, path in enumerate(paths):
             bar.update(number / len(paths))
             found.append(verify_file(path, key))
-    chain = verify_chain(found, [path for path in arguments.paths if path.is_dir()])
-    show(_text(chain, key), chain.as_json(), arguments.json)
-    return 0 if chain.is_genuine else ANSWER_IS_NO
+    chain = verify_chain(found, [path for path in arguments.paths if path.is_dir()], key, heard)
+    show(_text(chain, key, is_pinned=arguments.key is None), chain.as_json(), arguments.json)
+    return EXIT_CODES[chain.answer]
 
 
-def _text(chain: "ChainVerification", key: str | None) -> str:
+def _gateway_of(path: Path) -> str:
+    """Return the gateway that a statement in a file names; its signature is checked later."""
+    from gateway.recording.chain.statements import SIGNATURE, parse_statement
+    from gateway.recording.reading.segment_index import read_index
+
+    statement = parse_statement(read_index(path).metadata.get(SIGNATURE, {}).get("statement", ""))
+    return "" if statement is None else statement.gateway
+
+
+def _text(chain: "ChainVerification", key: str | None, *, is_pinned: bool) -> str:
     from gateway.recording.chain.signing_key import fingerprint
 
     lines = [line for file in chain.files for line in _file_lines(file)]
     if chain.segments:
         lines.append(f"the files are segments {chain.segments[0]} to {chain.segments[-1]}")
     lines += [f"  {problem}" for problem in chain.problems] + [f"  {remark}" for remark in chain.remarks]
+    if is_pinned and key is not None:
+        lines.append(f"key {fingerprint(key)} is pinned: this user heard it from the gateway at the first contact")
     if key is None and chain.public_keys:
-        lines.append(
-            f"key {fingerprint(chain.public_keys[0])} stands in the recordings themselves; "
-            "compare it with the gateway's, or give that with --key"
-        )
-    lines.append("genuine: nothing differs from what was signed" if chain.is_genuine else "NOT genuine: see above")
+        lines.append(f"key {fingerprint(chain.public_keys[0])} stands in the recordings themselves")
+    lines.append(ANSWERS[chain.answer])
     return "\n".join(lines)
 
 

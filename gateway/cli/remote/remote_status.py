@@ -1,7 +1,9 @@
 """`plumbline remote status`: how a gateway is, with the drift of its calibration; on request its last messages as JSON."""
 
 import argparse
+import sys
 import time
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -56,10 +58,29 @@ def _status(arguments: argparse.Namespace) -> int:
         valid = {topic: topics[topic] for topic in messages}
         at_rest = describe_rest_drift(valid.get("health"), valid.get("calibration"))
         drift = {"at_rest": at_rest, "by_records": _forecast_text(connect, key, credentials)}
+        note_statement(valid.get("health"))
         pages.append("\n".join(map(printable, status_lines(status, messages, drift, now_utc))))
         topics["drift"] = drift
     show("\n\n".join(pages), gateways, arguments.json)
     return 0
+
+
+def note_statement(health: dict[str, Any] | None) -> None:
+    """Pin the key of a gateway at the first contact, and keep its newest statement, for `record verify`; warn of another key."""
+    from pydantic import TypeAdapter, ValidationError
+
+    from gateway.configuration.model import GatewaySection
+    from gateway.messages import NewestStatement
+    from gateway.recording.chain.known_gateways import remember_statement
+
+    if health is None or health.get("newest_statement") is None:
+        return
+    with suppress(ValidationError):
+        heard = TypeAdapter(NewestStatement).validate_python(health["newest_statement"])
+        unnamed = f"/{GatewaySection.model_fields['site'].default}/" in heard.gateway  # many gateways have this name
+        problem = None if unnamed else remember_statement(heard)
+        if problem is not None:
+            print(f"plumbline remote: {printable(problem)}", file=sys.stderr)
 
 
 def describe_rest_drift(health: dict[str, Any] | None, calibration: dict[str, Any] | None) -> str:

@@ -3,6 +3,7 @@
 import io
 import json
 import platform
+import stat
 import subprocess
 import tarfile
 import time
@@ -20,6 +21,7 @@ from gateway.daemon.doctor.check_result import CheckResult
 from gateway.daemon.doctor.secret_filter import SecretFilter, secret_files
 from gateway.daemon.doctor.service_check import query_gateway
 from gateway.errors import PlumblineError
+from gateway.file_input import read_owned
 
 UNIT = "plumbline.service"
 LOG_LINES = 2000
@@ -67,7 +69,7 @@ def _parts(
         "log.txt",
         _output("journalctl", "--unit", UNIT, "--lines", str(LOG_LINES), "--no-pager", "--output=short-iso"),
     )
-    yield "audit.jsonl", _last_lines(data_dir / "calibration" / "audit.jsonl")
+    yield "audit.jsonl", _last_lines(data_dir, "calibration/audit.jsonl")
     yield "files.txt", _listing(data_dir)
 
 
@@ -109,11 +111,11 @@ def _output(*command: str) -> str:
     return done.stdout + done.stderr
 
 
-def _last_lines(path: Path) -> str:
+def _last_lines(folder: Path, name: str) -> str:
     try:
-        lines = path.read_text(errors="replace").splitlines()[-AUDIT_LINES:]
+        lines = read_owned(folder, name).decode(errors="replace").splitlines()[-AUDIT_LINES:]
     except OSError as error:
-        return f"{path}: {error.strerror}\n"
+        return f"{folder / name}: {error.strerror}; it is not in the bundle\n"
     return "\n".join(lines) + "\n"
 
 
@@ -122,10 +124,10 @@ def _listing(folder: Path) -> str:
     files = []
     for path in folder.rglob("*"):
         try:
-            state = path.stat()
+            state = path.lstat()
         except OSError:
             continue
-        if path.is_file():
+        if stat.S_ISREG(state.st_mode):
             files.append((state.st_mtime, state.st_size, path.relative_to(folder)))
     files.sort(reverse=True)
     lines = [

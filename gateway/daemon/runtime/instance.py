@@ -2,12 +2,16 @@
 
 import fcntl
 import os
+import stat
+import time
 from contextlib import suppress
 from pathlib import Path
 
 from gateway.errors import PlumblineError
 
 LOCK_NAME = ".lock"
+LOCK_MODE = 0o600
+"""Whoever can open the file can lock it, and so keep a gateway from starting. Definition: access rights."""
 
 
 class InstanceError(PlumblineError):
@@ -85,11 +89,17 @@ class InstanceLock:
         flags = os.O_CLOEXEC | os.O_NONBLOCK
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            return os.open(self._path, os.O_RDWR | os.O_CREAT | flags, 0o644)
+            with suppress(FileNotFoundError):
+                if not stat.S_ISREG(self._path.lstat().st_mode):  # a link, a pipe or a folder, which no gateway makes
+                    self._path.replace(self._path.with_name(f"{LOCK_NAME}.foreign-{time.time_ns()}"))
+            descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT | flags | os.O_NOFOLLOW, LOCK_MODE)
         except OSError:
             with suppress(OSError):
                 return os.open(self._path, os.O_RDONLY | flags)
             raise
+        with suppress(OSError):  # one that a former version made
+            os.fchmod(descriptor, LOCK_MODE)
+        return descriptor
 
 
 def _read_holder(descriptor: int) -> str:

@@ -17,7 +17,7 @@ from gateway.daemon.runtime.instance import FolderError, InstanceError
 from gateway.daemon.runtime.resources import DISK_RETRY_S, disk_free_mb
 from gateway.daemon.runtime.worker import Worker
 from gateway.daemon.storage.compaction_worker import RewriteRequest
-from gateway.messages import Samples
+from gateway.messages import NewestStatement, Samples
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.signing_key import KEY_NAME, MISSING_EXTRA, KeyFileError, fingerprint, load_or_create_key
@@ -96,6 +96,11 @@ class RecordingWorker(Worker[RecordingItem]):
     def path(self) -> Path | None:
         """The file that is being written; None while nothing is recorded."""
         return self._recorder.path
+
+    @property
+    def newest_statement(self) -> NewestStatement | None:
+        """The newest final statement about a segment; None: there is none."""
+        return self._recorder.newest_statement
 
     @property
     def samples_lost(self) -> int:

@@ -5,8 +5,9 @@ from dataclasses import asdict, dataclass
 from functools import reduce
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+from gateway.messages import NewestStatement
 from gateway.recording.chain.chain_state import STATE_NAME, ChainState, ChainStateError, read_state
 from gateway.recording.chain.file_verification import FileVerification
 from gateway.recording.chain.missing_segments import MissingSegments, describe_missing, list_missing
@@ -14,6 +15,8 @@ from gateway.recording.chain.signing_key import fingerprint
 from gateway.recording.chain.statements import DeletionStatement, Statement, has_signature, hash_of, parse_deletions
 from gateway.recording.reading.interval import iso_utc
 
+Answer = Literal["genuine", "consistent", "differs"]
+"""Everything is as the key signed that was given; as the recordings say themselves, whoever wrote them; something is not."""
 LATEST_NS = 2_000_000_000
 """Samples may be recorded so much later than messages about the gateway itself, so that neighbouring segments overlap. Basis: a
 choice; a wireless sensor is a second late, and a segment lasts for minutes."""
@@ -30,11 +33,15 @@ class ChainVerification:
     problems: tuple[str, ...]
     remarks: tuple[str, ...]
     public_keys: tuple[str, ...]
+    is_key_known: bool
+    """The key of the gateway was given from outside the recordings."""
 
     @property
-    def is_genuine(self) -> bool:
-        """Whether nothing differs from what the gateway stated."""
-        return not self.problems and not any(file.problems for file in self.files)
+    def answer(self) -> Answer:
+        """The answer in a word."""
+        if self.problems or any(file.problems for file in self.files):
+            return "differs"
+        return "genuine" if self.is_key_known and self.public_keys else "consistent"
 
     @property
     def segments(self) -> list[int]:
@@ -44,7 +51,8 @@ class ChainVerification:
     def as_json(self) -> dict[str, Any]:
         """Return the content of `record verify --json`."""
         return {
-            "genuine": self.is_genuine,
+            "answer": self.answer,
+            "genuine": self.answer == "genuine",
             "problems": list(self.problems),
             "remarks": list(self.remarks),
             "public_keys": list(self.public_keys),
@@ -55,8 +63,16 @@ class ChainVerification:
         }
 
 
-def verify_chain(files: Sequence[FileVerification], folders: Sequence[Path] = ()) -> ChainVerification:
-    """Compare the statements of files with each other; `folders` are given as a whole, from the first to the newest segment."""
+def verify_chain(
+    files: Sequence[FileVerification],
+    folders: Sequence[Path] = (),
+    key: str | None = None,
+    heard: Sequence[NewestStatement] = (),
+) -> ChainVerification:
+    """Compare the statements of files with each other; `folders` are given as a whole, from the first to the newest segment.
+
+    `key` is the one with which the files were verified, `heard` what somebody has kept of the gateway's statements.
+    """
     numbered = sorted((file for file in files if file.segment is not None), key=lambda file: file.segment or 0)
     others = [file for file in files if file.segment is None]
     stated = [(file, file.statement) for file in numbered if file.statement is not None]
@@ -68,16 +84,24 @@ def verify_chain(files: Sequence[FileVerification], folders: Sequence[Path] = ()
     problems += _exchanged(numbered)
     for (before, first), (after, second) in pairwise(stated):
         problems += _between(before, first, after, second)
+    problems += _not_whole(numbered)
+    named = {statement.gateway for _, statement in stated}
+    heard = [each for each in heard if each.gateway in named]
+    problems += _rewritten(numbered, heard)
     states = _read_states(numbered, folders, remarks)
     deletions = _join_deletions([file for file, _ in stated], states, problems)
-    missing = _missing(numbered, states, deletions, is_whole=bool(folders))
+    newest = max((state.final_segment for state in states), default=0)
+    newest = max([newest, *(each.segment for each in heard)])
+    missing = _missing(numbered, newest, deletions, is_whole=bool(folders))
     removed, deleted = describe_missing(missing, deletions)
     for number in sorted({statement.rebuilt_before for _, statement in stated} - {0}):
         remarks.append(
             f"before segment {number} the gateway had lost {STATE_NAME} and went on from its recordings: "
             "whether later ones had been there, and what the quota had just deleted, cannot be proved"
         )
-    return ChainVerification((*numbered, *others), missing, (*problems, *removed), (*deleted, *remarks), keys)
+    return ChainVerification(
+        (*numbered, *others), missing, (*problems, *removed), (*deleted, *remarks), keys, key is not None
+    )
 
 
 def _read_states(numbered: Sequence[FileVerification], folders: Sequence[Path], remarks: list[str]) -> list[ChainState]:
@@ -118,12 +142,11 @@ def _join_deletions(
 
 
 def _missing(
-    numbered: Sequence[FileVerification], states: Sequence[ChainState], stated: DeletionStatement, *, is_whole: bool
+    numbered: Sequence[FileVerification], newest: int, stated: DeletionStatement, *, is_whole: bool
 ) -> tuple[MissingSegments, ...]:
     found = sorted({file.segment for file in numbered if file.segment is not None})
     if not found:
         return ()
-    newest = max((state.final_segment for state in states), default=0)
     return list_missing(found, 1 if is_whole else found[0], newest, stated)
 
 
@@ -145,15 +168,53 @@ def _between(before: FileVerification, first: Statement, after: FileVerification
     problems = []
     if second.gateway != first.gateway:
         problems.append(f"{after.path.name}: is of {second.gateway}, {before.path.name} of {first.gateway}")
-    follows = second.previous_segment == first.segment and before.is_final
-    if follows and second.previous_sha256 not in (hash_of(before.statement_text), first.replaces_sha256):
-        problems.append(f"EXCHANGED: {after.path.name} does not follow this {before.path.name}, but another one")
     if second.from_ns < first.to_ns - LATEST_NS and after.segment != before.segment:
         back_s = (first.to_ns - second.from_ns) / 1e9
         problems.append(
             f"CLOCK SET BACK by {back_s:.3f} s: {after.path.name} begins at {iso_utc(second.from_ns)}, "
             f"{before.path.name} ended at {iso_utc(first.to_ns)}"
         )
+    return problems
+
+
+def _not_whole(numbered: Sequence[FileVerification]) -> list[str]:
+    """Return the segments that do not end as later ones state, byte for byte."""
+    problems = []
+    by_number = {file.segment: file for file in numbered}
+    wrong: dict[Path, str] = {}
+    for after in numbered:
+        if after.statement is None or (before := by_number.get(after.statement.previous_segment)) is None:
+            continue
+        if before.statement is None or not before.is_final:
+            wrong[before.path] = (
+                f"CUT: {before.path.name} is not whole: {after.path.name} states that it was signed as a whole"
+            )
+        elif after.statement.previous_sha256 not in (hash_of(before.statement_text), before.statement.replaces_sha256):
+            wrong[before.path] = (
+                f"EXCHANGED: {after.path.name} does not follow this {before.path.name}, but another one"
+            )
+    for before, after in pairwise(numbered):
+        if before.unsigned_bytes and before.path not in wrong:
+            problems.append(
+                f"NOT SIGNED: {before.unsigned_bytes} bytes at the end of {before.path.name} are not signed, "
+                f"though segment {after.segment} follows; the gateway signs them when it repairs the file"
+            )
+    return [*wrong.values(), *problems]
+
+
+def _rewritten(numbered: Sequence[FileVerification], heard: Sequence[NewestStatement]) -> list[str]:
+    """Return the segments that are not those whose statements were heard."""
+    problems = []
+    by_number = {file.segment: file for file in numbered}
+    for each in heard:
+        file = by_number.get(each.segment)
+        if file is None or file.statement is None:
+            continue  # missing, or named as not signed
+        if each.sha256 not in (hash_of(file.statement_text), file.statement.replaces_sha256):
+            problems.append(
+                f"REWRITTEN: {file.path.name} has another statement than the one of segment {each.segment} that was heard "
+                "from the gateway when it was signed"
+            )
     return problems
 
 

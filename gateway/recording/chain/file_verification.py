@@ -12,14 +12,18 @@ from mcap.records import Metadata
 from mcap.writer import MCAP0_MAGIC
 
 from devices.errors import RecordingError
+from gateway.recording.chain.recomputed_summary import RecomputedSummary
 from gateway.recording.chain.signing_key import fingerprint, is_valid
 from gateway.recording.chain.statements import DELETIONS, SIGNATURE, Statement, parse_statement
 from gateway.recording.format.frames import Frame, find_chunk, next_frame
 from gateway.recording.format.header import ORIGIN, segment_number
-from gateway.recording.format.salvage import DAMAGED, FOOTER, PARSERS, open_mcap
+from gateway.recording.format.salvage import DAMAGED, PARSERS, open_mcap
+from gateway.recording.format.summary_section import serialise
+from gateway.recording.reading.interval import iso_utc
 
-CONTENT = frozenset({Opcode.CHUNK, Opcode.MESSAGE, Opcode.ATTACHMENT, Opcode.METADATA, Opcode.SCHEMA, Opcode.CHANNEL})
-"""Records that nothing may add behind the final signature; what follows it is made from the records before."""
+MAX_END_BYTES = 64_000_000
+"""Longest end of a file that is compared. Basis: a choice; the index of a segment with half a million chunks is as long, and a
+bound of the memory."""
 
 
 @dataclass(slots=True)
@@ -29,13 +33,16 @@ class FileVerification:
     path: Path
     size_bytes: int = 0
     segment: int | None = None
-    """Number that the file claims; None: it is not of a chain."""
+    """Number that the statement gives, or the file claims where there is none; None: it is not of a chain."""
     statement: Statement | None = None
     """The last one that matches the content."""
     statement_text: str = ""
     deletions: dict[str, str] = field(default_factory=dict)
     """The last statement about deletions that is followed by a signature; empty: a version wrote the file that made none."""
     is_closed: bool = False
+    """Behind the data is the section that is made from them."""
+    unsigned_bytes: int = 0
+    """Bytes behind the last signature in a file that is not closed."""
     problems: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 
@@ -68,19 +75,24 @@ class _FileCheck:
         self._found = FileVerification(path, os.fstat(file.fileno()).st_size)
         self._hash = hashlib.sha256(MCAP0_MAGIC)
         self._checksum = zlib.crc32(MCAP0_MAGIC)
-        self._stated_bytes = 0
+        self._summary = RecomputedSummary(self._found.size_bytes)
+        self._origins = 0
+        self._claimed: int | None = None
+        self._stated_bytes = self._signed_end = 0
+        """Bytes that the last statement tells of; place behind it."""
         self._deletions: dict[str, str] = {}
         self._differs = False
-        self._data_ended = False
 
     def run(self) -> FileVerification:
         while (frame := self._next_frame()) is not None:
-            self._check_record(frame)
-            if frame[1] == Opcode.FOOTER:
-                self._check_end(frame)
+            place = self._file.tell() - len(frame[0]) - len(frame[2])
+            if frame[1] == Opcode.DATA_END:
+                self._check_end(frame, place)
                 break
-            self._hash.update(frame[0])
-            self._hash.update(frame[2])
+            self._check_record(frame, place)
+            for part in (frame[0], frame[2]):
+                self._hash.update(part)
+                self._checksum = zlib.crc32(part, self._checksum)
         self._conclude()
         return self._found
 
@@ -94,35 +106,31 @@ class _FileCheck:
             frame = next_frame(self._file, size)
         return frame
 
-    def _check_record(self, frame: Frame) -> None:
-        head, opcode, content = frame
-        place = self._file.tell() - len(head) - len(content)
-        if self._found.is_final and opcode in CONTENT and not self._data_ended:
+    def _check_record(self, frame: Frame, place: int) -> None:
+        _, opcode, content = frame
+        if self._found.is_final:
             self._problem(f"ADDED: content at byte {place}, behind the final signature")
-        if opcode == Opcode.METADATA:
-            self._check_metadata(content, place)
-        elif opcode == Opcode.DATA_END:
-            self._data_ended = True
-            if int.from_bytes(content[:4], "little") != self._checksum:
-                self._problem("ALTERED: the checksum of the data is wrong")
-        self._checksum = zlib.crc32(content, zlib.crc32(head, self._checksum))
-
-    def _check_metadata(self, content: bytes, place: int) -> None:
         try:
-            record = PARSERS[Opcode.METADATA](content)
+            self._summary.observe(frame, place)
+            record = PARSERS[opcode](content) if opcode == Opcode.METADATA else None
         except DAMAGED:
-            self._problem(f"ALTERED: the metadata at byte {place} cannot be read")
+            self._problem(f"ALTERED: the record at byte {place} cannot be read")
             return
         if not isinstance(record, Metadata):
             return
-        if record.name == ORIGIN and (number := segment_number(record.metadata)):
-            self._found.segment = number
+        if record.name == ORIGIN:
+            self._origins += 1
+            self._claimed = segment_number(record.metadata) or None
+            if self._origins > 1:
+                self._problem(f"ADDED: the file says at byte {place} again whose it is")
         elif record.name == DELETIONS:
             self._deletions = record.metadata
         elif record.name == SIGNATURE:
-            self._check_signature(record.metadata, place)
+            self._check_signature(record.metadata, place, len(frame[0]) + len(content))
+            if serialise(record) != frame[0] + content or set(record.metadata) != {"statement", "signature"}:
+                self._problem(f"ADDED: the record of the signature at byte {place} has more than the signature")
 
-    def _check_signature(self, metadata: dict[str, str], place: int) -> None:
+    def _check_signature(self, metadata: dict[str, str], place: int, length: int) -> None:
         text = metadata.get("statement", "")
         statement = parse_statement(text)
         if statement is None:
@@ -137,12 +145,12 @@ class _FileCheck:
                 self._problem(f"ALTERED: bytes {self._stated_bytes} to {place} are not what the gateway signed")
             self._differs = True
             return
-        if statement.segment != self._found.segment:
+        if statement.segment != self._claimed:
             self._problem(f"ALTERED: the signature at byte {place} is of segment {statement.segment}")
         before = self._found.statement
         if before is not None and statement.to_ns < before.to_ns:
             self._problem(f"CLOCK SET BACK by {(before.to_ns - statement.to_ns) / 1e9:.3f} s inside the file")
-        self._stated_bytes = place
+        self._stated_bytes, self._signed_end = place, place + length
         self._found.statement, self._found.statement_text = statement, text
         self._found.deletions = self._deletions
 
@@ -152,51 +160,66 @@ class _FileCheck:
             used = f"signed with the key {fingerprint(statement.public_key)}" if statement.public_key else "not signed"
             self._problem(f"WRONG KEY: {used}, not with {given}")
 
-    def _check_end(self, frame: Frame) -> None:
-        """Check the footer, the summary before it, and that nothing follows."""
-        head, _, content = frame
-        end = self._file.tell()
-        self._found.is_closed = self._file.read() == MCAP0_MAGIC
-        if not self._found.is_closed:
-            self._problem(f"ALTERED: the end of the file, from byte {end}, is not that of MCAP")
-        _, _, start, _, checksum = (
-            FOOTER.unpack(head + content) if len(content) == FOOTER.size - len(head) else (0,) * 5
-        )
-        summary_end = end - len(head) - len(content)
-        if not 0 < start <= summary_end:
-            self._problem("ALTERED: the footer does not point to the summary")
+    def _check_end(self, frame: Frame, place: int) -> None:
+        """Check that nothing unsigned is before the end of the data, and that what follows it is made from them."""
+        content = frame[2]
+        found, start = self._found, self._file.tell()
+        if content != self._checksum.to_bytes(4, "little"):
+            self._problem("ALTERED: the checksum of the data is wrong")
+        if found.statement is None or self._differs:
             return
-        self._file.seek(start)
-        summary = self._file.read(summary_end - start)
-        if checksum != zlib.crc32((head + content)[:-4], zlib.crc32(summary)):
-            self._problem("ALTERED: the checksum of the summary is wrong")
+        if place != self._signed_end:
+            self._problem(f"ADDED: bytes {self._signed_end} to {place} of the closed file are not signed")
+        follows = self._file.read(MAX_END_BYTES)
+        try:
+            expected = self._summary.end(start, follows)
+        except DAMAGED:
+            expected = b""
+        found.is_closed = bool(expected) and follows == expected
+        if not found.is_closed and (len(follows) >= len(expected) or not expected.startswith(follows)):
+            self._problem(
+                f"ALTERED: what follows the data, from byte {start} on, is not made from what was signed; "
+                "no summary or index in it can be believed"
+            )
+            found.is_closed = True  # and not merely cut off
 
     def _conclude(self) -> None:
         found = self._found
+        found.segment = self._claimed if found.statement is None else found.statement.segment
         if found.segment is None and found.statement is None:
             self._problem("NOT SIGNED: it has no number in a chain; a gateway of this version did not write it")
         elif found.is_final and not found.is_closed:
             self._problem("CUT or ALTERED: the end behind the final signature is missing or cannot be read")
         elif not found.is_final and not self._differs:
             self._describe_open_end()
-        if found.statement is not None and not found.statement.public_key:
-            found.remarks.append("not signed, chained by hashes only")
-        if found.statement is not None and found.statement.replaces_sha256:
-            found.remarks.append("trimmed by the quota to the time around events")
-        if found.statement is not None and found.statement.repaired:
-            found.remarks.append("was cut off by a kill or a power failure, and repaired and signed at the next start")
+        if found.statement is not None:
+            self._describe(found.statement)
+
+    def _describe(self, statement: Statement) -> None:
+        remarks = self._found.remarks
+        if not statement.public_key:
+            remarks.append("not signed, chained by hashes only")
+        if statement.replaces_sha256:
+            remarks.append("trimmed by the quota to the time around events")
+        if statement.repaired:
+            since = f"; from {iso_utc(statement.repaired_from_ns)} on" if statement.repaired_from_ns else ""
+            remarks.append(
+                f"was cut off by a kill or a power failure{since}, and repaired and signed at the next start"
+            )
+        if statement.name != self._found.path.name:
+            remarks.append(f"the gateway wrote it as {statement.name!r}")
 
     def _describe_open_end(self) -> None:
         """A segment without a final statement: being written, interrupted, or cut off."""
         found = self._found
-        rest = found.size_bytes - self._stated_bytes
         if found.statement is None:
             self._problem("CUT: no signature; its end is cut off, or it was interrupted in its first seconds")
         elif found.is_closed:
             found.remarks.append("closed, and not compacted yet")
         else:
+            found.unsigned_bytes = found.size_bytes - self._signed_end
             found.remarks.append(
-                f"not closed: being written, interrupted or cut off; {rest} bytes at its end are not signed"
+                f"not closed: being written, interrupted or cut off; {found.unsigned_bytes} bytes at its end are not signed"
             )
 
     def _problem(self, text: str) -> None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from devices.errors import RecordingError
+from gateway.messages import NewestStatement
 from gateway.recording.chain.chain_state import (
     KEPT_ASIDE,
     STATE_NAME,
@@ -46,6 +47,8 @@ class SegmentChain:
         self._lock = threading.Lock()
         self._state = ChainState()
         self._deleted = DeletionStatement(gateway=gateway)
+        self.newest: NewestStatement | None = None
+        """The newest final statement; read without the lock, which may wait for the disk."""
         self.loss: str | None = None
         """What was lost of the state at the start, in one line; None: nothing."""
 
@@ -67,6 +70,7 @@ class SegmentChain:
             if not stated:  # by a version that stated the largest number alone, or without this key
                 self._deleted = replace(self._deleted, unstated_up_to=self._state.deleted_up_to)
             self._sign_deletions()
+            self._publish()
             if saved is None and self._state.final_segment:
                 problem = problem or f"{self._data_dir / STATE_NAME}: is missing"
             if problem is not None:
@@ -148,14 +152,28 @@ class SegmentChain:
     ) -> dict[str, str]:
         """Return the signature of a segment that is being written."""
         with self._lock:
-            return self._sign(self._statement("checkpoint", segment, name, n_bytes, sha256, from_ns, to_ns, False))
+            return self._sign(self._statement("checkpoint", segment, name, n_bytes, sha256, from_ns, to_ns))
 
     def final(
-        self, *, segment: int, name: str, n_bytes: int, sha256: str, from_ns: int, to_ns: int, repaired: bool
+        self,
+        *,
+        segment: int,
+        name: str,
+        n_bytes: int,
+        sha256: str,
+        from_ns: int,
+        to_ns: int,
+        repaired_from_ns: int | None,
     ) -> dict[str, str]:
-        """Return the final signature of a segment; `commit` it when the file is in its place."""
+        """Return the final signature of a segment; `commit` it when the file is in its place.
+
+        `repaired_from_ns` is the time of the last signature in a segment that had been cut off; None: it had not been.
+        """
         with self._lock:
-            return self._sign(self._statement("final", segment, name, n_bytes, sha256, from_ns, to_ns, repaired))
+            whole = self._statement("final", segment, name, n_bytes, sha256, from_ns, to_ns)
+            if repaired_from_ns is not None:
+                whole = replace(whole, repaired=True, repaired_from_ns=repaired_from_ns)
+            return self._sign(whole)
 
     def trimmed(self, text: str, *, n_bytes: int, sha256: str, from_ns: int, to_ns: int) -> dict[str, str]:
         """Return the final signature of a part of a segment, about which a statement was made as a whole."""
@@ -181,6 +199,7 @@ class SegmentChain:
             if segment < self._state.final_segment:
                 return
             self._state.final_segment, self._state.final_sha256 = segment, hash_of(signature["statement"])
+            self._publish()
             self._save()
 
     def note_deletion(self, segment: int, reason: DeletionReason, quota_mb: float) -> None:
@@ -208,7 +227,6 @@ class SegmentChain:
         sha256: str,
         from_ns: int,
         to_ns: int,
-        repaired: bool,
     ) -> Statement:
         return Statement(
             kind=kind,
@@ -222,10 +240,19 @@ class SegmentChain:
             sha256=sha256,
             from_ns=from_ns,
             to_ns=to_ns,
-            repaired=repaired,
             rebuilt_before=self._state.rebuilt_before,
             public_key=self._public_key,
         )
+
+    def _publish(self) -> None:
+        """Let others read what the newest final statement is."""
+        if self._state.final_segment:
+            self.newest = NewestStatement(
+                gateway=self._gateway,
+                segment=self._state.final_segment,
+                sha256=self._state.final_sha256,
+                public_key=self._public_key,
+            )
 
     @property
     def _public_key(self) -> str:

@@ -50,6 +50,7 @@ def load_or_create_key(path: Path) -> SigningKey | None:
     The public half stands beside it, in a file that ends with `.pub`. Raises `KeyFileError`.
     """
     try:
+        from cryptography.exceptions import InternalError, UnsupportedAlgorithm  # noqa: PLC0415  (an extra)
         from cryptography.hazmat.primitives import serialization  # noqa: PLC0415  (an extra)
         from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey  # noqa: PLC0415
     except ImportError:
@@ -72,7 +73,7 @@ def load_or_create_key(path: Path) -> SigningKey | None:
         raise KeyFileError(
             f"{path}: {error.strerror or error}; set recorder.key to a path that this user may write"
         ) from error
-    except ValueError as error:
+    except (ValueError, TypeError, UnsupportedAlgorithm, InternalError) as error:
         raise KeyFileError(
             f"{path}: is not an unencrypted private key in PEM; move it away so that one is made"
         ) from error

@@ -52,6 +52,8 @@ class Statement:
     """Gateway times of the first and the last message."""
     repaired: bool = False
     """The segment had ended in a kill or a power failure."""
+    repaired_from_ns: int = 0
+    """Gateway time of its last signature before that: what is later was signed with the repair alone. 0: not repaired."""
     replaces_sha256: str = ""
     """Hash of the statement about the whole segment, where this file has the time around its events only."""
     rebuilt_before: SegmentNumber = 0

@@ -27,6 +27,8 @@ SIGNATURE_PLACE = RECORD_HEAD.size + 28
 """Distance of the signature from the start of a chunk record. Definition: the fields of an MCAP chunk before its records."""
 INDEX_HEAD = struct.Struct("<HI")
 """Channel, and length of the entries, of a message index."""
+TIME_AND_OFFSET_BYTES = 16
+"""Definition: an entry of a message index (MCAP)."""
 FOOTER_BYTES = 20
 """Definition: the content of a footer record (MCAP)."""
 SEARCH_BYTES = 1024 * 1024
@@ -36,8 +38,16 @@ Frame = tuple[bytes, int, bytes]
 """Head, opcode and content of a record."""
 MAX_CHUNK_BYTES = 64_000_000
 """Largest chunk, without compression. Basis: writers make chunks of 1 to 4 MB; one message may be as large as a photograph."""
-MAX_EXPANSION = 200
-"""Largest ratio of all chunks of a file to its size, beside one largest chunk. Basis: recordings of a crane at rest reach 12."""
+MAX_RECORD_BYTES = MAX_CHUNK_BYTES
+"""Largest record that is read. Basis: a chunk that was not compressed."""
+MAX_EXPANSION = 30
+"""Largest ratio of all chunks of a file to its size, beside one largest chunk. Basis: recordings of a crane at rest reach 12, and
+more costs more than ten seconds for 10 MB."""
+MIN_RECORDS = 100_000
+"""So many records are read of every file. Basis: a choice; the channels of any file fit, and they cost less than a second."""
+BYTES_PER_RECORD = 40
+"""One more record is read for each of so many bytes of a file. Basis: those of a crane at rest have 50 bytes for each message;
+more records cost more than ten seconds for 10 MB."""
 MAX_WINDOW_BYTES = 1 << 27
 """Largest window of the decompression. Basis: a choice; the window of zstd's level 22 is as large, and a hostile file asks for no
 more."""
@@ -50,7 +60,9 @@ def next_frame(file: BinaryIO, size: int) -> Frame | None:
     head = file.read(RECORD_HEAD.size)
     if len(head) == RECORD_HEAD.size:
         opcode, length = RECORD_HEAD.unpack(head)
-        if opcode != 0 and length <= size - file.tell():  # 0 is not an opcode: some file systems leave zeros
+        if opcode != 0 and length <= min(
+            MAX_RECORD_BYTES, size - file.tell()
+        ):  # 0 is not an opcode: some file systems leave zeros
             content = file.read(length)
             if _is_plausible(opcode, content):
                 return head, opcode, content
@@ -101,6 +113,7 @@ class ChunkReader:
 
     def __init__(self, file_bytes: int) -> None:
         self._remaining_bytes = MAX_CHUNK_BYTES + MAX_EXPANSION * file_bytes
+        self._remaining_records = MIN_RECORDS + file_bytes // BYTES_PER_RECORD
 
     def frames(self, chunk: Chunk) -> Iterator[tuple[int, bytes]]:
         """Return opcode and content of each schema, channel and message of a chunk, which is checked before the first one.
@@ -110,8 +123,8 @@ class ChunkReader:
         data = self._decompress(chunk)
         if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
             raise ChunkError("the checksum is wrong")
-        _check_frames(data)
-        return _frames(data)
+        self._remaining_records -= count_records(data, self._remaining_records)
+        return (frame for frame in records_of(data) if frame[0] in IN_CHUNKS)
 
     def _decompress(self, chunk: Chunk) -> bytes:
         size = chunk.uncompressed_size
@@ -134,23 +147,27 @@ class ChunkReader:
         return bytes(data)
 
 
-def _check_frames(data: bytes) -> None:
-    """Raise `ChunkError` where the lengths of the records do not add up, or something is no record."""
-    place = 0
+def count_records(data: bytes, most: int) -> int:
+    """Return the number of records. Raises `ChunkError` where their lengths do not add up, or there are more."""
+    place = count = 0
     while place < len(data):
         if place + RECORD_HEAD.size > len(data):
             raise ChunkError("the last record is incomplete")
         opcode, length = RECORD_HEAD.unpack_from(data, place)
         place += RECORD_HEAD.size + length
+        count += 1
         if opcode == 0 or place > len(data):
             raise ChunkError("a record is none, or is longer than its chunk")
+        if count > most:
+            raise ChunkError("the file has more records than are read of one of its size")
+    return count
 
 
-def _frames(data: bytes) -> Iterator[tuple[int, bytes]]:
+def records_of(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield opcode and content of each record. Raises `struct.error` where the last one is incomplete."""
     place = 0
     while place < len(data):
         opcode, length = RECORD_HEAD.unpack_from(data, place)
         place += RECORD_HEAD.size
-        if opcode in IN_CHUNKS:
-            yield opcode, data[place : place + length]
+        yield opcode, data[place : place + length]
         place += length

@@ -8,6 +8,7 @@ import os
 import struct
 import zlib
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -22,19 +23,36 @@ from mcap.writer import MCAP0_MAGIC
 
 from devices.errors import RecordingError
 from devices.regular_file import open_regular
-from gateway.recording.format.frames import RECORD_HEAD, ChunkReader, find_chunk, next_frame
+from gateway.recording.format.frames import (
+    FOOTER_BYTES,
+    MAX_RECORD_BYTES,
+    ChunkReader,
+    find_chunk,
+    next_frame,
+    records_of,
+)
 
 FOOTER = struct.Struct("<BQQQI")
 """Opcode, length, start of the summary, start of its offsets, checksum of the summary."""
 CHUNK_TIMES = struct.Struct("<QQ")
 """First and last time of a chunk, at the start of its content."""
+MESSAGE_FIELDS = struct.Struct("<HIQQ")
+"""Channel, sequence, log time and publish time of a message, before its payload."""
 DAMAGED = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError, MemoryError, OverflowError)
 """Exceptions of the package for content that does not match its length; RuntimeError comes from lz4."""
+
+
+def _read_message(content: bytes) -> Message:
+    """Return a message as `Message.read` does, in a quarter of its time."""
+    channel_id, sequence, log_time, publish_time = MESSAGE_FIELDS.unpack_from(content)
+    return Message(channel_id, log_time, content[MESSAGE_FIELDS.size :], publish_time, sequence)
+
+
 PARSERS: dict[int, Callable[[bytes], McapRecord]] = {
     Opcode.HEADER: lambda content: Header.read(_stream(content)),
+    Opcode.MESSAGE: _read_message,
     Opcode.SCHEMA: lambda content: Schema.read(_stream(content)),
     Opcode.CHANNEL: lambda content: Channel.read(_stream(content)),
-    Opcode.MESSAGE: lambda content: Message.read(_stream(content), len(content)),
     Opcode.CHUNK: lambda content: Chunk.read(_stream(content)),
     Opcode.ATTACHMENT: lambda content: Attachment.read(_stream(content)),
     Opcode.METADATA: lambda content: Metadata.read(_stream(content)),
@@ -116,10 +134,14 @@ def read_records(
     size = os.fstat(file.fileno()).st_size
     chunks = ChunkReader(size)
     checksum = zlib.crc32(MCAP0_MAGIC)
-    yield from _definitions_of_summary(file, size)
+    has_definitions = False
     while (frame := next_frame(file, size)) is not None or find_chunk(file, size):
         if frame is None:
             losses.damaged_records += 1
+        if losses.damaged_records and not has_definitions:
+            yield from _definitions_of_summary(file, size)
+            has_definitions = True
+        if frame is None:
             continue
         head, opcode, content = frame
         if opcode == Opcode.DATA_END:
@@ -134,26 +156,26 @@ def read_records(
 
 
 def _definitions_of_summary(file: BinaryIO, size: int) -> Iterator[McapRecord]:
-    """Yield the schemas and channels at the end of a closed file: the chunks that have them too may be damaged."""
+    """Yield the schemas and channels at the end of a closed file, for one whose chunks that have them too may be damaged."""
     place = file.tell()
     file.seek(max(0, size - FOOTER.size - len(MCAP0_MAGIC)))
     end = file.read()
     if end.endswith(MCAP0_MAGIC) and len(end) == FOOTER.size + len(MCAP0_MAGIC):
         opcode, length, start, _, checksum = FOOTER.unpack(end[: FOOTER.size])
-        if (opcode, length) == (Opcode.FOOTER, FOOTER.size - RECORD_HEAD.size) and 0 < start < size:
+        section_bytes = size - len(end) - start
+        if (opcode, length) == (Opcode.FOOTER, FOOTER_BYTES) and start and 0 < section_bytes <= MAX_RECORD_BYTES:
             file.seek(start)
-            section = file.read(size - len(end) - start)
+            section = file.read(section_bytes)
             if checksum == zlib.crc32(end[: FOOTER.size - 4], zlib.crc32(section)):
                 yield from _definitions(section)
     file.seek(place)
 
 
 def _definitions(section: bytes) -> Iterator[McapRecord]:
-    stream = BytesIO(section)
-    while (frame := next_frame(stream, len(section))) is not None:
-        _, opcode, content = frame
-        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            yield PARSERS[opcode](content)
+    with suppress(*DAMAGED):
+        for opcode, content in records_of(section):
+            if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                yield PARSERS[opcode](content)
 
 
 def _is_chunk_wanted(content: bytes, is_wanted: Callable[[int, int], bool]) -> bool:

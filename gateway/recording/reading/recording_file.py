@@ -1,6 +1,7 @@
 """Reading of recordings, incomplete ones as far as possible."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,11 @@ from gateway.recording.format.header import CONFIGURATION, DEVICE, device_from_m
 from gateway.recording.format.salvage import SalvageReport, open_mcap, read_records
 from gateway.topics import TOPICS, adapter
 
+MAX_MESSAGE_BYTES = 1_000_000
+"""Largest message of JSON that is read. Basis: a block of a second at 4 kHz has 100 kB."""
+MAX_UNREADABLE = 10_000
+"""After so many unreadable messages of a file no other is tried. Basis: a choice; such a file is not the gateway's, and each
+costs as much as twenty readable ones."""
 TOPIC_OF_PATH = {topic.path: topic.name for topic in TOPICS.values()}
 
 
@@ -104,14 +110,14 @@ class RecordingFile:
 
     def decode(self, message: RecordedMessage) -> Any:
         """Decode a message of the gateway's own topics; None for others, and for unreadable ones, which are counted."""
-        name = TOPIC_OF_PATH.get(message.topic)
+        name, losses = TOPIC_OF_PATH.get(message.topic), self.losses
         if name is None or message.channel.message_encoding != MessageEncoding.JSON:
             return None
-        try:
-            return adapter(name).validate_json(message.data)
-        except ValidationError:
-            self.losses.unreadable_messages += 1
-            return None
+        if losses.unreadable_messages < MAX_UNREADABLE:
+            with suppress(ValidationError):
+                return adapter(name).validate_json(message.data)
+        losses.unreadable_messages += 1
+        return None
 
     def device(self) -> DeviceInfo:
         """Return the device, known when its first sample has been read. Raises `RecordingError` where it is not described."""
@@ -129,7 +135,9 @@ class RecordingFile:
 
     def _message(self, record: Message, selection: Selection) -> Iterator[RecordedMessage]:
         channel = self.channels.get(record.channel_id)
-        if channel is None:
+        if channel is None or (
+            len(record.data) > MAX_MESSAGE_BYTES and channel.message_encoding == MessageEncoding.JSON
+        ):
             self.losses.unreadable_messages += 1
         elif selection.contains(channel.topic, record.log_time):
             yield RecordedMessage(channel, record.log_time, record.publish_time, record.sequence, record.data)

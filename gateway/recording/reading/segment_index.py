@@ -1,11 +1,11 @@
 """The index of a segment, read in milliseconds: its times, its metadata and its summary, without its messages.
 
-A closed file has an index at its end. Of an incomplete one, or one that is being written, only the heads of the records are read.
+Only the heads of the records of the data section are read, which is signed. The index at the end of a closed file is not: nothing
+is taken from it.
 """
 
 import os
 import zlib
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -14,14 +14,21 @@ from typing import BinaryIO
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Attachment, AttachmentIndex, Metadata, MetadataIndex, Statistics
+from mcap.records import Attachment, Metadata
 from mcap.writer import MCAP0_MAGIC
 
 from devices.errors import RecordingError
-from gateway.recording.format.frames import FOOTER_BYTES, RECORD_HEAD
+from gateway.recording.format.frames import (
+    FOOTER_BYTES,
+    INDEX_HEAD,
+    MAX_RECORD_BYTES,
+    RECORD_HEAD,
+    TIME_AND_OFFSET_BYTES,
+)
 from gateway.recording.format.salvage import CHUNK_TIMES, DAMAGED, FOOTER, open_mcap
 from gateway.recording.summary.segment_summary import SUMMARY, SegmentSummary, decode_summary
 
+READ_OPCODES = frozenset({Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.METADATA, Opcode.ATTACHMENT})
 DATA_END_LENGTH = 4
 """Definition: the content of a data end record is a checksum (MCAP)."""
 READ_BYTES = 1 << 20
@@ -34,7 +41,7 @@ class SegmentIndex:
 
     size_bytes: int
     is_closed: bool
-    """The index at the end of the file is complete."""
+    """The file has its end, and nothing may be added to it."""
     from_ns: int | None = None
     """Gateway time of the first message; None: there is none."""
     to_ns: int | None = None
@@ -51,7 +58,7 @@ def read_index(path: Path) -> SegmentIndex:
     with open_mcap(path) as file:
         try:
             size = os.fstat(file.fileno()).st_size
-            return _from_summary_section(file, size) or _from_heads(file, size)
+            return _read_heads(file, size)
         except OSError as error:
             raise RecordingError(
                 f"{path}: {error.strerror}; copy it off this disk with `ddrescue` and try again"
@@ -71,98 +78,56 @@ def is_altered(path: Path, index: SegmentIndex) -> bool:
     return record[:1] != bytes([Opcode.DATA_END]) or promised not in (0, checksum)
 
 
-def _from_summary_section(file: BinaryIO, size: int) -> SegmentIndex | None:
-    """Return the index of a closed file; None where the file is not closed, or its summary section is damaged."""
-    end = size - FOOTER.size - len(MCAP0_MAGIC)
-    if end < len(MCAP0_MAGIC):
-        return None
-    file.seek(end)
-    footer = file.read(FOOTER.size)
-    opcode, length, start, _, checksum = FOOTER.unpack(footer)
-    if (opcode, length) != (Opcode.FOOTER, FOOTER_BYTES) or file.read() != MCAP0_MAGIC or not 0 < start <= end:
-        return None
-    file.seek(start)
-    section = file.read(end - start)
-    if checksum not in (0, zlib.crc32(footer[:-4], zlib.crc32(section))):
-        return None
-    try:
-        index = SegmentIndex(size, is_closed=True, data_end=start - RECORD_HEAD.size - DATA_END_LENGTH)
-        return _parse_section(file, section, index)
-    except DAMAGED:
-        return None
-
-
-def _parse_section(file: BinaryIO, section: bytes, index: SegmentIndex) -> SegmentIndex | None:
-    """Complete the index from the records of the summary section; None where it has no statistics."""
-    statistics = None
-    for opcode, content in _frames(section):
-        if opcode == Opcode.STATISTICS:
-            statistics = Statistics.read(_stream(content))
-        elif opcode == Opcode.METADATA_INDEX:
-            entry = MetadataIndex.read(_stream(content))
-            metadata = Metadata.read(_stream(_content_at(file, entry.offset, entry.length)))
-            index.metadata[metadata.name] = metadata.metadata
-        elif opcode == Opcode.ATTACHMENT_INDEX:
-            _add_attachment(index, file, AttachmentIndex.read(_stream(content)))
-    if statistics is None:
-        return None
-    if statistics.message_count:
-        index.from_ns, index.to_ns = statistics.message_start_time, statistics.message_end_time
-    if index.summary is not None and index.summary.message_count != statistics.message_count:
-        index.summary = None  # it was copied from another file
-    return index
-
-
-def _add_attachment(index: SegmentIndex, file: BinaryIO, entry: AttachmentIndex) -> None:
-    index.attachments.append(entry.name)
-    if entry.name == SUMMARY:
-        attachment = Attachment.read(_stream(_content_at(file, entry.offset, entry.length)))
-        index.summary = decode_summary(attachment.data)
-
-
-def _content_at(file: BinaryIO, offset: int, length: int) -> bytes:
-    file.seek(offset + RECORD_HEAD.size)
-    return file.read(length - RECORD_HEAD.size)
-
-
-def _frames(section: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield opcode and content of each record. Raises `struct.error` where the last one is incomplete."""
-    place = 0
-    while place < len(section):
-        opcode, length = RECORD_HEAD.unpack_from(section, place)
-        place += RECORD_HEAD.size
-        yield opcode, section[place : place + length]
-        place += length
-
-
-def _from_heads(file: BinaryIO, size: int) -> SegmentIndex:
-    """Return the index of a file without one, by the heads of its complete records."""
+def _read_heads(file: BinaryIO, size: int) -> SegmentIndex:
     index = SegmentIndex(size, is_closed=False)
+    count = 0
     file.seek(len(MCAP0_MAGIC))
     while len(head := file.read(RECORD_HEAD.size)) == RECORD_HEAD.size:
         opcode, length = RECORD_HEAD.unpack(head)
         end = file.tell() + length
         if opcode == 0 or end > size:  # 0 is not an opcode: some file systems leave zeros
             break
-        with suppress(*DAMAGED):  # counted when the messages are read
-            _add_record(index, file, opcode, length)
+        if opcode == Opcode.DATA_END:
+            index.data_end = end - length - RECORD_HEAD.size
+            index.is_closed = _is_end(file, size)
+            break
+        if opcode in READ_OPCODES:
+            with suppress(*DAMAGED):  # counted when the messages are read
+                count += _add_record(index, file, opcode, length)
         file.seek(end)
+    if not index.is_closed or (index.summary is not None and index.summary.message_count != count):
+        index.summary = None  # the file goes on behind it, or it was copied from another file
     return index
 
 
-def _add_record(index: SegmentIndex, file: BinaryIO, opcode: int, length: int) -> None:
+def _is_end(file: BinaryIO, size: int) -> bool:
+    """Return whether a file ends with a footer."""
+    file.seek(max(0, size - FOOTER.size - len(MCAP0_MAGIC)))
+    end = file.read()
+    return end[: RECORD_HEAD.size] == RECORD_HEAD.pack(Opcode.FOOTER, FOOTER_BYTES) and end.endswith(MCAP0_MAGIC)
+
+
+def _add_record(index: SegmentIndex, file: BinaryIO, opcode: int, length: int) -> int:
+    """Add a record; return the number of messages that it tells of."""
     match opcode:
         case Opcode.CHUNK:
             first_ns, last_ns = CHUNK_TIMES.unpack(file.read(CHUNK_TIMES.size))
             index.from_ns = first_ns if index.from_ns is None else min(index.from_ns, first_ns)
             index.to_ns = last_ns if index.to_ns is None else max(index.to_ns, last_ns)
-        case Opcode.METADATA:
+        case Opcode.MESSAGE_INDEX:
+            _, entries_bytes = INDEX_HEAD.unpack(file.read(INDEX_HEAD.size))
+            return int(entries_bytes) // TIME_AND_OFFSET_BYTES
+        case Opcode.METADATA if length <= MAX_RECORD_BYTES:
             metadata = Metadata.read(_stream(file.read(length)))
             index.metadata[metadata.name] = metadata.metadata
-        case Opcode.ATTACHMENT:
-            index.attachments.append(Attachment.read(_stream(file.read(length))).name)
+        case Opcode.ATTACHMENT if length <= MAX_RECORD_BYTES:
+            attachment = Attachment.read(_stream(file.read(length)))
+            index.attachments.append(attachment.name)
+            if attachment.name == SUMMARY:
+                index.summary = decode_summary(attachment.data)
         case _:
             pass
+    return 0
 
 
 def _stream(content: bytes) -> ReadDataStream:

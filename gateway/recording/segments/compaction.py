@@ -17,8 +17,10 @@ from mcap.records import Attachment, Channel, McapRecord, Message
 
 from devices.errors import RecordingError
 from gateway.atomic_io import partial_of, replace_file
+from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.chain.segment_chain import SegmentChain
-from gateway.recording.chain.statements import DELETIONS, SIGNATURE
+from gateway.recording.chain.signing_key import KeyFileError
+from gateway.recording.chain.statements import DELETIONS, SIGNATURE, Statement
 from gateway.recording.format.header import ORIGIN, REPAIRED, segment_number
 from gateway.recording.format.mcap_writer import DENSE, McapWriter
 from gateway.recording.format.salvage import SalvageReport, open_mcap, read_records
@@ -36,8 +38,9 @@ def compact(path: Path, chain: SegmentChain | None = None) -> SalvageReport:
     """Rewrite an ended segment; return what an interruption has cost of it. Raises `RecordingError` and `OSError`.
 
     With a chain, the new file ends with its final signature. A damaged segment is not rewritten, since more of it might be
-    readable by other means.
+    readable by other means, and one that differs from what was signed while it was written is never signed as a whole.
     """
+    before_repair = None if chain is None else _require_signed(path, chain)
     losses = SalvageReport()
     signature: dict[str, str] = {}
     with replace_file(path) as descriptor:
@@ -65,7 +68,7 @@ def compact(path: Path, chain: SegmentChain | None = None) -> SalvageReport:
                     sha256=sink.sha256,
                     from_ns=copier.from_ns,
                     to_ns=copier.to_ns,
-                    repaired=not losses.closed,
+                    repaired_from_ns=None if losses.closed or before_repair is None else before_repair.to_ns,
                 )
                 writer.add_metadata(SIGNATURE, signature)
             writer.finish()
@@ -77,6 +80,22 @@ def compact(path: Path, chain: SegmentChain | None = None) -> SalvageReport:
         chain.commit(segment, signature)
     uncompacted_marker(path).unlink(missing_ok=True)
     return losses
+
+
+def _require_signed(path: Path, chain: SegmentChain) -> Statement | None:
+    """Return the last statement in a segment that is as this gateway signed it; None where it has no number in the chain.
+
+    Raises `CompactionError`.
+    """
+    try:
+        found = verify_file(path, "" if chain.key is None else chain.key.public_hex)
+    except KeyFileError as error:
+        raise CompactionError(f"{path}: stays as it is: {error}") from error
+    if found.segment is None and found.statement is None:
+        return None
+    if found.problems:
+        raise CompactionError(f"{path}: differs from what was signed, and stays as it is: {found.problems[0]}")
+    return found.statement
 
 
 class HashingFile:

@@ -4,13 +4,14 @@ A second kind of such a file marks the segments that have short chunks still.
 """
 
 from collections import deque
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
 
 from gateway.atomic_io import append_durably, write_durably
-from gateway.file_input import decode_json
+from gateway.file_input import decode_json, read_bounded
 from gateway.messages import Alert, Calibration, Health, Log, Mark, Message
 
 MARKER = ".event"
@@ -48,7 +49,7 @@ def append_event_interval(path: Path, interval: EventInterval) -> None:
 def read_event_intervals(path: Path) -> list[EventInterval]:
     """Return the times around the events of a segment, in order and without overlap. Raises `OSError`."""
     merged: list[EventInterval] = []
-    for interval in sorted(_parse(marker_path(path).read_bytes())):
+    for interval in sorted(_parse(read_bounded(marker_path(path)))):
         if merged and interval.from_ns <= merged[-1].to_ns:
             merged[-1] = EventInterval(merged[-1].from_ns, max(merged[-1].to_ns, interval.to_ns))
         else:
@@ -67,8 +68,10 @@ def _parse(content: bytes) -> list[EventInterval]:
 
 
 def is_trimmed(path: Path) -> bool:
-    """Return whether a marked segment has been trimmed. Raises `OSError`."""
-    return marker_path(path).read_bytes().startswith(TRIMMED_LINE)
+    """Return whether a marked segment has been trimmed; a marker that is no file or cannot be read protects the segment."""
+    with suppress(OSError):
+        return read_bounded(marker_path(path)).startswith(TRIMMED_LINE)
+    return False
 
 
 def note_trimmed(path: Path) -> None:

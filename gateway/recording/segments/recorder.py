@@ -9,7 +9,7 @@ from pathlib import Path
 
 from devices.block import DeviceInfo
 from gateway.errors import PlumblineError
-from gateway.messages import Samples
+from gateway.messages import NewestStatement, Samples
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.statements import DeletionReason
@@ -102,6 +102,11 @@ class Recorder:
     def chain_loss(self) -> str | None:
         """What was lost of the state of the chain, in one line; None: nothing."""
         return None if self._chain is None else self._chain.loss
+
+    @property
+    def newest_statement(self) -> NewestStatement | None:
+        """The newest final statement about a segment; None: there is none, or the segments are not chained."""
+        return None if self._chain is None else self._chain.newest
 
     @property
     def undeletable(self) -> int:

@@ -7,10 +7,14 @@ from pathlib import Path
 
 from devices.errors import RecordingError
 from gateway.atomic_io import replace_file
-from gateway.recording.format.header import RECOVERED
+from gateway.recording.format.header import ORIGIN, RECOVERED
 from gateway.recording.format.mcap_writer import DENSE, McapWriter
-from gateway.recording.format.salvage import SalvageReport, open_mcap, read_records
+from gateway.recording.format.salvage import SalvageReport, is_damaged, open_mcap, read_records
 from gateway.recording.segments.copying import RecordCopier
+
+
+class NothingRecordedError(RecordingError):
+    """A recording was begun and ended before its first message: nothing was lost, and nothing can be recovered."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +54,10 @@ def _copy(path: Path, writer: McapWriter, losses: SalvageReport) -> int:
     with open_mcap(path) as source:
         copier.copy(read_records(source, losses))
     if not copier.messages:
+        if ORIGIN in copier.metadata and not is_damaged(losses):
+            raise NothingRecordedError(
+                f"{path}: was begun, and the gateway ended before its first message; nothing is lost"
+            )
         raise RecordingError(f"{path}: contains no readable message; there is nothing to recover")
     lost = {name: json.dumps(value) for name, value in asdict(losses).items()}
     writer.add_metadata(RECOVERED, {"from": path.name, **lost})

@@ -19,6 +19,7 @@ START_NS = 1_767_225_600_000_000_000
 """2026-01-01 00:00:00 UTC."""
 HEAD: dict[str, Any] = {"time_ns": START_NS, "clock": "synchronised", "sequence": 5, "calibration_id": "c-1"}
 COUNTS_PER_G = 256_000.0
+GATEWAY = "yard/crane-2/hook"
 
 MOTION = messages.Motion(
     **HEAD,
@@ -262,7 +263,7 @@ def record(
         signed: bool = True,
     ) -> list[Path]:
         key = load_or_create_key(folder / "signing-key.pem") if signed else None
-        chain = SegmentChain(folder, "yard/crane-2/hook", key)
+        chain = SegmentChain(folder, GATEWAY, key)
         recorder = Recorder(folder, header, segment_s=30, fsync_s=1.0, quota_mb=quota_mb, chain=chain)
         recorder.set_device(device, start_ns)
         recorder.start(start_ns)

@@ -24,10 +24,9 @@ from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.signing_key import load_or_create_key
 from gateway.recording.chain.statements import hash_of
 from gateway.recording.format.header import segment_number
-from tests.gateway.recording.conftest import SECOND_NS, Record
+from tests.gateway.recording.conftest import GATEWAY, SECOND_NS, Record
 
 LATER_NS = 1000 * SECOND_NS
-GATEWAY = "yard/crane-2/hook"
 NEXT: dict[str, Any] = {"segment": 9, "name": "x", "n_bytes": 0, "sha256": "", "from_ns": 0, "to_ns": 0}
 
 

@@ -5,8 +5,10 @@ import resource
 import struct
 import subprocess
 import sys
+import tempfile
 import time
 import zlib
+from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 
@@ -14,13 +16,14 @@ import lz4.frame
 import pytest
 import zstandard
 from mcap.opcode import Opcode
-from mcap.records import Chunk
+from mcap.records import Channel, Chunk, DataEnd, Footer, Message, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
 from devices.errors import RecordingError
 from gateway.recording.format.frames import MAX_CHUNK_BYTES, RECORD_HEAD, ChunkError, ChunkReader
 from gateway.recording.format.mcap_writer import McapWriter
 from gateway.recording.format.salvage import SalvageReport, open_mcap, read_records
+from gateway.recording.format.summary_section import serialise
 from gateway.recording.segments.recovery import recover
 
 ROOT = Path(__file__).parents[3]
@@ -74,8 +77,17 @@ def test_a_bomb_is_one_damaged_record(zeros: bytes, tmp_path: Path, name: str) -
     assert losses.damaged_records == 1
 
 
+def test_all_records_together_are_bounded() -> None:
+    data = MESSAGE * 60_000
+    record = Chunk("zstd", zstd(data), 0, 0, zlib.crc32(data), len(data))
+    reader = ChunkReader(file_bytes=10_000)
+    assert len(list(reader.frames(record))) == 60_000
+    with pytest.raises(ChunkError, match="more records than are read"):
+        reader.frames(record)
+
+
 def test_all_chunks_together_are_bounded() -> None:
-    data = MESSAGE * 100_000
+    data = MESSAGE + RECORD_HEAD.pack(Opcode.ATTACHMENT, 3_000_000) + bytes(3_000_000)
     record = Chunk("zstd", zstd(data), 0, 0, zlib.crc32(data), len(data))
     reader = ChunkReader(file_bytes=10_000)
     for _ in range((MAX_CHUNK_BYTES + 2_000_000) // len(data)):
@@ -131,3 +143,89 @@ def test_as_many_channels_as_the_format_has_are_recovered(tmp_path: Path) -> Non
     begun_s = time.monotonic()
     assert recover(path, tmp_path / "out.mcap").messages == 1
     assert time.monotonic() - begun_s < 60
+
+
+LARGEST_RESIDENT_BYTES = 300_000_000
+LONGEST_CPU_S = 10.0
+INPUT_BYTES = 10_000_000
+DEFINITIONS = serialise(Schema(1, b"{}", "jsonschema", "plumbline.Samples"), Channel(1, "/samples", "json", {}, 1))
+VERBS = [["record", "info"], ["record", "verify"], ["record", "incident", "--list"], ["record", "replay"], ["measure"]]
+
+
+def samples(count: int, number: int = 0) -> bytes:
+    """A message of samples, all of them zero."""
+    readings = "[" + ",".join("0" * count) + "]"
+    time_ns = 1_767_225_600_000_000_000 + number * 1_000_000_000
+    content = (
+        f'{{"time_ns":{time_ns},"clock":"synchronised","sequence":{number},"calibration_id":null,'
+        f'"first_log_time_ns":{time_ns},"period_ns":2000000,"unit":"counts","packing":"difference",'
+        f'"x":{readings},"y":{readings},"z":{readings},"lost":0,"invalid":0}}'
+    )
+    return serialise(Message(1, time_ns, content.encode(), time_ns, number))
+
+
+def packed(data: bytes) -> bytes:
+    return chunk(data, zstd(data), "zstd")
+
+
+def repeated(record: bytes) -> bytes:
+    return record * (INPUT_BYTES // len(record))
+
+
+def cut_schema() -> bytes:
+    """A summary section with the right checksum, whose schema ends too early."""
+    data_end = serialise(DataEnd(0))
+    start = len(MCAP0_MAGIC) + RECORD_HEAD.size + 8 + len(data_end)
+    section = RECORD_HEAD.pack(Opcode.SCHEMA, 5) + b"\1\0\xff\0\0"
+    checksum = zlib.crc32(serialise(Footer(start, 0, 0))[:-4], zlib.crc32(section))
+    return data_end + section + serialise(Footer(start, 0, checksum)) + MCAP0_MAGIC
+
+
+HOSTILE: dict[str, Callable[[], bytes]] = {
+    "one message of 16 MB": lambda: packed(DEFINITIONS + samples(2_700_000)),
+    "messages of nothing": lambda: packed(DEFINITIONS + serialise(Message(1, 0, b"", 0, 0)) * 1_900_000),
+    "channels": lambda: packed(serialise(Channel(1, "/c", "json", {}, 0)) * 1_000_000),
+    "a claim of 6 GB": lambda: RECORD_HEAD.pack(Opcode.ATTACHMENT, 6_000_000_000),
+    "a cut schema": cut_schema,
+    "10 MB of short messages": lambda: repeated(
+        packed(DEFINITIONS + b"".join(samples(50, number) for number in range(3000)))
+    ),
+    "10 MB of long messages": lambda: repeated(
+        packed(DEFINITIONS + b"".join(samples(160_000, number) for number in range(30)))
+    ),
+    "10 MB of metadata": lambda: repeated(serialise(Metadata("a", {}))),
+    "10 MB of unknown records": lambda: repeated(RECORD_HEAD.pack(0x80, 0)),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(HOSTILE))
+def test_no_file_of_ten_megabytes_costs_more_than_memory_and_time_allow(tmp_path: Path, name: str) -> None:
+    path = write(tmp_path / "hostile.mcap", HOSTILE[name]())
+    if name == "a claim of 6 GB":
+        os.truncate(path, 6_000_000_100)  # without a block on the disk
+    assert path.stat().st_blocks * 512 <= INPUT_BYTES + 8192
+    costs = {
+        " ".join(verb): cost_of([*verb, str(path)]) for verb in VERBS if "GB" not in name or verb[1:] != ["verify"]
+    }
+    for verb, (resident_bytes, cpu_s, said) in costs.items():
+        assert "Traceback" not in said, said
+        assert resident_bytes <= LARGEST_RESIDENT_BYTES, (verb, costs)
+        assert cpu_s <= LONGEST_CPU_S, (verb, costs)
+
+
+def cost_of(arguments: list[str]) -> tuple[int, float, str]:
+    """The most resident memory and the processor time of a command, and the end of what it says."""
+    with tempfile.TemporaryFile() as output:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "gateway", *arguments],
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            stdout=output,
+            stderr=output,
+        )
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        output.seek(0)
+        said = output.read().decode(errors="replace")[-2000:]
+    assert process.returncode in (0, 1, 2, 3), said
+    return usage.ru_maxrss * 1024, usage.ru_utime + usage.ru_stime, said

@@ -9,11 +9,12 @@ from mcap.writer import Writer
 from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from gateway import messages
+from gateway.cli.main import main
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.info.info_text import info_text
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.reading.samples import read_samples
-from gateway.recording.segments.recovery import recover
+from gateway.recording.segments.recovery import recover, recovered_path
 from tests.gateway.recording.conftest import MakeRecorder
 from tests.gateway.recording.recorded_files import summarise
 from tests.values import present
@@ -118,7 +119,7 @@ def test_no_file_is_left_if_nothing_can_be_recovered(
     recorder.close()
     folder = tmp_path / "out"
     folder.mkdir()
-    with pytest.raises(RecordingError, match="no readable message"):
+    with pytest.raises(RecordingError, match="before its first message"):
         recover(path, folder / "out.mcap")
     assert list(folder.iterdir()) == []
 
@@ -126,3 +127,12 @@ def test_no_file_is_left_if_nothing_can_be_recovered(
 def test_a_path_that_cannot_be_written_is_reported(torn: Path, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"absent/out\.mcap: cannot be written: No such file"):
         recover(torn, tmp_path / "absent" / "out.mcap")
+
+
+def test_a_segment_that_a_kill_ended_before_its_first_message_is_no_error(
+    make_recorder: MakeRecorder, start_ns: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = make_recorder().start(start_ns)
+    assert main(["record", "recover", str(path)]) == 0
+    assert "ended before its first message; nothing is lost" in capsys.readouterr().out
+    assert not recovered_path(path).exists()

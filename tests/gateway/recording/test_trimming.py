@@ -77,12 +77,12 @@ def test_the_chain_stays_valid_and_says_what_was_trimmed(recorded: tuple[list[Pa
     paths, chain = recorded
     trim(paths[1], chain)
     found = verify_chain([verify_file(path, None) for path in paths], [paths[0].parent])
-    assert found.is_genuine, (found.problems, [file.problems for file in found.files])
+    assert found.answer != "differs", (found.problems, [file.problems for file in found.files])
     assert "trimmed by the quota to the time around events" in found.files[1].remarks
     changed = bytearray(paths[1].read_bytes())
     changed[len(changed) // 2] ^= 1
     paths[1].write_bytes(changed)
-    assert not verify_chain([verify_file(path, None) for path in paths]).is_genuine
+    assert verify_chain([verify_file(path, None) for path in paths]).answer == "differs"
 
 
 def test_a_trimmed_newest_segment_is_followed_by_the_next(recorded: tuple[list[Path], SegmentChain]) -> None:

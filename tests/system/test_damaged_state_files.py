@@ -1,0 +1,88 @@
+"""Whatever becomes of the files that a gateway keeps over its restarts: it starts, samples, alerts, and says what it lost."""
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.system.conftest import ROOT, JoinBus, StartGateway
+
+Damage = Callable[[Path], object]
+
+
+def flip(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    if content:
+        content[len(content) // 2] ^= 0x80
+    path.write_bytes(content)
+
+
+def become(kind: Callable[[Path], None]) -> Damage:
+    def damage(path: Path) -> None:
+        path.unlink()
+        kind(path)
+
+    return damage
+
+
+DAMAGES: dict[str, Damage] = {
+    "removed": Path.unlink,
+    "empty": lambda path: path.write_bytes(b""),
+    "cut": lambda path: os.truncate(path, path.stat().st_size // 2),
+    "not UTF-8": flip,
+    "noise": lambda path: path.write_bytes(b"\x00\xff{[" * 300),
+    "deep": lambda path: path.write_bytes(b"[" * 100_000),
+    "a link to nothing": become(lambda path: path.symlink_to("nowhere")),
+    "a link to a device": become(lambda path: path.symlink_to("/dev/zero")),
+    "a folder": become(Path.mkdir),
+    "a pipe": become(os.mkfifo),
+    "of another user": lambda path: os.chown(path, 65534, 65534) if os.geteuid() == 0 else path.chmod(0),
+}
+
+
+@pytest.fixture(scope="module")
+def former(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The data folder of a gateway that was stopped, with every file that it keeps."""
+    folder = tmp_path_factory.mktemp("former") / "data"
+    environment = {
+        **os.environ,
+        "PLUMBLINE_GATEWAY__DATA_DIR": str(folder),
+        "PLUMBLINE_BUS__LISTEN": "[]",
+        "PLUMBLINE_PAGE__LISTEN": "127.0.0.1:0",
+        "PLUMBLINE_RECORDER__SEGMENT_S": "10",
+    }
+    command = [sys.executable, "-m", "gateway", "run", "--duration", "14"]
+    subprocess.run(command, cwd=ROOT, env=environment, check=True, capture_output=True)
+    return folder
+
+
+def state_files(folder: Path) -> list[Path]:
+    return [path for path in folder.rglob("*") if path.is_file() and path.suffix != ".mcap"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("damage", list(DAMAGES))
+def test_a_gateway_works_with_all_its_state_files_damaged(
+    former: Path, start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path, damage: str
+) -> None:
+    shutil.copytree(former, tmp_path / "data", symlinks=True)
+    damaged = state_files(tmp_path / "data")
+    assert {"chain.json", "command-token", "signing-key.pem", ".lock"} <= {path.name for path in damaged}
+    for path in damaged:
+        DAMAGES[damage](path)
+    gateway = start_gateway()
+    peer = join_bus(gateway.endpoint)
+    health = peer.wait_for("health", lambda message: message["samples"] > 0)
+    assert health["state"] == "running"
+    peer.wait_for("alert")
+    code, seconds, output = gateway.stop()
+    assert code in (0, 3), output
+    assert seconds < 10
+    assert "Traceback" not in output, output
+    assert gateway.recordings[len(list(former.glob("*.mcap"))) :], output
+    if damage not in ("of another user", "removed"):
+        assert "chain.json: " in output, output
