@@ -12,15 +12,21 @@ from gateway.configuration.section import KEY_PATTERN, Section
 ENCRYPTED_PROTOCOLS = ("tls", "quic")
 NETWORK_PROTOCOLS = ("tcp", "udp", "ws", *ENCRYPTED_PROTOCOLS)
 LOCAL_PROTOCOLS = ("unixsock-stream", "unixpipe")
+PARAMETERS = "?#;"
+"""Characters from which on Zenoh reads parameters of a link out of its endpoint, such as `enable_mtls=false`."""
 CommonName = Annotated[str, Field(min_length=1, max_length=64)]
 SubtreeKey = Annotated[str, Field(pattern=f"^plumbline/v1(/{KEY_PATTERN.strip('^$')}){{1,3}}$")]
 
 
 def _check_endpoint(endpoint: str) -> str:
     protocol, _, address = endpoint.partition("/")
+    if set(endpoint) & set(PARAMETERS):
+        raise ValueError(
+            f"{endpoint} has parameters, which could switch mutual TLS off; write protocol/host:port alone"
+        )
     if protocol in LOCAL_PROTOCOLS and address:
         return endpoint
-    host, _, port = address.partition("?")[0].partition("#")[0].rpartition(":")
+    host, _, port = address.rpartition(":")
     if protocol not in NETWORK_PROTOCOLS or not host or not re.fullmatch(r"[0-9]{1,5}", port) or int(port) > 65535:
         raise ValueError(
             f"{endpoint} is not an endpoint; an endpoint has the form tcp/127.0.0.1:7447 or tls/10.0.0.5:7447"

@@ -8,7 +8,7 @@ from typing import Any
 
 from gateway.configuration.difference import KeyChange, difference
 from gateway.configuration.loading import ConfigurationError, load_text
-from gateway.configuration.remote_keys import REMOTE_KEYS, is_network_key, require_remote
+from gateway.configuration.remote_keys import REMOTE_KEYS, is_network_key, require_bounds, require_remote
 
 Table = dict[str, Any]
 
@@ -43,6 +43,7 @@ def check_proposal(
     changes = difference(load_text(text, "the present configuration", {}), load_text(new_text, where, {}))
     if not changes:
         raise ConfigurationError(f"{where}: changes nothing")
+    require_bounds(changes)
     network = [change.key for change in changes if is_network_key(change.key)]
     if network and not allow_network:
         raise ConfigurationError(

@@ -1,7 +1,11 @@
 """The keys of the configuration that may be read and changed over the bus; all others belong to the gateway's own machine."""
 
+import math
+from collections.abc import Sequence
 from typing import Any
 
+from gateway.configuration.bus_section import LOCAL_PROTOCOLS
+from gateway.configuration.difference import KeyChange
 from gateway.configuration.loading import ConfigurationError
 
 Table = dict[str, Any]
@@ -25,6 +29,16 @@ NETWORK_KEYS = {
     "page": ("listen", "enabled"),
 }
 """Keys by which a gateway is reached: a wrong one cuts it off, and a listener may expose it. They need an explicit permission."""
+REMOTE_BOUNDS = {
+    "alerts.trip_deg": (0.0, 15.0),
+    "alerts.lean_trip_deg": (0.0, 15.0),
+    "alerts.hold_s": (0.5, 60.0),
+    "alerts.stale_s": (0.2, 5.0),
+    "rope.length_m": (0.3, 500.0),
+    "recorder.quota_mb": (1000.0, 1e9),
+}
+"""Bounds within which values may be changed over the bus. Basis: choices; no crane works at 15 degrees, an operator waits a
+minute for the end of an alarm, no hoist rope is shorter or longer, and 1000 MB hold the recordings of some five days."""
 
 
 def visible_part(table: Table) -> Table:
@@ -44,6 +58,23 @@ def require_remote(table: Table) -> None:
         for key in keys:
             if not _is_listed(REMOTE_KEYS, section, key):
                 raise ConfigurationError(f"proposal: {section}.{key}: can only be changed on the gateway's own machine")
+
+
+def require_bounds(changes: Sequence[KeyChange]) -> None:
+    """Refuse changes over the bus that take an operator's protection or the recordings away. Raises `ConfigurationError`."""
+    for change in changes:
+        low, high = REMOTE_BOUNDS.get(change.key, (-math.inf, math.inf))
+        if isinstance(change.after, int | float) and not low <= change.after <= high:
+            raise ConfigurationError(
+                f"proposal: {change.key}: {change.after:g} is not between {low:g} and {high:g}; beyond them it can only be "
+                "set on the gateway's own machine"
+            )
+        if change.key in ("bus.listen", "bus.connect") and isinstance(change.after, list):
+            local = [endpoint for endpoint in change.after if endpoint.partition("/")[0] in LOCAL_PROTOCOLS]
+            if local:
+                raise ConfigurationError(
+                    f"proposal: {change.key}: {local[0]} names a file; it can only be set on the gateway's own machine"
+                )
 
 
 def is_network_key(name: str) -> bool:

@@ -28,6 +28,7 @@ from gateway.swing.rig import MountedHousing
 from tests.benchmarks import motion_plot
 from tests.benchmarks.motion import replace_tables, table
 from tests.benchmarks.motion_baselines import LEAKS_IN_PERIODS, complementary
+from tests.benchmarks.motion_bound import Instruments, bound_rad
 from tests.benchmarks.motion_recordings import WorkRecording
 from tests.working_crane.real.kinds import KINDS
 from tests.working_crane.real.recording import make
@@ -40,7 +41,12 @@ QUIET_PERIODS = 2.0
 """An exceedance counts after so long below the limit; a trip is without cause where nothing near it came within this time."""
 NEAR_LIMIT = 0.8
 POSITION_U_M = 0.05
-TRUE_COLUMNS = ("time_s", "angle_deg", "length_m", "driven", "hoisting", "gust")
+SPREADER, MOVING_BASE = "d", "i"
+"""Kinds: a housing on a spreader or on one of its ropes reads something else than the bound assumes; on a moving base the pivot
+never rests."""
+APART = 0.4
+"""Distance of a second housing, over the rope's length."""
+TRUE_COLUMNS = ("time_s", "angle_deg", "azimuth_deg", "length_m", "driven", "hoisting", "gust")
 
 
 @dataclass(frozen=True, slots=True)
@@ -299,19 +305,47 @@ def generated(seed: int, count: int, duration_s: float) -> list[Case]:
     return cases
 
 
-def drawing(followed: Followed) -> str:
-    """Return the drawing of a recording, its truth and what was stated."""
-    case = followed.case
-    recording = WorkRecording(
+def bounds(all_followed: Sequence[Followed]) -> str:
+    """Return the table of what can be known by one housing, with a gyroscope and with a second housing, and what is reached."""
+    header = ("kind", "one housing", "reached", "with a gyroscope", "with a second housing")
+    rows = []
+    for name, chosen in _by_kind([one for one in all_followed if one.case.kind != SPREADER]):
+        least = np.concatenate([_bounds_deg(one) for one in chosen], axis=1)
+        reached = _rms(np.concatenate([one.error[one.is_busy] for one in chosen]))
+        alone, gyro, second = (_rms(each) for each in least)
+        rows.append((_title(name), f"{alone:.2f}", f"{reached:.2f}", f"{gyro:.2f}", f"{second:.2f}"))
+    return table(header, rows)
+
+
+def _bounds_deg(followed: Followed) -> Array:
+    """Return the bounds while moving, deg, shape (3, n): of one housing, with a gyroscope, with a second housing."""
+    recording = _as_work(followed.case)
+    rho_2 = followed.case.rho + (APART if followed.case.rho < 0.5 else -APART)
+    second = Instruments(second_above_load_m=(1 - rho_2) * followed.case.true_length_m)
+    found = []
+    for instruments in (Instruments(), Instruments(has_gyro=True), second):
+        time_s, bound = bound_rad(recording, instruments, has_moving_base=followed.case.kind == MOVING_BASE)
+        found.append(np.degrees(np.interp(followed.time_s[followed.is_busy], time_s, bound)))
+    return np.array(found)
+
+
+def _as_work(case: Case) -> WorkRecording:
+    above_m = case.rig.above_load_m
+    return WorkRecording(
         name=f"{case.name.removeprefix('work_')}, {_title(case.kind)}",
         rho=case.rho,
         noise_g=case.noise_g,
         believed_length_m=case.rig.length_m,
-        above_load_m=case.rig.above_load_m or 0.0,
+        above_load_m=(1 - case.rho) * case.true_length_m if above_m is None else above_m,
         time_s=case.time_s,
         force_g=case.force_g,
         truth=case.truth,
     )
+
+
+def drawing(followed: Followed) -> str:
+    """Return the drawing of a recording, its truth and what was stated."""
+    recording = _as_work(followed.case)
     stated_deg = followed.error + recording.true("angle_deg", followed.time_s)
     states = [one.state for one in followed.estimates]
     return motion_plot.svg(recording, followed.time_s, stated_deg, followed.u, states)
@@ -334,6 +368,7 @@ def main(arguments: Sequence[str] = ()) -> None:
         "real cranes": accuracy(all_followed),
         "alerts": costs(all_followed),
         "alerts by kind": costs_by_kind(all_followed),
+        "bound": bounds(all_followed),
     }
     if chosen.unseen:
         tables = {"unseen": tables["real cranes"]}

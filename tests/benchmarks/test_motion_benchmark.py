@@ -8,7 +8,7 @@ import pytest
 
 from tests.benchmarks.motion import replace_tables
 from tests.benchmarks.motion_baselines import complementary_angle, formula_angles, largest_of_last_period
-from tests.benchmarks.motion_bound import bound_rad
+from tests.benchmarks.motion_bound import Instruments, bound_rad
 from tests.benchmarks.motion_recordings import GRAVITY_M_S2, WorkRecording, read
 from tests.working_crane.__main__ import main as write_recordings
 
@@ -68,6 +68,44 @@ def test_bound_grows_with_the_noise(free_swing: WorkRecording) -> None:
     _, noisy = bound_rad(driven(replace(free_swing, noise_g=1e-3)))
 
     assert (noisy[time_s > 15] > 1.5 * quiet[time_s > 15]).all()
+
+
+@pytest.mark.parametrize("instruments", [Instruments(has_gyro=True), Instruments(second_above_load_m=1.0)])
+def test_a_gyroscope_or_a_second_housing_lowers_the_bound_in_a_drive(
+    free_swing: WorkRecording, instruments: Instruments
+) -> None:
+    time_s, alone = bound_rad(driven(free_swing))
+    _, helped = bound_rad(driven(free_swing), instruments)
+
+    drives = (time_s > 25) & (time_s < 40)
+    assert (helped <= 1.001 * alone).all()
+    assert helped[drives].mean() < 0.8 * alone[drives].mean()
+
+
+def test_a_second_housing_at_the_same_place_adds_nothing_but_a_second_reading(free_swing: WorkRecording) -> None:
+    time_s, alone = bound_rad(driven(free_swing))
+    _, twice = bound_rad(driven(free_swing), Instruments(second_above_load_m=free_swing.above_load_m))
+
+    drives = (time_s > 35) & (time_s < 39)
+    assert (twice[drives] > 0.5 * alone[drives]).all()
+    assert (twice[drives] < alone[drives]).all()
+
+
+def test_an_unknown_hoist_makes_the_angle_less_certain(free_swing: WorkRecording) -> None:
+    time_s, known = bound_rad(driven(free_swing))
+    hoisting = ((free_swing.truth["time_s"] > 20) & (free_swing.truth["time_s"] < 40)).astype(float)
+    recording = driven(free_swing)
+    _, unknown = bound_rad(replace(recording, truth=recording.truth | {"hoisting": hoisting}))
+
+    at = (time_s > 35) & (time_s < 39)
+    assert (unknown[at] > 1.2 * known[at]).all()
+
+
+def test_a_moving_base_makes_the_angle_less_certain(free_swing: WorkRecording) -> None:
+    time_s, rigid = bound_rad(free_swing)
+    _, floating = bound_rad(free_swing, has_moving_base=True)
+
+    assert (floating[time_s > 30] > 2 * rigid[time_s > 30]).all()
 
 
 @pytest.fixture

@@ -25,6 +25,10 @@ TLS = {"ca": "ca.pem", "certificate": "certificate.pem", "key": "key.pem"}
         ({"listen": ["tcp/127.0.0.1:99999"]}, "is not an endpoint"),
         ({"connect": ["tcp/10.0.0.1"]}, "is not an endpoint"),
         ({"connect": ["http/10.0.0.1:80"]}, "is not an endpoint"),
+        ({"listen": ["tls/0.0.0.0:7447#enable_mtls=false"], "tls": TLS}, "has parameters"),
+        ({"connect": ["tls/10.0.0.1:7447#verify_name_on_connect=false"], "tls": TLS}, "has parameters"),
+        ({"listen": ["tcp/127.0.0.1:7447?rel=0"]}, "has parameters"),
+        ({"listen": ["unixsock-stream//run/plumbline.sock#a=b"]}, "has parameters"),
         ({"forward": ["plumbline/**"]}, "pattern"),
     ],
 )

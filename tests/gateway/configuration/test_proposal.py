@@ -51,9 +51,9 @@ def test_a_key_that_a_section_no_longer_states_is_removed() -> None:
 
 
 def test_a_section_keeps_what_only_the_machine_may_change() -> None:
-    text, changes = _check({"recorder": {"quota_mb": 200}})
-    assert changes == ["recorder.quota_mb: 100.0 -> 200.0"]
-    assert tomllib.loads(text)["recorder"] == {"key": "/etc/plumbline/key.pem", "quota_mb": 200}
+    text, changes = _check({"recorder": {"quota_mb": 2000}})
+    assert changes == ["recorder.quota_mb: 100.0 -> 2000.0"]
+    assert tomllib.loads(text)["recorder"] == {"key": "/etc/plumbline/key.pem", "quota_mb": 2000}
 
 
 def test_a_new_section_is_added() -> None:
@@ -79,6 +79,13 @@ def test_a_new_section_is_added() -> None:
         ({"page": {"listen": "0.0.0.0:80"}}, "page.listen: a wrong value cuts the gateway off"),
         ({"gateway": {"site": "mine"}}, "gateway.site: a wrong value cuts the gateway off"),
         ({"bus": {"allow_unencrypted": True}}, "bus.allow_unencrypted: can only be changed"),
+        ({"recorder": {"quota_mb": 0.001}}, "recorder.quota_mb: 0.001 is not between 1000 and"),
+        ({"alerts": {"trip_deg": 89.9}}, "alerts.trip_deg: 89.9 is not between 0 and 15"),
+        ({"alerts": {"lean_trip_deg": 80}}, "alerts.lean_trip_deg: 80 is not between 0 and 15"),
+        ({"alerts": {"hold_s": 600}}, "alerts.hold_s: 600 is not between 0.5 and 60"),
+        ({"alerts": {"stale_s": 60}}, "alerts.stale_s: 60 is not between 0.2 and 5"),
+        ({"rope": {"length_m": 0.1}, "housing": {"position_m": 0.05}}, "rope.length_m: 0.1 is not between 0.3 and 500"),
+        ({"bus": {"listen": ["tls/0.0.0.0:7447#enable_mtls=false"]}}, "has parameters"),
         ({"nonsense": 1}, "nonsense: can only be changed"),
     ],
 )
@@ -92,6 +99,12 @@ def test_network_keys_need_a_permission_and_then_change() -> None:
     text, changes = _check({"bus": {"listen": ["tls/0.0.0.0:7447"]}}, allow_network=True)
     assert changes == ["bus.listen: ['tcp/127.0.0.1:7447'] -> ['tls/0.0.0.0:7447']"]
     assert tomllib.loads(text)["bus"]["tls"]["key"] == "/etc/plumbline/tls.pem"
+
+
+@pytest.mark.parametrize("key", ["listen", "connect"])
+def test_an_endpoint_that_names_a_file_is_refused_even_with_the_permission_for_network_keys(key: str) -> None:
+    with pytest.raises(ConfigurationError, match=f"bus.{key}: unixsock-stream//etc/passwd names a file"):
+        _check({"bus": {key: ["unixsock-stream//etc/passwd"]}}, allow_network=True)
 
 
 def test_a_network_key_that_the_environment_overrides_still_needs_a_permission() -> None:
