@@ -40,9 +40,10 @@ class Authoriser:
 
     def challenge(self, now_ns: int) -> Challenge:
         """Return the challenge for the next request of a caller."""
+        time_ns = self._freshness.issue(now_ns)
         if isinstance(self._proof, bytes):
-            return Challenge(boot_id=self._boot_id, time_ns=now_ns, scheme="token", token_id=token_id(self._proof))
-        return Challenge(boot_id=self._boot_id, time_ns=now_ns, scheme="certificate")
+            return Challenge(boot_id=self._boot_id, time_ns=time_ns, scheme="token", token_id=token_id(self._proof))
+        return Challenge(boot_id=self._boot_id, time_ns=time_ns, scheme="certificate")
 
     def admit(self, request: SignedRequest, role: Role, now_ns: int) -> Caller:
         """Return the authenticated caller of a request that requires a role. Raises `NotAuthorised`."""

@@ -27,7 +27,7 @@ class Challenge(BaseModel):
 
     boot_id: BootId
     time_ns: TimeNs
-    """The gateway's own time, which never steps within a boot."""
+    """The gateway's own time, which never steps within a boot; its last bits are a code by which the gateway knows it again."""
     scheme: Literal["token", "certificate"]
     token_id: KeyId | None = None
     """Id of the token that the gateway accepts; null where certificates are required."""

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gateway.authorization.authoriser import Authoriser, SignedRequest
 from gateway.authorization.caller import Caller, NotAuthorised, Role
-from gateway.authorization.freshness import MAX_REMEMBERED, WINDOW_S
+from gateway.authorization.freshness import CODE_BITS, MAX_REMEMBERED, WINDOW_S
 from gateway.authorization.token import prove_by_token
 
 BOOT = "0123456789ab"
@@ -17,6 +17,7 @@ SECRET = bytes(range(32))
 KEY = "plumbline/v1/a/b/c/rpc/cancel"
 PAYLOAD = b'{"id": "request-1", "by": "ann"}'
 NOW_NS = 1_767_225_600_000_000_000
+STEP_NS = 1 << CODE_BITS
 
 
 @pytest.fixture
@@ -64,7 +65,24 @@ def test_a_captured_request_is_refused_when_it_is_sent_again(authoriser: Authori
 def test_a_credential_expires_and_is_not_good_before_its_challenge(authoriser: Authoriser) -> None:
     late_ns = NOW_NS + round(WINDOW_S * 1e9) + 1
     assert refusal(authoriser, signed(authoriser), late_ns) == "stale_credential"
-    assert refusal(authoriser, signed(authoriser), NOW_NS - 1) == "stale_credential"
+    assert refusal(authoriser, signed(authoriser), NOW_NS - 2 * STEP_NS) == "stale_credential"
+
+
+def test_a_request_that_was_signed_for_an_invented_later_challenge_is_worth_nothing_then(
+    authoriser: Authoriser,
+) -> None:
+    later_ns = NOW_NS + 94 * 10**9
+    for guess in range(1000):
+        challenge = authoriser.challenge(NOW_NS).model_copy(update={"time_ns": later_ns + guess})
+        credential = prove_by_token(SECRET, KEY, PAYLOAD, challenge)
+        kept = SignedRequest(KEY, PAYLOAD, credential.model_dump_json().encode())
+        assert refusal(authoriser, kept, later_ns + 10**9) == "stale_credential"
+
+
+def test_challenges_of_one_time_differ_between_boots_of_one_gateway() -> None:
+    times_ns = {Authoriser(BOOT, SECRET).challenge(NOW_NS).time_ns for _ in range(3)}
+    assert len(times_ns) == 3
+    assert all(0 < NOW_NS - time_ns < 2 * STEP_NS for time_ns in times_ns)
 
 
 def test_a_credential_of_another_boot_is_refused(authoriser: Authoriser) -> None:
@@ -76,8 +94,9 @@ def test_a_flood_of_good_credentials_cannot_make_the_gate_forget_one_and_take_it
     first = signed(authoriser)
     authoriser.admit(first, Role.SERVICE, NOW_NS)
     for number in range(1, MAX_REMEMBERED + 1):
-        authoriser.admit(signed(authoriser, now_ns=NOW_NS + number), Role.SERVICE, NOW_NS + number)
-    assert refusal(authoriser, first, NOW_NS + MAX_REMEMBERED + 1) == "stale_credential"
+        now_ns = NOW_NS + number * STEP_NS
+        authoriser.admit(signed(authoriser, now_ns=now_ns), Role.SERVICE, now_ns)
+    assert refusal(authoriser, first, NOW_NS + (MAX_REMEMBERED + 1) * STEP_NS) == "stale_credential"
 
 
 @given(st.binary(max_size=300))
