@@ -359,19 +359,21 @@ def main(arguments: Sequence[str] = ()) -> None:
     parser.add_argument("--seed", type=int, default=11)
     parser.add_argument("--duration", type=float, default=120.0, help="of each, s")
     parser.add_argument("--write", type=Path, metavar="PAGE", help="replace the tables of this page")
-    parser.add_argument("--unseen", action="store_true", help="replace only the table of recordings not used before")
+    parser.add_argument(
+        "--unseen", action="store_true", help="only the tables of recordings not used before: accuracy and bound"
+    )
     parser.add_argument("--figure", type=Path, metavar="SVG", help="draw the recording with the largest error here")
     chosen = parser.parse_args(arguments)
     cases = [read_case(folder) for folder in chosen.recordings]
     all_followed = [follow(case) for case in cases or generated(chosen.seed, chosen.count, chosen.duration)]
-    tables = {
-        "real cranes": accuracy(all_followed),
-        "alerts": costs(all_followed),
-        "alerts by kind": costs_by_kind(all_followed),
-        "bound": bounds(all_followed),
-    }
     if chosen.unseen:
-        tables = {"unseen": tables["real cranes"]}
+        tables = {"unseen": accuracy(all_followed), "bound": bounds(all_followed)}
+    else:
+        tables = {
+            "real cranes": accuracy(all_followed),
+            "alerts": costs(all_followed),
+            "alerts by kind": costs_by_kind(all_followed),
+        }
     if chosen.figure is not None:
         chosen.figure.write_text(drawing(max(all_followed, key=lambda one: _rms(one.error))))
     for name, content in tables.items():

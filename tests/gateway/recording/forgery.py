@@ -8,7 +8,7 @@ from io import BytesIO
 from pathlib import Path
 
 import zstandard
-from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
@@ -17,7 +17,6 @@ from mcap.records import (
     Chunk,
     DataEnd,
     Footer,
-    McapRecord,
     Message,
     Metadata,
     MetadataIndex,
@@ -26,6 +25,7 @@ from mcap.records import (
 from mcap.writer import MCAP0_MAGIC
 
 from gateway.recording.format.header import ORIGIN
+from gateway.recording.format.summary_section import serialise
 from gateway.recording.reading.segment_index import read_index
 from gateway.recording.summary.segment_summary import SUMMARY
 
@@ -35,14 +35,6 @@ Record = tuple[int, bytes]
 """Opcode, and the whole record."""
 Change = Callable[[list[Record], int], tuple[list[Record], bytes]]
 """Takes the records of the end and the place where they begin; returns others, and bytes that are put before them."""
-
-
-def serialise(*records: McapRecord) -> bytes:
-    builder = RecordBuilder()
-    for record in records:
-        record.write(builder)
-    data: bytes = builder.end()
-    return data
 
 
 def records(content: bytes, place: int = len(MCAP0_MAGIC)) -> Iterable[tuple[int, int, bytes]]:
