@@ -162,7 +162,7 @@ def test_a_recording_that_was_deleted_while_it_was_written_is_followed_by_anothe
 def test_a_service_waits_for_its_sensor_and_says_so(start_gateway: StartGateway, join_bus: JoinBus) -> None:
     gateway = start_gateway('[device]\nkind = "adxl355"\nbus = 77\n', arguments=("--service",))
     peer = join_bus(gateway.endpoint)
-    said = peer.wait_for("health")
+    said = peer.wait_for("health", lambda message: "device" in message["standing_faults"])
     assert said["state"] == "recovering"
     assert said["device_id"] is None
     assert said["device_kind"] == "adxl355"
