@@ -9,6 +9,9 @@ STATE_TEXTS = {"free": "Free swing", "driven": "Trolley moving", "wind": "Wind g
 NOTABLE_OSCILLATION_RAD = np.radians(0.05)
 """Share of a fast oscillation in the rope's angle that is worth a word. Basis: half of the last digit of the operator's text."""
 
+ASKEW_RAD = np.radians(3.0)
+"""Angle between housing and rope that is worth a word. Basis: five times what a clamp by eye leaves."""
+
 
 def operator_text(estimate: MotionEstimate) -> str:
     """Return one line for the operator; the interval is that of 95 %."""
@@ -30,7 +33,7 @@ def operator_text(estimate: MotionEstimate) -> str:
 
 def engineer_reasons(estimate: MotionEstimate) -> tuple[str, ...]:
     """Return what acts, with numbers, before the reasons of the estimate itself."""
-    return (*_drive(estimate), *_fast_oscillation(estimate), *estimate.reasons)
+    return (*_drive(estimate), *_fast_oscillation(estimate), *_askew(estimate), *estimate.reasons)
 
 
 def _what_acts(estimate: MotionEstimate) -> str:
@@ -57,4 +60,14 @@ def _fast_oscillation(estimate: MotionEstimate) -> tuple[str, ...]:
     return (
         f"an oscillation at {found.frequency_hz:.2f} Hz, {np.degrees(found.angle_rad):.2f} deg of the rope's angle: "
         "a load that swings under its hook, or a rope that vibrates",
+    )
+
+
+def _askew(estimate: MotionEstimate) -> tuple[str, ...]:
+    mount_rad, u_rad = estimate.mount_rad, estimate.mount_u_rad
+    if mount_rad is None or u_rad is None or mount_rad - 2 * NORMAL_975 * u_rad < ASKEW_RAD:
+        return ()
+    return (
+        f"the housing stands {np.degrees(mount_rad):.1f} deg askew on the rope (u {np.degrees(u_rad):.1f}): "
+        "mount it again, or zero it",
     )

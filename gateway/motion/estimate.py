@@ -73,6 +73,9 @@ class MotionEstimate:
     length_m: float | None = None
     length_u_m: float | None = None
     fast_oscillation: FastOscillationShare | None = None
+    mount_rad: float | None = None
+    """Angle between the housing's z axis and the rope."""
+    mount_u_rad: float | None = None
     reasons: tuple[str, ...] = ()
 
     @property

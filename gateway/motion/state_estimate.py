@@ -17,6 +17,7 @@ from gateway.motion.state_vector import (
     LINE,
     LINE_RATE,
     LN_LENGTH,
+    MOUNT,
     N_STATES,
     PIVOT,
     RATE,
@@ -130,6 +131,8 @@ def describe(
         length_m=length_m,
         length_u_m=length_m * sigma[LN_LENGTH],
         fast_oscillation=_fast_oscillation(state, phase.rate_1_s),
+        mount_rad=math.hypot(*mean[MOUNT]),
+        mount_u_rad=math.hypot(*sigma[MOUNT]) / math.sqrt(2),
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from devices.simulated.schedule import Hoist
+from gateway.motion.description import engineer_reasons
 from gateway.motion.estimate import MotionEstimate
 from gateway.motion.motion_monitor import MotionMonitor
 from gateway.numerics.array import Array
@@ -112,6 +113,21 @@ def test_a_housing_that_is_elsewhere_widens_the_interval(share: float) -> None:
     assert all("the housing is not where stated" in e.reasons[-1] for e in later)
     off = [abs(present(e.angle_rad) - recording.angle_at(e.time_s)) / present(e.u_rad) for e in later]
     assert np.mean(np.array(off) < 2) > 0.95
+
+
+@pytest.mark.parametrize(("askew_deg", "says"), [(7.0, True), (0.5, False)])
+def test_a_housing_that_stands_askew_is_named_with_its_angle(askew_deg: float, says: bool) -> None:
+    recording = swing(seed=5, amplitude_deg=3.0, rho=0.6, duration_s=45.0)
+    cosine, sine = np.cos(np.radians(askew_deg)), np.sin(np.radians(askew_deg))
+    turned = replace(
+        recording, force_g=recording.force_g @ np.array([[cosine, 0, -sine], [0, 1, 0], [sine, 0, cosine]])
+    )
+    monitor = MotionMonitor(recording.rig, mount_u_rad=float(np.radians(5.0)), noise_g=NOISE_G)
+
+    estimate = list(follow(turned, monitor))[-1]
+
+    assert np.degrees(present(estimate.mount_rad)) == pytest.approx(askew_deg, abs=0.5)
+    assert any("askew on the rope" in reason for reason in engineer_reasons(estimate)) is says
 
 
 def test_clipping_is_bridged_for_a_second_and_then_makes_the_angle_unknown() -> None:
