@@ -209,11 +209,12 @@ class SimulatedCrane:
             log.info("simulated crane: %s", caption)
 
     def _drop_samples(self, opened_ns: int, now_ns: int) -> None:
-        """Continue with the newest complete block, and count the samples lost before it."""
+        """Continue with the newest complete block, and count the samples lost before it, once any was read."""
         newest = int((now_ns - opened_ns) / self._period_ns) - self._block_samples + 1
-        self._lost = newest - self._next
+        if self._next > 0:
+            self._lost = newest - self._next
+            self._faults["overrun"] += 1
         self._next = newest
-        self._faults["overrun"] += 1
         self._shift_own_time(now_ns - int(self._ready[-1].time_ns[-1]))
         self._ready.clear()
         self._ready.extend(self._simulate(opened_ns))

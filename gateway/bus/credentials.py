@@ -12,6 +12,7 @@ from gateway.configuration.known_data_folders import known_data_folders
 from gateway.configuration.loading import load
 from gateway.configuration.service_configuration import is_installed, load_installed
 from gateway.errors import InputError, PlumblineError
+from gateway.file_input import read_bounded
 
 VARIABLE = "PLUMBLINE_CREDENTIALS"
 CERTIFICATE_NAME = "certificate.pem"
@@ -98,6 +99,6 @@ def _sign(tls: TlsFiles, key_expr: str, payload: bytes, challenge: Challenge) ->
 
 def _read_token(folder: Path) -> bytes | None:
     try:
-        return parse_token((folder / TOKEN_NAME).read_text(encoding="ascii"))
+        return parse_token(read_bounded(folder / TOKEN_NAME).decode("ascii"))
     except (OSError, UnicodeDecodeError):
         return None

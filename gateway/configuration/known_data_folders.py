@@ -8,6 +8,7 @@ from pathlib import Path
 
 from gateway.atomic_io import write_private
 from gateway.configuration.user_state import user_state_folder
+from gateway.file_input import read_bounded
 
 FOLDER = "data-folders"
 MAX_FOLDERS = 32
@@ -31,9 +32,9 @@ def known_data_folders(environment: Mapping[str, str] = os.environ) -> list[Path
     folder = user_state_folder(FOLDER, environment)
     if folder is None:
         return []
-    try:
-        entries = sorted(folder.iterdir(), key=lambda entry: entry.stat().st_mtime, reverse=True)
-        paths = [Path(entry.read_text(encoding="utf-8").strip()) for entry in entries]
-    except (OSError, UnicodeDecodeError):
-        return []
-    return [path for path in paths if path.is_absolute() and path.is_dir()]
+    found: list[tuple[float, Path]] = []
+    with suppress(OSError):
+        for entry in folder.iterdir():
+            with suppress(OSError, UnicodeDecodeError):  # another gateway may be writing its own
+                found.append((entry.stat().st_mtime, Path(read_bounded(entry).decode().strip())))
+    return [path for _, path in sorted(found, reverse=True) if path.is_absolute() and path.is_dir()]

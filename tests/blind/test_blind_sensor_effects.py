@@ -27,6 +27,6 @@ CASES = (
 @pytest.mark.parametrize(("name", "seed"), CASES)
 def test_hidden_effect_of_the_sensor_is_named(name: str, seed: int, tmp_path: Path) -> None:
     write_case(generate(Plan(index=0, seed=seed, kind="single", hidden=(name,)), LENGTHS_S), tmp_path)
-    row = ask(tmp_path, COMMAND, timeout_s=240.0)
+    row = ask(tmp_path, COMMAND, timeout_s=900.0)
 
     assert (row["score"], row["named"]) == (RIGHT, [name]), row

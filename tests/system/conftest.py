@@ -20,6 +20,8 @@ from tests.ports import unused_port
 from tests.waiting import PATIENCE_S
 
 ROOT = Path(__file__).parents[2]
+LONGEST_STOP_S = 10.0
+"""From a signal to the end: TimeoutStopSec of the service, after which it is killed."""
 
 
 class RunningGateway:
@@ -63,12 +65,13 @@ class RunningGateway:
         out, err = self.process.communicate(timeout=timeout_s)
         return self.process.returncode, out, err
 
-    def stop(self, name: signal.Signals = signal.SIGTERM) -> tuple[int, float, str]:
-        """Signal it; (exit code, seconds that it took, standard error)."""
+    def stop(self, name: signal.Signals = signal.SIGTERM) -> tuple[int, str]:
+        """Signal it, and it ends in time; (exit code, standard error)."""
         self.process.send_signal(name)
         begun_s = time.monotonic()
         code, _, err = self.wait()
-        return code, time.monotonic() - begun_s, err
+        assert time.monotonic() - begun_s < LONGEST_STOP_S
+        return code, err
 
     @property
     def recordings(self) -> list[Path]:

@@ -1,4 +1,4 @@
-"""`plumbline` with a processor that takes its time for each block, and from a block on for ever; it is waited for a second.
+"""`plumbline` with a processor that takes its time for each block, and from a block on for ever; it is waited for three seconds.
 
 python -m tests.system.slow_processor SECONDS HANGS_AT run --replay log.csv --speed 0
 """
@@ -25,7 +25,7 @@ def main() -> int:
         handle(self, item)
 
     Processor.handle = take_time  # type: ignore[method-assign]
-    vars(gateway).update(DRAIN_S=1.0, HUNG_S=1.0)
+    vars(gateway).update(DRAIN_S=3.0, HUNG_S=3.0)
     return plumbline(sys.argv[3:])
 
 

@@ -108,7 +108,7 @@ def test_each_change_arrives_once_and_in_order_over_restarts_of_gateway_router_a
     router.start()
     follower.until_count(6)
     follower.receiver.close()
-    time.sleep(3.0)
+    wait_until(lambda: len(stored(gateway)) >= 2 + len(follower.changes), "changes that the receiver misses")
     follower.reopen(router, state_file)
     follower.until_count(8)
     gateway.stop()

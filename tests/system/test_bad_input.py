@@ -61,10 +61,9 @@ def test_a_full_disk_stops_the_recording_and_not_the_gateway(start_gateway: Star
     assert later["state"] == "running"
     last_ns = peer.messages("tilt")[-1]["time_ns"]
     peer.wait_for("tilt", lambda message: message["time_ns"] > last_ns + 1e9)
-    code, seconds, err = gateway.stop()
+    code, err = gateway.stop()
     assert code == 3
     assert "samples could not be recorded" in err
-    assert seconds < 2.5
     for path in gateway.recordings:
         assert summarise(path).samples.count > 0  # what was written stays readable
 

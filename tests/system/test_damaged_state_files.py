@@ -79,9 +79,8 @@ def test_a_gateway_works_with_all_its_state_files_damaged(
     health = peer.wait_for("health", lambda message: message["samples"] > 0)
     assert health["state"] == "running"
     peer.wait_for("alert")
-    code, seconds, output = gateway.stop()
+    code, output = gateway.stop()
     assert code in (0, 3), output
-    assert seconds < 10
     assert "Traceback" not in output, output
     assert gateway.recordings[len(list(former.glob("*.mcap"))) :], output
     if damage not in ("of another user", "removed"):

@@ -105,7 +105,7 @@ def test_the_bundle_has_what_a_service_engineer_needs_and_no_secret(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     gateway = start_gateway()
-    join_bus(gateway.endpoint).wait_for("health")
+    join_bus(gateway.endpoint).wait_for("health", lambda health: health["recording"] and health["state"] == "running")
     secrets = {"command-token": "tok-5f2a9c", "page-pin": "48151623", "signing-key-2.pem": "MC4CAQAwBQYDK2Vw"}
     for name, value in secrets.items():
         (gateway.data_dir / name).write_text(f"{value}\n")

@@ -6,6 +6,7 @@ import signal
 import socket
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 from urllib.request import urlopen
 
 import pytest
@@ -14,10 +15,18 @@ import zenoh
 from gateway.messages import Health
 from gateway.recording.reading.recording_file import open_recording
 from tests.ports import unused_port
-from tests.system.conftest import JoinBus, Plumbline, RunningGateway, StartGateway, listening_on
-from tests.waiting import wait_until
+from tests.system.conftest import BusPeer, JoinBus, Plumbline, RunningGateway, StartGateway, listening_on
+from tests.values import present
+from tests.waiting import PATIENCE_S, wait_until
 
 ALERTS = "alert"
+
+
+def wait_healed(peer: BusPeer, ill: Any) -> Any:
+    """The first health without a fault after one that stated some: those before it may not know of them yet."""
+    return peer.wait_for(
+        "health", lambda message: message["sequence"] > ill["sequence"] and not message["standing_faults"]
+    )
 
 
 @pytest.mark.slow
@@ -28,12 +37,12 @@ def test_an_occupied_port_of_the_page_is_taken_as_soon_as_it_is_free(
     with listening_on(port):
         gateway = start_gateway(page=True, environment={"PLUMBLINE_PAGE__LISTEN": f"127.0.0.1:{port}"})
         peer = join_bus(gateway.endpoint)
-        said = peer.wait_for("health", lambda message: message["standing_faults"])
+        said = peer.wait_for("health", lambda message: "page" in message["standing_faults"])
         assert f"127.0.0.1:{port} cannot be used" in said["standing_faults"]["page"]
         peer.wait_for(ALERTS)
-    healed = peer.wait_for("health", lambda message: not message["standing_faults"])
+    healed = wait_healed(peer, said)
     assert healed["faults"]["page_failures"] == 1
-    with urlopen(f"http://127.0.0.1:{port}/", timeout=10) as answer:
+    with urlopen(f"http://127.0.0.1:{port}/", timeout=PATIENCE_S) as answer:
         assert b"<html" in answer.read()
     gateway.stop()
 
@@ -46,10 +55,11 @@ def test_an_occupied_port_of_the_bus_is_taken_as_soon_as_it_is_free(
     endpoint = f"tcp/127.0.0.1:{port}"
     with listening_on(port):
         gateway = start_gateway(environment={"PLUMBLINE_BUS__LISTEN": json.dumps([endpoint])})
+        assert endpoint in present(gateway.process.stderr).readline()
         wait_until(lambda: gateway.recordings, "a recording")
     peer = join_bus(endpoint)
-    healed = peer.wait_for("health", lambda message: message["faults"].get("bus_failures") == 1)
-    assert healed["standing_faults"] == {}
+    healed = peer.wait_for("health", lambda message: not message["standing_faults"])
+    assert healed["faults"]["bus_failures"] == 1
     assert healed["samples"] > 0
     gateway.stop()
 
@@ -58,9 +68,7 @@ def test_an_occupied_port_of_the_bus_is_taken_as_soon_as_it_is_free(
 def test_a_client_whose_router_is_down_samples_at_once_and_obeys_sigterm(start_gateway: StartGateway) -> None:
     gateway = client_without_router(start_gateway, unused_port())
     wait_until(lambda: gateway.recordings, "a recording")
-    code, seconds, _ = gateway.stop()
-    assert code == 0
-    assert seconds < 5
+    assert gateway.stop()[0] == 0
 
 
 @pytest.mark.slow
@@ -75,7 +83,7 @@ def test_a_client_finds_a_router_that_comes_later(start_gateway: StartGateway, j
     with zenoh.open(settings):
         peer = join_bus(f"tcp/127.0.0.1:{port}")
         peer.wait_for(ALERTS)
-        assert peer.wait_for("health")["standing_faults"] == {}
+        peer.wait_for("health", lambda message: not message["standing_faults"])
         gateway.stop(signal.SIGINT)
 
 
@@ -92,12 +100,11 @@ def test_a_data_folder_that_cannot_be_made_is_recorded_to_as_soon_as_it_can(
     blocking.write_text("a file where the folder should be")
     gateway = start_gateway()
     peer = join_bus(gateway.endpoint)
-    said = peer.wait_for("health", lambda message: message["standing_faults"])
+    said = peer.wait_for("health", lambda message: message["recording_error"])
     assert "data: cannot be written" in said["recording_error"]
     peer.wait_for(ALERTS)
     blocking.unlink()
-    healed = peer.wait_for("health", lambda message: not message["standing_faults"])
-    assert healed["recording"] is not None
+    assert wait_healed(peer, said)["recording"] is not None
     assert gateway.stop()[0] == 3  # the samples before are not in the recording
 
 
@@ -110,7 +117,7 @@ def test_an_outbox_that_cannot_be_made_is_a_fault_until_it_can(
     blocking.write_text("a file where the folder should be")
     gateway = start_gateway()
     peer = join_bus(gateway.endpoint)
-    first = peer.wait_for("health", lambda message: message["standing_faults"])
+    first = peer.wait_for("health", lambda message: "outbox" in message["standing_faults"])
     peer.wait_for(
         "health", lambda message: message["sequence"] > first["sequence"] + 8
     )  # beyond a retry of the writing
@@ -118,7 +125,7 @@ def test_an_outbox_that_cannot_be_made_is_a_fault_until_it_can(
     assert all("alerts are sent without being stored" in each["standing_faults"]["outbox"] for each in said)
     assert {each["faults"]["outbox_failures"] for each in said} == {1}
     blocking.unlink()
-    peer.wait_for("health", lambda message: not message["standing_faults"])
+    wait_healed(peer, said[-1])
     gateway.stop()
 
 
@@ -157,9 +164,8 @@ def test_a_damaged_state_file_does_not_stop_the_monitoring(
     peer = join_bus(gateway.endpoint)
     peer.wait_for(ALERTS)
     peer.wait_for("health", lambda message: message["samples"] > 0)
-    code, seconds, err = gateway.stop()
+    code, err = gateway.stop()
     assert code == 0
-    assert seconds < 5
     assert "Traceback" not in err
     assert "ERROR" in err or "WARNING" in err
 
@@ -207,9 +213,7 @@ def test_a_reader_of_the_log_that_stalls_costs_lines_and_nothing_else(
     peer = join_bus(gateway.endpoint)
     peer.wait_for(ALERTS)
     assert peer.wait_for("health", lambda message: message["recording"])["standing_faults"] == {}
-    code, seconds, _ = gateway.stop()
-    assert code == 0
-    assert seconds < 5
+    assert gateway.stop()[0] == 0
     os.close(unread)
     os.close(full)
 

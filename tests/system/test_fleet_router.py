@@ -18,7 +18,7 @@ from tests.system.conftest import ROOT, Plumbline
 from tests.waiting import PATIENCE_S, wait_until
 
 OWN = "plumbline/v1/yard/c1/hook"
-CONNECT_MS = 5000
+CONNECT_MS = round(1e3 * PATIENCE_S)
 
 
 class Router:
@@ -42,7 +42,7 @@ class Router:
 
 
 def stored(session: zenoh.Session, key: str) -> list[bytes]:
-    return [reply.ok.payload.to_bytes() for reply in session.get(key, timeout=5.0) if reply.ok is not None]
+    return [reply.ok.payload.to_bytes() for reply in session.get(key, timeout=PATIENCE_S) if reply.ok is not None]
 
 
 def _is_last(session: zenoh.Session, topic: str) -> bool:

@@ -88,7 +88,7 @@ def test_each_party_may_do_what_its_certificate_allows(router: Router, certifica
     assert strange.count(f"{OWN}/alert") <= 1  # its own, which never left its session
     assert stored(ann, "plumbline/v1/*/*/*/rpc/status") == [b"own"]
     assert stored(stranger, "plumbline/v1/*/*/*/rpc/status") == []
-    assert stored(ann, "plumbline/v1/*/*/*/alert") == [b"true"]
+    wait_until(lambda: stored(ann, "plumbline/v1/*/*/*/alert") == [b"true"], "the alert in the router")
     token.undeclare()
     wait_until(lambda: len(alive) >= 2, "the end of the token")
     assert [text.split()[-1] for text in alive] == [f"{OWN}/alive"] * 2

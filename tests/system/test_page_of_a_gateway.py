@@ -41,7 +41,7 @@ def test_the_angle_moves_on_the_page(start_gateway: StartGateway, join_bus: Join
     with urlopen(f"http://127.0.0.1:{gateway.page_port}/healthz", timeout=PATIENCE_S) as answer:
         assert answer.status == HEALTHY
     gateway.process.kill()
-    expect(page.locator("#word")).to_have_text(re.compile("NO DATA|STALE|NO CONTACT"), timeout=10_000)
+    expect(page.locator("#word")).to_have_text(re.compile("NO DATA|STALE|NO CONTACT"))
     assert errors == []
     page.close()
 
@@ -119,6 +119,10 @@ def _alerts(gateway: RunningGateway) -> list[Any]:
     return alerts
 
 
+def _listed(gateway: RunningGateway) -> list[tuple[Any, ...]]:
+    return [tuple(alert[name] for name in ("rule", "since_ns", "incident")) for alert in _alerts(gateway)]
+
+
 def _page_process(gateway: RunningGateway) -> int | None:
     pid = gateway.process.pid
     for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
@@ -130,13 +134,11 @@ def _page_process(gateway: RunningGateway) -> int | None:
 def test_the_list_of_alerts_outlives_the_page_and_the_gateway(start_gateway: StartGateway) -> None:
     gateway = start_gateway(SENSITIVE, page=True)
     wait_until(lambda: _alerts(gateway), "an alert on the page")
-    (first, *_) = _alerts(gateway)
+    first = _listed(gateway)[0]
     os.kill(present(_page_process(gateway)), signal.SIGKILL)
     wait_until(lambda: _is_live(gateway), "another process of the page")
-    assert [_alerts(gateway)[0][name] for name in ("rule", "since_ns", "incident")] == [
-        first[name] for name in ("rule", "since_ns", "incident")
-    ]
+    assert first in _listed(gateway)
     gateway.stop()
     again = start_gateway(SENSITIVE, page=True)
     wait_until(lambda: _is_live(again), "the page of the next start")
-    assert [_alerts(again)[0][name] for name in ("rule", "since_ns", "incident")] == ["swing", first["since_ns"], None]
+    assert ("swing", first[1], None) in _listed(again)

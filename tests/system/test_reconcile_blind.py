@@ -14,7 +14,7 @@ from tests.blind.write import write_case
 pytestmark = pytest.mark.slow
 
 LENGTHS_S = {"log": 30.0, "held_out": 20.0}
-PATIENCE_S = 120.0
+PATIENCE_S = 600.0
 CASES = [
     Plan(index=0, seed=101, kind="null", coloured=True, jittered=True),
     Plan(index=1, seed=103, kind="single", hidden=("steady_wind",)),

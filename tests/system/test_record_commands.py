@@ -17,10 +17,10 @@ def test_every_result_of_a_gateway_is_computed_again_to_the_byte(
     start_gateway: StartGateway, plumbline: Plumbline, tmp_path: Path
 ) -> None:
     gateway = start_gateway(CONFIGURATION, arguments=("--duration", "17"))
-    wait_until(lambda: len(gateway.recordings) == 2, "the second segment")
+    wait_until(lambda: len(gateway.recordings) >= 2, "the second segment")
     live = plumbline("record", "info", gateway.data_dir, "--json", "-")
     assert live.returncode == 0, live.stderr
-    assert len(json.loads(live.stdout)["files"]) == 2
+    assert len(json.loads(live.stdout)["files"]) >= 2
     assert plumbline("record", "export", gateway.data_dir, "--csv", tmp_path / "live.csv").returncode == 0
     code, _, error = gateway.wait()
     assert code == 0, error
@@ -35,7 +35,7 @@ def test_recording_of_a_killed_gateway_is_read_and_replayed_as_it_is(
     start_gateway: StartGateway, plumbline: Plumbline
 ) -> None:
     gateway = start_gateway(CONFIGURATION)
-    wait_until(lambda: len(gateway.recordings) == 2, "the second segment")
+    wait_until(lambda: len(gateway.recordings) >= 2, "the second segment")
     gateway.process.send_signal(signal.SIGKILL)
     gateway.wait()
     info = plumbline("record", "info", gateway.data_dir)

@@ -26,7 +26,7 @@ def test_a_gateway_that_ends_or_is_killed_drops_the_relay(
     gateway = start_gateway(configuration(relay, watchdog_s=60))
     wait_until(lambda: relay.state == "energise", "the relay")
     gateway.process.send_signal(name)
-    wait_until(lambda: relay.state == "release", "the drop", patience_s=10)  # the watchdog alone would take a minute
+    wait_until(lambda: relay.state == "release", "the drop", patience_s=30)  # the watchdog alone would take a minute
     gateway.wait()
     assert relay.calls[0] == "release"
 

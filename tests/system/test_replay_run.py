@@ -34,7 +34,7 @@ def messages(path: Path, topic: str) -> list[Any]:
 
 def replayed(start_gateway: StartGateway, toml: str) -> Path:
     gateway = start_gateway(toml)
-    code, _, err = gateway.wait(60)
+    code, _, err = gateway.wait()
     assert code == 0
     assert [line for line in err.splitlines() if not line.startswith(EXPECTED_LINES)] == []
     path: Path
@@ -135,7 +135,7 @@ def table_at_once(folder: Path) -> str:
 
 def test_a_processor_that_is_slow_yet_progresses_is_waited_for(start_gateway: StartGateway, tmp_path: Path) -> None:
     gateway = start_gateway(table_at_once(tmp_path), program=("tests.system.slow_processor", "0.1", "0"))
-    code, _, err = gateway.wait(60)
+    code, _, err = gateway.wait()
     assert code == 0, err
     assert "ended without" not in err
     (path,) = gateway.recordings
@@ -144,7 +144,7 @@ def test_a_processor_that_is_slow_yet_progresses_is_waited_for(start_gateway: St
 
 def test_a_processor_that_hangs_leaves_losses(start_gateway: StartGateway, tmp_path: Path) -> None:
     gateway = start_gateway(table_at_once(tmp_path), program=("tests.system.slow_processor", "0", "20"))
-    code, _, err = gateway.wait(60)
+    code, _, err = gateway.wait()
     assert code == 3
     assert "ended without processor, which did not stop in time" in err
     assert "samples that waited in a queue could not be recorded" in err

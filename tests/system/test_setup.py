@@ -61,7 +61,7 @@ class Terminal:
             assert time.monotonic() < end_s, f"{pattern!r} did not come in {self.text!r}"
             if select.select([self._master], [], [], 0.2)[0]:
                 try:
-                    self.text += os.read(self._master, 65536).decode()
+                    self.text += os.read(self._master, 65536).decode(errors="replace")
                 except OSError:  # the other end is closed
                     assert re.search(pattern, self.text[self._read_to :]), f"{pattern!r} did not come in {self.text!r}"
         self._read_to += match.end()

@@ -25,7 +25,7 @@ def test_zero_in_place_while_the_load_hangs_still(
     rate_hz, lean_rad = 50, np.radians(1.5)
     random = np.random.default_rng(4)
     up = np.array([np.sin(lean_rad), 0.0, np.cos(lean_rad)])
-    counts = np.rint(2048 * (up + random.normal(0, NOISE_G, (rate_hz * 400, 3)))).astype(int)
+    counts = np.rint(2048 * (up + random.normal(0, NOISE_G, (rate_hz * 1200, 3)))).astype(int)
     path = tmp_path / "hanging.csv"
     path.write_text("x,y,z\n" + "".join(f"{x},{y},{z}\n" for x, y, z in counts.tolist()))
     layout = TableLayout(axes=("x", "y", "z"), unit="counts", rate_hz=rate_hz, units_per_g=2048)

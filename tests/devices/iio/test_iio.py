@@ -17,6 +17,7 @@ from devices.errors import (
 from devices.host_clock import HostClock
 from devices.iio.accelerometer import IioAccelerometer
 from tests.devices.iio.iio_tree import MPU6050, IioTree, adxl355_scan, mpu6050_scan
+from tests.waiting import PATIENCE_S
 
 PERIOD_NS = 8_000_000
 
@@ -43,7 +44,7 @@ def scans(count: int, first: int = 0, start_ns: int | None = None) -> bytes:
 
 def read_all(device: IioAccelerometer, samples: int) -> list[SampleBlock]:
     blocks: list[SampleBlock] = []
-    deadline = time.monotonic() + 2
+    deadline = time.monotonic() + PATIENCE_S
     while sum(map(len, blocks)) < samples and time.monotonic() < deadline:
         if (block := device.read()) is not None:
             blocks.append(block)

@@ -78,6 +78,16 @@ def test_a_slow_reader_gets_every_sample_while_less_than_a_second_behind() -> No
     assert dict(device.faults) == {}
 
 
+def test_a_first_read_that_comes_late_begins_then_and_has_lost_nothing() -> None:
+    clock = FakeClock()
+    device = simulated(clock)
+    device.open()
+    clock.ns += 3 * SECOND_NS
+    first = read(device)
+    assert (first.lost, dict(device.faults)) == (0, {})
+    assert 0 <= clock.ns - first.time_ns[-1] < 8_000_000
+
+
 @pytest.mark.parametrize("away_s", [1.3, 20.0, 7200.0])
 def test_after_a_suspension_it_skips_to_now_and_counts_the_loss(away_s: float) -> None:
     clock = FakeClock()

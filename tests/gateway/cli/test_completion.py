@@ -6,6 +6,7 @@ import subprocess
 import pytest
 
 from gateway.cli.main import COMMANDS, main
+from tests.waiting import PATIENCE_S
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "tcsh"])
@@ -31,7 +32,7 @@ def test_bash_completes_a_verb_and_an_option(capsys: pytest.CaptureFixture[str])
             f'COMP_WORDS=({quoted}); COMP_CWORD={len(words) - 1}; _shtab_plumbline; printf "%s\\n" "${{COMPREPLY[@]}}"'
         )
         done = subprocess.run(
-            [bash, "-c", f"{script}\n{call}"], capture_output=True, text=True, timeout=20, check=False
+            [bash, "-c", f"{script}\n{call}"], capture_output=True, text=True, timeout=PATIENCE_S, check=False
         )
         assert expected in done.stdout.split(), done.stderr
 

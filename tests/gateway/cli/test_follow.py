@@ -124,7 +124,9 @@ def test_on_a_narrow_terminal_the_bar_stays_one_line() -> None:
     ioctl(slave, termios.TIOCSWINSZ, struct.pack("4H", 24, 60, 0, 0))
     with os.fdopen(slave, "w") as out:
         watch_session(ScriptedLink(COLLECTING | {"text": "a long way to go " * 9}, REVIEW), None, out)
-        seen = os.read(master, 4096).decode()
+        seen = ""
+        while "in review" not in seen:
+            seen += os.read(master, 4096).decode()
     os.close(master)
     bar = next(part for part in seen.split("\r\x1b[K") if "[####" in part)
     assert len(bar) == 59

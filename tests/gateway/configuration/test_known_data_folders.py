@@ -16,6 +16,8 @@ def test_folders_are_remembered_newest_first_and_forgotten_when_they_are_gone(tm
             if str(folder) in entry.read_text():
                 os.utime(entry, (number, number))
     assert known_data_folders(environment) == [folders[1], folders[0]]
+    (tmp_path / "state" / "plumbline" / "data-folders" / "replaced").symlink_to("gone")  # as while another one is noted
+    assert known_data_folders(environment) == [folders[1], folders[0]]
     folders[1].rmdir()
     assert known_data_folders(environment) == [folders[0]]
 

@@ -227,7 +227,7 @@ def test_a_site_without_its_router_says_so(site: Site, serve: Callable[..., str]
     window = _open(browser, serve())
     expect(window.locator("#cards strong")).to_have_text(["OK"])
     site.close()
-    expect(window.locator("#notice")).to_have_text("No connection to the router: the list is old.", timeout=15_000)
+    expect(window.locator("#notice")).to_have_text("No connection to the router: the list is old.")
     expect(window.locator("#cards strong")).not_to_have_text(["OK"])
     window.close()
 

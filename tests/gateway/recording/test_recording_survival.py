@@ -79,7 +79,7 @@ def small(
 def test_sigkill_costs_at_most_fsync_s_and_one_block(
     header: RecordingHeader, make_samples: Callable[..., messages.Samples], tmp_path: Path
 ) -> None:
-    made = [make_samples(number, length=BLOCK, period_ns=1e6) for number in range(200)]
+    made = [make_samples(number, length=BLOCK, period_ns=1e6) for number in range(1000)]
     command = [sys.executable, "-c", RECORD_IN_REAL_TIME]
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=Path(__file__).parents[3]

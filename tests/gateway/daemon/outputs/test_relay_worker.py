@@ -85,7 +85,7 @@ def hold(worker: RelayWorker, condition: Callable[[], object], what: str) -> Non
 def test_the_relay_is_released_at_start_energised_while_well_and_dropped_by_a_trip(
     relay: ScriptedRelay, start: Start
 ) -> None:
-    worker = start(command(relay))
+    worker = start(command(relay, watchdog_s=60, command_timeout_s=10))
     wait_until(lambda: relay.calls == ["release"], "the release at start")
     hold(worker, lambda: worker.state == "energised", "the relay")
     worker.inbox.put(TRIP)
@@ -104,7 +104,7 @@ def test_silence_of_the_alerts_drops_the_relay(relay: ScriptedRelay, start: Star
 
 
 def test_the_end_of_the_thread_drops_the_relay(relay: ScriptedRelay, start: Start) -> None:
-    worker = start(command(relay))
+    worker = start(command(relay, watchdog_s=60, command_timeout_s=10))
     hold(worker, lambda: relay.state == "energise", "the relay")
     worker.finish()
     worker.join(PATIENCE_S)
@@ -136,17 +136,13 @@ def test_a_process_that_hangs_is_replaced(relay: ScriptedRelay, start: Start, mo
 def test_a_command_that_fails_or_hangs_is_counted_and_never_blocks_the_thread(
     relay: ScriptedRelay, start: Start, how: str
 ) -> None:
-    worker = start(command(relay, command_timeout_s=0.3, repeat_s=1.0))
+    worker = start(command(relay, watchdog_s=60, command_timeout_s=2, repeat_s=1.0))
     hold(worker, lambda: worker.state == "energised", "the relay")
     relay.break_by(how)
-    longest_s = 0.0
 
     def failed() -> bool:
-        nonlocal longest_s
         worker.inbox.put(NORMAL)
-        before_s = time.monotonic()
         wait_until(lambda: len(worker.inbox) == 0, "the thread")
-        longest_s = max(longest_s, time.monotonic() - before_s)
         return worker.state == "failed"
 
     wait_until(failed, "the failure")
@@ -169,7 +165,7 @@ from gateway.configuration.relay_section import CommandRelay
 from gateway.daemon.runtime.faults import FaultRegister
 from gateway.daemon.outputs.relay_worker import RelayWorker
 from tests.gateway.daemon.outputs.test_relay_worker import NORMAL
-worker = RelayWorker(CommandRelay(kind="command", command=[sys.argv[1]], watchdog_s=30.0), FaultRegister())
+worker = RelayWorker(CommandRelay(kind="command", command=[sys.argv[1]], watchdog_s=60.0), FaultRegister())
 worker.start()
 while True:
     worker.inbox.put(NORMAL)
@@ -183,11 +179,11 @@ def test_the_death_of_the_gateway_drops_the_relay_at_once(relay: ScriptedRelay, 
     wait_until(lambda: relay.state == "energise", "the relay")
     parent.send_signal(name)
     parent.wait(PATIENCE_S)
-    wait_until(lambda: relay.state == "release", "the drop", patience_s=10.0)  # by the pipe: the watchdog takes 30 s
+    wait_until(lambda: relay.state == "release", "the drop", patience_s=30.0)  # by the pipe: the watchdog takes 60 s
 
 
 def test_a_frozen_gateway_drops_the_relay(relay: ScriptedRelay) -> None:
-    parent = subprocess.Popen([sys.executable, "-c", PARENT.replace("30.0", "1.5"), str(relay.path)], cwd=ROOT)
+    parent = subprocess.Popen([sys.executable, "-c", PARENT.replace("60.0", "1.5"), str(relay.path)], cwd=ROOT)
     try:
         wait_until(lambda: relay.state == "energise", "the relay")
         parent.send_signal(signal.SIGSTOP)
@@ -215,7 +211,7 @@ def test_lines_that_never_end_do_not_postpone_the_release(relay: ScriptedRelay) 
         os.write(pipe, b"e")
         time.sleep(2.0)
         watched.send_signal(signal.SIGCONT)
-        wait_until(lambda: state_after(b"e") == "release", "the release", patience_s=10.0)
+        wait_until(lambda: state_after(b"e") == "release", "the release")
     finally:
         watched.kill()
         watched.communicate()

@@ -4,7 +4,7 @@ import os
 import time
 
 from gateway.daemon.runtime.logs import MAX_WAITING_LINES, LineWriter
-from tests.waiting import wait_until
+from tests.waiting import PATIENCE_S, wait_until
 
 
 def test_a_reader_that_stalls_costs_lines_that_are_counted_and_reported() -> None:
@@ -14,7 +14,7 @@ def test_a_reader_that_stalls_costs_lines_that_are_counted_and_reported() -> Non
     begun_s = time.monotonic()
     for number in range(5 * MAX_WAITING_LINES):
         writer.put(f"{number:06d}" + 94 * "-")
-    assert time.monotonic() - begun_s < 5
+    assert time.monotonic() - begun_s < PATIENCE_S
     wait_until(lambda: writer.dropped > 0, "a full queue")
     with os.fdopen(reading, "rb") as reader:
         lines: list[bytes] = []
@@ -25,7 +25,7 @@ def test_a_reader_that_stalls_costs_lines_that_are_counted_and_reported() -> Non
             f"WARNING plumbline: {writer.dropped} lines are missing here; the reader was too slow\n".encode()
         )
         assert len(lines) - 1 + writer.dropped == 5 * MAX_WAITING_LINES
-        writer.finish(5)
+        writer.finish(PATIENCE_S)
         assert not writer.is_alive()
     os.close(writing)
 
@@ -36,7 +36,7 @@ def test_a_reader_that_has_ended_ends_the_output_alone() -> None:
     writer = LineWriter(writing)
     writer.start()
     writer.put("nobody reads this")
-    writer.join(5)
+    writer.join(PATIENCE_S)
     assert not writer.is_alive()
     writer.put("nor this")
     writer.finish(1)

@@ -62,7 +62,7 @@ def test_an_idle_thread_makes_progress(manager: tuple[socket.socket, ServiceNoti
     worker = started("recorder")
     watchdog = Watchdog({worker: PATIENCE_S}, (), notifier, FaultRegister())
     time.sleep(2 * PATIENCE_S)
-    assert fed(bound, watchdog.check)
+    wait_until(lambda: fed(bound, watchdog.check), "the feeding")
     worker.finish()
 
 
@@ -72,7 +72,7 @@ def test_one_hung_thread_stops_the_feeding_and_is_named_until_it_goes_on(
     bound, notifier = manager
     workers, gate, faults = [started(name) for name in ("processor", "recorder")], threading.Event(), FaultRegister()
     watchdog = Watchdog(dict.fromkeys(workers, PATIENCE_S), (), notifier, faults)
-    assert fed(bound, watchdog.check)
+    wait_until(lambda: fed(bound, watchdog.check), "the feeding")
     workers[1].inbox.put(gate)
     wait_until(lambda: watchdog.check() == {workers[1]}, "the hung thread to be noticed")
     while fed(bound, lambda: None):
@@ -80,8 +80,7 @@ def test_one_hung_thread_stops_the_feeding_and_is_named_until_it_goes_on(
     assert not fed(bound, watchdog.check)
     assert "the recorder thread has made no progress" in faults.standing["recorder"]
     gate.set()
-    wait_until(lambda: not watchdog.check(), "the thread to go on")
-    assert fed(bound, watchdog.check)
+    wait_until(lambda: fed(bound, watchdog.check), "the thread to go on")
     assert faults.standing == {}
     for worker in workers:
         worker.finish()
@@ -95,7 +94,7 @@ def test_an_optional_thread_that_has_ended_is_named_and_does_not_restart_the_gat
     watchdog = Watchdog({required: PATIENCE_S}, (optional,), notifier, faults)
     optional.finish()
     optional.join()
-    assert fed(bound, watchdog.check)
+    wait_until(lambda: fed(bound, watchdog.check), "the feeding")
     assert list(faults.standing) == ["rpc"]
     required.finish()
 

@@ -13,7 +13,7 @@ from devices.errors import TransferError
 from gateway.daemon.runtime.bounded_queue import BoundedQueue
 from gateway.daemon.runtime.faults import FaultRegister
 from gateway.daemon.sampling.sampler import DeviceReopened, Sampler, SamplerItem
-from tests.waiting import wait_until
+from tests.waiting import PATIENCE_S, wait_until
 
 INFO = DeviceInfo(kind="test", device_id="t-1", unit="counts", odr_hz=100.0, units_per_g=1000.0)
 
@@ -54,8 +54,8 @@ def run(device: Scripted, info: DeviceInfo = INFO, size: int = 64) -> tuple[Samp
     queue = BoundedQueue[SamplerItem](size)
     sampler = Sampler(device, info, queue, FaultRegister())
     sampler.start()
-    assert sampler.ended.wait(10)
-    sampler.join(10)
+    assert sampler.ended.wait(PATIENCE_S)
+    sampler.join(PATIENCE_S)
     items = []
     while (item := queue.get(0.0)) is not None:
         items.append(item)
@@ -103,7 +103,7 @@ def test_a_device_that_did_not_answer_at_start_is_opened_when_it_does() -> None:
     sampler = Sampler(device, None, queue, faults)
     assert sampler.recovering
     sampler.start()
-    assert sampler.ended.wait(10)
+    assert sampler.ended.wait(PATIENCE_S)
     assert isinstance(queue.get(0.0), DeviceReopened)
     assert isinstance(queue.get(0.0), SampleBlock)
     assert faults.counts == {"device_failures": 1}
@@ -125,7 +125,7 @@ def test_a_replay_waits_for_its_reader() -> None:
     while got < 5:
         time.sleep(0.01)
         got += queue.get(1.0) is not None
-    sampler.join(10)
+    sampler.join(PATIENCE_S)
     assert sampler.lost_in_queue == 0
 
 
@@ -136,7 +136,7 @@ def test_the_sampler_stops_while_the_device_is_lost() -> None:
     sampler.start()
     wait_until(lambda: sampler.recovering, "the device to be away")
     sampler.stop()
-    sampler.join(5)
+    sampler.join(PATIENCE_S)
     assert not sampler.is_alive()
 
 

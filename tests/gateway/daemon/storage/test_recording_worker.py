@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gateway.daemon.runtime.faults import FaultRegister
-from gateway.daemon.storage.recording_worker import MAX_WAITING_RECORDS, STALLED_S, RecordingWorker
+from gateway.daemon.storage.recording_worker import MAX_WAITING_RECORDS, ROOM_S, STALLED_S, RecordingWorker
 from gateway.messages import Samples
 from gateway.pipeline.outgoing_message import EncodedMessage, encode_message
 from gateway.recording.format.header import RecordingHeader
@@ -50,7 +50,7 @@ def test_a_live_source_never_waits_and_its_losses_are_counted(full: RecordingWor
     begun_s = time.monotonic()
     full.submit(message, can_wait=False)
     full.submit(message, can_wait=False)
-    assert time.monotonic() - begun_s < 0.3
+    assert time.monotonic() - begun_s < 2 * ROOM_S
     assert full.samples_lost == 2 * n_samples(message)
 
 
@@ -66,5 +66,5 @@ def test_a_disk_that_hangs_is_not_waited_for(full: RecordingWorker, message: Enc
     begun_s = time.monotonic()
     for _ in range(10):
         full.submit(message, can_wait=True)
-    assert time.monotonic() - begun_s < 1.0
+    assert time.monotonic() - begun_s < 10 * ROOM_S
     assert full.samples_lost == 10 * n_samples(message)
