@@ -53,10 +53,11 @@ class PivotFriction(Effect):
             "rad",
             "δ, rotation by which the contact yields before it slides",
             lower=1e-3,
-            upper=0.3,
+            upper=0.1,
             neutral=0.02,
             scale=1e-3,
             typical=0.02,
+            limit=0.019,  # a pin of 10 mm that yields by 0.4 mm
         ),
     )
 

@@ -36,6 +36,15 @@ def test_tilt_with_the_same_lean_is_more_plausible_than_an_offset_that_no_part_h
     assert implausibility(offset(OFFSET), RIG) - implausibility(tilt, RIG) > 20.0
 
 
+def test_friction_that_never_slides_within_a_swing_is_no_friction_that_a_pin_has() -> None:
+    """Dahl's law is then a stiffness and a loss by the cube of the amplitude: a shorter rope and drag, under another name."""
+    holds = EFFECTS["pivot_friction"]
+    (_, presliding) = holds.parameters
+    assert presliding.upper < 0.15
+    assert implausibility({"pivot_friction": {"hold_rad": 6e-3, "presliding_rad": presliding.upper}}, RIG) > 20.0
+    assert implausibility({"pivot_friction": {"hold_rad": 6e-3, "presliding_rad": 0.039}}, RIG) == 0.0
+
+
 def test_limit_that_the_rig_states_replaces_the_usual_one() -> None:
     stated = replace(RIG, offset_limit_g=0.15, scale_limit=0.1)
     (offset_g,) = EFFECTS["axis_offset"].parameters
