@@ -37,6 +37,8 @@ class TwinRig:
     """Largest zero-g offset that the sensor can have; None where the rig does not state it."""
     scale_limit: float | None = None
     """Largest scale-factor error that it can have."""
+    is_placed_from_load: bool = False
+    """Whether the housing's place was measured from the load; `position_m` then follows from the nominal length."""
 
     @property
     def small_swing_period_s(self) -> float:
@@ -59,13 +61,15 @@ class Model:
 
 def model_of(rig: Rig, source: str = "rig") -> Model:
     """Return the model of a `rig.toml`. Raises `InputError` with the place and the correction."""
-    position_m = rig.housing.position_m
+    length_m, position_m = rig.rope.length_m, rig.housing.position_m
+    # A housing that is stated at the very end of the rope is at its end, however long the rope is.
+    is_placed_from_load = position_m is None or position_m == length_m
     if position_m is None:
-        position_m = rig.rope.length_m - (rig.housing.above_load_m or 0.0)
+        position_m = length_m - (rig.housing.above_load_m or 0.0)
     noise = rig.sensor.noise_g
     noise_g = tuple(noise) if isinstance(noise, list) else (noise or DEFAULT_NOISE_G,) * 3
     nominal = TwinRig(
-        rig.rope.length_m,
+        length_m,
         position_m,
         rig.site.gravity_m_s2,
         (noise_g[0], noise_g[1], noise_g[2]),
@@ -73,6 +77,7 @@ def model_of(rig: Rig, source: str = "rig") -> Model:
         rig.sensor.full_scale_g,
         offset_limit_g=_limit(rig.sensor.offset_u_mg, 1e-3),
         scale_limit=_limit(rig.sensor.scale_u, 1.0),
+        is_placed_from_load=is_placed_from_load,
     )
     return Model(nominal, validate_effects(rig.model, source))
 

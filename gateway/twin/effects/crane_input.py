@@ -12,7 +12,6 @@ from devices.pendulum.equations import Scalar, Vector
 from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import ZERO_VECTOR, EvaluationContext, RopeGeometry
 from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Value, Values
-from gateway.twin.effects.rope import add_length
 
 Array = NDArray[np.float64]
 HARMONIC_S = 1.5
@@ -163,7 +162,7 @@ class CraneMotion(CraneInput):
             acts * (self._hoist_m_s.value(elapsed_s) + further_m * (1 - ca.cos(rate * elapsed_s)) / self.duration_s),
             acts * (self._hoist_m_s.slope(elapsed_s) + further_m * rate * ca.sin(rate * elapsed_s) / self.duration_s),
         )
-        return RopeGeometry(add_length(geometry.length, *change), add_length(geometry.position, *change))
+        return geometry.with_changes(change, change)
 
     def _elapsed(self, p: Symbols, context: EvaluationContext) -> tuple[Scalar, Scalar]:
         """Return the time since the start, and 1 while the crane works."""

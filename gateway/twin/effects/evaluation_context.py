@@ -1,6 +1,8 @@
 """The quantities that the equations of effects are evaluated with: time, gravity, rope lengths, motion."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import zip_longest
 
 import casadi as ca
 
@@ -56,6 +58,8 @@ class RopeGeometry:
     """From the pivot to the accelerometer."""
     gyration_squared_m2: Scalar = 0.0
     """Square of the load's radius of gyration about a horizontal axis through its centre; 0 for a point load."""
+    is_placed_from_load: bool = False
+    """Whether the accelerometer's place was measured from the load: a rope of another length than stated moves it along."""
 
     @property
     def oscillation_length(self) -> WithDerivatives:
@@ -65,6 +69,15 @@ class RopeGeometry:
         """
         length, rate, acceleration = self.length
         return length + self.gyration_squared_m2 / length, rate, acceleration
+
+    def with_changes(self, of_length: Sequence[Scalar], of_position: Sequence[Scalar]) -> "RopeGeometry":
+        """Return it with changes of both distances, each followed by its derivatives where it has any; empty: no change."""
+        return replace(self, length=_sum(self.length, of_length), position=_sum(self.position, of_position))
+
+
+def _sum(parts: WithDerivatives, changes: Sequence[Scalar]) -> WithDerivatives:
+    value, rate, acceleration = (part + change for part, change in zip_longest(parts, changes, fillvalue=0.0))
+    return value, rate, acceleration
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,5 @@
 """Position and rotation of the housing."""
 
-from dataclasses import replace
-
 import casadi as ca
 
 from devices.pendulum.equations import Scalar, Vector
@@ -10,7 +8,6 @@ from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext
 from gateway.twin.effects.experiments import LOCK_SLEWING, MEASURE_HOUSING, MEASURE_LEVER_ARM
 from gateway.twin.effects.guess_context import GuessContext
 from gateway.twin.effects.parameter import Parameter, Symbols, Values
-from gateway.twin.effects.rope import add_length
 from gateway.twin.effects.spectral_guesses import guess_yaw_rate
 
 
@@ -41,7 +38,7 @@ class HousingPosition(Effect):
 
     def rope_geometry(self, p: Symbols, context: EvaluationContext, geometry: RopeGeometry) -> RopeGeometry:
         """Move the housing alone."""
-        return replace(geometry, position=add_length(geometry.position, p["error_m"]))
+        return geometry.with_changes((), (p["error_m"],))
 
 
 class LeverArm(Effect):

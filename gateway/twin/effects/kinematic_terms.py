@@ -9,7 +9,6 @@ from gateway.twin.effects.coefficient_term import CoefficientTerm
 from gateway.twin.effects.coefficients import ConstantCoefficients, PeriodicCoefficients
 from gateway.twin.effects.evaluation_context import EvaluationContext, RopeGeometry
 from gateway.twin.effects.parameter import Symbols
-from gateway.twin.effects.rope import add_length
 from gateway.twin.effects.term import HORIZONTAL, Term
 
 
@@ -38,7 +37,7 @@ class LengthTerm(CoefficientTerm):
         rate = ca.jacobian(change, time)
         parts = ca.vertcat(change, rate, ca.jacobian(rate, time))
         changes = ca.vertsplit(ca.substitute(parts, time, context.time_s))
-        return RopeGeometry(add_length(geometry.length, *changes), add_length(geometry.position, *changes))
+        return geometry.with_changes(changes, changes)
 
 
 class RotationTerm(CoefficientTerm):

@@ -1,11 +1,9 @@
 """The length and the elasticity of the rope, and rigging below a hook block."""
 
-from dataclasses import replace
-
 import casadi as ca
 
 from devices.pendulum.double_pendulum import modes
-from devices.pendulum.equations import Scalar, WithDerivatives
+from devices.pendulum.equations import Scalar
 from gateway.twin.effects.effect import Effect, ModelStructure
 from gateway.twin.effects.evaluation_context import EvaluationContext, Rigging, RopeGeometry
 from gateway.twin.effects.experiments import MEASURE_ROPE, RECORD_DRIVES
@@ -20,13 +18,6 @@ MAX_FAST_MODE_STEP_RAD = 0.1
 """Phase of the fast mode of a double pendulum in one integration step; the mode may go on for long."""
 MAX_BOUNCE_STEP_RAD = 0.125
 """Phase of the oscillation along the rope in one integration step."""
-
-
-def add_length(
-    length: WithDerivatives, change: Scalar, rate: Scalar = 0.0, acceleration: Scalar = 0.0
-) -> WithDerivatives:
-    """Return a length with its derivatives, changed by another length with its derivatives."""
-    return length[0] + change, length[1] + rate, length[2] + acceleration
 
 
 class Hoisting(PulseEffect):
@@ -62,7 +53,7 @@ class Hoisting(PulseEffect):
         """Change both distances: the housing keeps its distance to the load."""
         pulse, speed = self.pulse(p), p["speed_m_s"]
         change = speed * pulse.integral(context), speed * pulse.value(context), speed * pulse.slope(context)
-        return RopeGeometry(add_length(geometry.length, *change), add_length(geometry.position, *change))
+        return geometry.with_changes(change, change)
 
 
 class RopeLength(Effect):
@@ -92,9 +83,9 @@ class RopeLength(Effect):
     )
 
     def rope_geometry(self, p: Symbols, context: EvaluationContext, geometry: RopeGeometry) -> RopeGeometry:
-        """Scale the length; the housing stays where it was measured."""
-        length, rate, acceleration = geometry.length
-        return replace(geometry, length=(length * (1 + p["relative_error"]), rate, acceleration))
+        """Scale the length; the housing stays where it was measured, from the pivot or from the load."""
+        added = geometry.length[0] * p["relative_error"]
+        return geometry.with_changes((added,), (added,) if geometry.is_placed_from_load else ())
 
 
 class RopeStretch(Effect):
@@ -165,11 +156,8 @@ class RopeStretch(Effect):
         """Lengthen the rope by the elongation under the load's weight and by the stretch beyond it."""
         elongation = p["sag_unknown"] * context.gravity_m_s2 / self._angular_frequency(p) ** 2
         stretch, rate, acceleration = context.stretch
-        above = p["above_housing"]
-        return RopeGeometry(
-            add_length(geometry.length, elongation + stretch, rate, acceleration),
-            add_length(geometry.position, above * (elongation + stretch), above * rate, above * acceleration),
-        )
+        above, longer = p["above_housing"], elongation + stretch
+        return geometry.with_changes((longer, rate, acceleration), (above * longer, above * rate, above * acceleration))
 
     def stretch_acceleration_m_s2(self, p: Symbols, context: EvaluationContext, excess_pull_m_s2: Scalar) -> Scalar:
         """Return the acceleration of a damped spring."""
@@ -211,7 +199,7 @@ class LoadChange(Effect):
     def rope_geometry(self, p: Symbols, context: EvaluationContext, geometry: RopeGeometry) -> RopeGeometry:
         """Change the length from the start on; rope and housing stay."""
         change = p["length_change_m"] * context.step_at(p["start_s"])
-        return replace(geometry, length=add_length(geometry.length, change))
+        return geometry.with_changes((change,), ())
 
 
 class DoublePendulum(Effect):
@@ -266,7 +254,7 @@ class DoublePendulum(Effect):
 
     def rope_geometry(self, p: Symbols, context: EvaluationContext, geometry: RopeGeometry) -> RopeGeometry:
         """Let the upper rope end at the hook."""
-        return replace(geometry, length=add_length(geometry.length, -p["rigging_length_m"]))
+        return geometry.with_changes((-p["rigging_length_m"],), ())
 
     def rigging(self, p: Symbols) -> Rigging:
         """Return the rigging below the hook."""

@@ -68,7 +68,9 @@ class Simulator:
     def __init__(self, rig: TwinRig, effect_names: Sequence[str] = ()) -> None:
         """Compile the model. Raises `ValueError` for effects that exclude each other."""
         self.rig = rig
-        nominal = NominalRig(rig.length_m, rig.position_m, rig.gravity_m_s2, rig.reference_temperature_c)
+        nominal = NominalRig(
+            rig.length_m, rig.position_m, rig.is_placed_from_load, rig.gravity_m_s2, rig.reference_temperature_c
+        )
         self._effects = tuple(effect for name, effect in EFFECTS.items() if name in set(effect_names))
         self._compiled = compile_model(nominal, self._effects)
         self.effect_names = tuple(effect.name for effect in self._effects)

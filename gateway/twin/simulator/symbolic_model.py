@@ -28,6 +28,7 @@ class NominalRig:
 
     length_m: float
     position_m: float
+    is_placed_from_load: bool
     gravity_m_s2: float
     reference_temperature_c: float
 
@@ -156,7 +157,8 @@ class SymbolicModel:
 
     def _rope_geometry(self, context: EvaluationContext, *, errors_alone: bool = False) -> RopeGeometry:
         """Return the lengths; with `errors_alone` without what changes them in time."""
-        geometry = RopeGeometry((self.rig.length_m, 0.0, 0.0), (self.rig.position_m, 0.0, 0.0))
+        stated = (self.rig.length_m, 0.0, 0.0), (self.rig.position_m, 0.0, 0.0)
+        geometry = RopeGeometry(*stated, is_placed_from_load=self.rig.is_placed_from_load)
         for effect, p in self.active_effects():
             if effect.scales_period or not errors_alone:
                 geometry = effect.rope_geometry(p, context, geometry)

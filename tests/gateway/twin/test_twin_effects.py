@@ -1,5 +1,6 @@
 """Each effect against what is known of it without integration."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -9,7 +10,7 @@ from devices.pendulum import pendulum
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.simulated.crane import Crane
 from gateway.twin.effects import EFFECTS, Values
-from gateway.twin.effects.evaluation_context import EvaluationContext
+from gateway.twin.effects.evaluation_context import EvaluationContext, RopeGeometry
 from gateway.twin.effects.pulse import Pulse
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.simulator.compiled_model import IntegrationError
@@ -185,8 +186,22 @@ def test_housing_spin_rotates_the_readings() -> None:
 def test_errors_of_nominal_lengths_equal_another_rig() -> None:
     longer = predicted(TwinRig(LENGTH_M * 1.03, POSITION_M), {}, START, TIME_S)
     assert predicted(RIG, {"rope_length": {"relative_error": 0.03}}, START, TIME_S) == pytest.approx(longer, abs=1e-6)
+    from_load = replace(RIG, is_placed_from_load=True)
+    along = predicted(TwinRig(LENGTH_M * 1.03, POSITION_M + 0.03 * LENGTH_M), {}, START, TIME_S)
+    assert predicted(from_load, {"rope_length": {"relative_error": 0.03}}, START, TIME_S) == pytest.approx(
+        along, abs=1e-6
+    )
     lower = predicted(TwinRig(LENGTH_M, POSITION_M + 0.7), {}, START, TIME_S)
     assert predicted(RIG, {"housing_position": {"error_m": 0.7}}, START, TIME_S) == pytest.approx(lower, abs=1e-9)
+
+
+def test_a_change_of_the_length_leaves_the_inertia_of_the_load() -> None:
+    geometry = RopeGeometry(
+        (LENGTH_M, 0.0, 0.0), (POSITION_M, 0.0, 0.0), gyration_squared_m2=0.5, is_placed_from_load=True
+    )
+    changed = geometry.with_changes((-2.0, -0.3), (-1.0,))
+    lengths = (LENGTH_M - 2.0, -0.3, 0.0), (POSITION_M - 1.0, 0.0, 0.0)
+    assert changed == RopeGeometry(*lengths, gyration_squared_m2=0.5, is_placed_from_load=True)
 
 
 def test_load_change_changes_the_length_at_once() -> None:

@@ -46,6 +46,17 @@ def test_housing_above_the_load_gets_its_distance_from_the_pivot(tmp_path: Path)
 
 
 @pytest.mark.parametrize(
+    ("housing", "from_load"),
+    [({"above_load_m": 3.0}, True), ({"position_m": 12.0}, True), ({"position_m": 11.9}, False)],
+)
+def test_a_place_stated_from_the_load_or_at_the_ropes_end_moves_with_its_length(
+    housing: dict[str, float], from_load: bool
+) -> None:
+    rig = Rig.model_validate({"rope": {"length_m": 12.0}, "housing": housing})
+    assert model_of(rig).rig.is_placed_from_load is from_load
+
+
+@pytest.mark.parametrize(
     ("tables", "text"),
     [
         ({"viscosity": {}}, r"rig: \[model.viscosity\] is no effect; known are axis_offset, .*vibration"),
