@@ -74,6 +74,8 @@ def test_refusals_are_one_line(gateway: RunningGateway, plumbline: Plumbline, tm
     for text, why in (
         ("[alerts]\ntrip_deg = 1.0\n", "must hold"),
         ('[bus]\nlisten = ["tcp/127.0.0.1:9447"]\n', "allow it with --allow-network"),
+        ("[recorder]\nquota_mb = 0.001\n", "is not between 1000 and"),
+        ("[recorder]\nkeep_events_days = 0\n", "can only be changed on the gateway's own machine"),
         ('[recorder]\nkey = "/etc/shadow"\n', "can only be changed on the gateway's own machine"),
     ):
         code, out, err = _remote(plumbline, gateway, "propose", _proposal(tmp_path, text))
