@@ -95,7 +95,7 @@ def append_line(path: Path, line: bytes) -> None:
 def _append(path: Path, line: bytes, *, durable: bool) -> None:
     make_folder(path.parent)
     existed = path.exists()
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW, 0o644)
     try:
         end = os.lseek(descriptor, 0, os.SEEK_END)
         incomplete = end > 0 and os.pread(descriptor, 1, end - 1) != b"\n"

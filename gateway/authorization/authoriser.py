@@ -1,6 +1,6 @@
 """The authoriser: who sends a request, whether that role may send it, and whether the credential is fresh."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from gateway.authorization.caller import Caller, NotAuthorised, Role, require_role
@@ -53,7 +53,7 @@ class Authoriser:
         caller = self._authenticate(credential, statement)
         self._freshness.use(statement)
         require_role(caller, role)
-        return caller
+        return replace(caller, asked_ns=credential.time_ns)
 
     def _authenticate(self, credential: Credential, statement: RequestStatement) -> Caller:
         if isinstance(self._proof, bytes):

@@ -30,6 +30,8 @@ class Caller:
     """Common name of the certificate; None for a shared secret, whose holder states a name in the request."""
     role: Role
     scheme: Scheme
+    asked_ns: int | None = None
+    """Gateway time of the challenge that the caller answered: what came later it cannot have meant. None: there was none."""
 
 
 class NotAuthorised(PlumblineError):  # noqa: N818  (not an error: the answer is no, and the text states why)

@@ -144,6 +144,12 @@ class RecorderSection(Section):
     quota_mb: float = Field(
         16000.0, gt=0, le=MAX_QUOTA_MB, description="total size beyond which the oldest closed files are deleted"
     )
+    keep_events_days: float = Field(
+        7.0,
+        ge=0,
+        le=3650,
+        description="the time around an alert, recalibration, fault or mark that is younger is not deleted by the quota",
+    )
     fsync_s: float = Field(1.0, gt=0, le=60, description="interval of syncs: the most that a power failure costs")
     pre_event_s: float = Field(
         60.0,

@@ -5,6 +5,8 @@ from collections import deque
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
+import msgspec
+
 from devices.block import DeviceInfo
 from devices.device import Device
 from gateway import __version__
@@ -26,6 +28,7 @@ from gateway.daemon.sampling.sampler import Sampler
 from gateway.daemon.storage.drift_state_store import DriftStateStore
 from gateway.daemon.storage.recording_worker import RecordingWorker
 from gateway.messages import Health
+from gateway.pipeline.alert_rules import SWING
 from gateway.pipeline.header import Header
 
 if TYPE_CHECKING:
@@ -119,13 +122,13 @@ class HealthReporter:
         )
 
     def find_problem(self, now_s: float) -> str | None:
-        """Return what keeps the gateway from being healthy: no samples, or a part that does not work; None: it is healthy."""
+        """Return what keeps the gateway from being healthy: no samples, no alerts, a part that does not work; None: it is."""
         samples, since_s = self._last_samples
         if self.counters.samples != samples:
             self._last_samples = (self.counters.samples, now_s)
         if self.sampler.recovering or samples == 0 or now_s - since_s > NO_SAMPLES_S:
             return "no samples arrive from the device"
-        return next(iter(self.faults.standing.values()), None)
+        return next(iter(self.faults.standing.values()), None) or unable_to_alert(self.publisher.latest().get("alert"))
 
     def _state(self) -> Literal["running", "recovering", "stopping"]:
         if self.stopping:
@@ -156,3 +159,16 @@ class HealthReporter:
         self._history.append((counters.newest_ns, counters.samples + counters.lost))
         (first_ns, first_count), (last_ns, last_count) = self._history[0], self._history[-1]
         return None if last_ns <= first_ns else (last_count - first_count) / ((last_ns - first_ns) / 1e9)
+
+
+def unable_to_alert(payload: bytes | None) -> str | None:
+    """Return why an alert could not be raised now, by the last message of the alerts; None: it could."""
+    if payload is None:
+        return "no alert message yet"
+    alert = msgspec.json.decode(payload)
+    if alert["validity"] in ("no_samples", "suspended"):
+        return f"alerts cannot be raised: {alert['text']}"
+    swing = [each for each in alert["active"] if each["rule"] == SWING.name]
+    if alert["validity"] == "not_known" or any(each["level"] == "unknown" for each in swing):
+        return f"the angle is not known: {alert['text']}"
+    return None

@@ -22,6 +22,7 @@ from gateway.daemon.commands.page_requests import PageRequests
 from gateway.daemon.commands.recalibration_service import RecalibrationService
 from gateway.daemon.commands.rpc_server import RpcServer
 from gateway.daemon.commands.security_log import SECURITY_LOG_NAME, SecurityLog
+from gateway.daemon.commands.sign_in_watch import SignInWatch
 from gateway.daemon.commands.worker import CommandWorker
 from gateway.daemon.health import HealthReporter
 from gateway.daemon.outputs.alert_sender import AlertSender
@@ -46,6 +47,7 @@ from gateway.daemon.storage.drift_state_store import DriftStateStore
 from gateway.daemon.storage.outbox_writer import OutboxWriter
 from gateway.daemon.storage.recording_worker import RecordingWorker, make_recorder
 from gateway.outbox.outbox import FOLDER as OUTBOX_FOLDER
+from gateway.page.pin import PIN_NAME
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recording.chain.segment_chain import SegmentChain
@@ -151,6 +153,7 @@ def compose(
         section.key,
         dispatcher,
         recalibration,
+        SignInWatch(security_log, faults, section.data_dir / PIN_NAME, clock.now_ns),
         prepare=lambda: dispatcher.use(make_authoriser(boot_id, section.data_dir, configuration.bus.tls, certificates)),
     )
     duplicates = DuplicateWatch(section.key, boot_id, faults)
@@ -160,6 +163,7 @@ def compose(
     page_channel = PageChannel(
         PageRequests({"acknowledge": acknowledgements.requests.submit}).answer,
         partial(outbox.recent, RECALL_PATIENCE_S),
+        rpc.receive_sign_in_report,
     )
     page = PageProcess(configuration, page_channel, faults) if configuration.page.enabled else None
     drift_store = DriftStateStore(section.data_dir, commands.write_soon)

@@ -2,13 +2,17 @@
 
 import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+from pydantic import ValidationError
+
 from devices.errors import RecordingError
 from gateway import __version__
+from gateway.calibration.record import CalibrationRecord
+from gateway.certificate.page import render_certificate
 from gateway.incident.course import Course
 from gateway.incident.course_builder import COURSE_TOPICS, CourseBuilder
 from gateway.incident.incident_selection import IncidentWindow
@@ -64,7 +68,7 @@ class IncidentEvidence:
     device: dict[str, str]
     configuration_toml: str | None
     certificates: dict[str, bytes]
-    """The certificates of the calibration records, by their names as attachments."""
+    """The certificates of the calibration records, made from them, by their names as attachments."""
     remarks: tuple[str, ...]
 
 
@@ -111,9 +115,25 @@ def read_evidence(
         ),
         device=newest.metadata.get(names.DEVICE, {}),
         configuration_toml=newest.configuration_toml,
-        certificates={name: each.data for name, each in attachments.items() if CERTIFICATE_NAME.fullmatch(name)},
+        certificates=make_certificates({name: each.data for name, each in attachments.items()}),
         remarks=(*timeline.remarks, *samples.remarks()),
     )
+
+
+def make_certificates(attachments: Mapping[str, bytes]) -> dict[str, bytes]:
+    """Return the certificates of the calibration records among attachments.
+
+    They are made from the records: a page out of a recording of unknown origin would run its scripts beside the report.
+    """
+    made = {}
+    for name in filter(CERTIFICATE_NAME.fullmatch, attachments):
+        content = attachments.get(f"{name.removesuffix('.html')}.json", b"")
+        try:
+            record = CalibrationRecord.model_validate_json(content)
+        except ValidationError:
+            continue
+        made[name] = render_certificate(record, None).encode()
+    return made
 
 
 def file_sha256(path: Path) -> str:

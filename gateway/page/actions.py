@@ -1,5 +1,6 @@
 """What a person can do on the page: sign in with name and PIN, acknowledge alarms, sign out."""
 
+import asyncio
 import logging
 import secrets
 import time
@@ -13,14 +14,17 @@ from starlette.routing import Route
 
 from gateway.page.gateway_requests import GatewayRequests
 from gateway.page.guard import BodyError, read_body
-from gateway.page.pin import read_pin
+from gateway.page.pin import read_pin, replace_pin
 from gateway.page.sign_in import EXPIRY_S, SignedInPerson, SignIn
+from gateway.page.sign_in_report import SignInReporter
 from gateway.page.state import PageState
 
 log = logging.getLogger("page")
 Name = Annotated[
     str, Field(min_length=1, max_length=40, pattern=r"^[^\x00-\x1f\x7f\u2028\u2029]*\S[^\x00-\x1f\x7f\u2028\u2029]*$")
 ]
+REPLACING_PAUSE_S = 5.0
+"""Pause between two attempts to write a new PIN. Basis: a choice; a disk that is mended is used within what a person waits."""
 Content = TypeVar("Content", bound=BaseModel)
 
 
@@ -49,6 +53,8 @@ class Actions:
         self._state = state
         self._gateway = gateway
         self._sign_in = SignIn()
+        self._reporter = SignInReporter(gateway.report)
+        self._replacing: asyncio.Task[None] | None = None
         self._cookie = f"plumbline_{port}"
 
     def reading_routes(self) -> list[Route]:
@@ -63,33 +69,52 @@ class Actions:
             Route("/api/acknowledge", self._post_acknowledge, methods=["POST"]),
         ]
 
-    def _pin(self) -> str | None:
-        return read_pin(self._state.parameters.pin_file)
+    def _people(self) -> SignIn:
+        """Return who is signed in by the PIN that the file has now."""
+        self._sign_in.use(read_pin(self._state.parameters.pin_file))
+        return self._sign_in
 
     def _session(self, request: Request) -> SignedInPerson | None:
-        return self._sign_in.session(request.cookies.get(self._cookie), self._pin(), time.monotonic())
+        return self._people().session(request.cookies.get(self._cookie), time.monotonic())
 
     async def _get_session(self, request: Request) -> Response:
         session = self._session(request)
-        return _answer(200, name=None if session is None else session.name, available=self._pin() is not None)
+        return _answer(200, name=None if session is None else session.name, available=self._sign_in.is_possible)
 
     async def _post_sign_in(self, request: Request) -> Response:
         content = await _read(request, SignInContent)
         if isinstance(content, Response):
             return content
-        pin, now_s = self._pin(), time.monotonic()
-        address = request.client.host if request.client else ""
-        if pin is None:
-            return _answer(503, error="no_pin")
-        if (pause_s := self._sign_in.pause_s(address, now_s)) > 0:
-            return _answer(429, error="pin_pause", seconds=int(pause_s) + 1)
-        token = self._sign_in.sign_in(content.name.strip(), content.pin.strip(), pin, address, now_s)
+        people = self._people()
+        if not people.is_possible:
+            return _answer(503, error="no_pin" if people.successor is None else "pin_void")
+        token = people.sign_in(content.name.strip(), content.pin.strip(), time.monotonic())
         if token is None:
+            address = request.client.host if request.client else ""
             log.warning("a wrong PIN was entered at %s", address)
+            self._reporter.note_wrong(address)
+            if people.successor is not None:
+                self._replacing = asyncio.create_task(self._replace_pin(people.successor))
             return _answer(403, error="pin_wrong")
+        self._reporter.note_pin("good")
         response = _answer(200, name=content.name.strip())
         response.set_cookie(self._cookie, token, max_age=int(EXPIRY_S), httponly=True, samesite="strict")
         return response
+
+    async def _replace_pin(self, pin: str) -> None:
+        """Write the PIN that takes the place of a void one, as soon as the disk takes it."""
+        path, reported = self._state.parameters.pin_file, False
+        while path is not None and self._sign_in.successor == pin:
+            try:
+                await asyncio.to_thread(replace_pin, path, pin)
+            except OSError:
+                if not reported:
+                    self._reporter.note_pin("void")
+                reported = True
+                await asyncio.sleep(REPLACING_PAUSE_S)
+            else:
+                self._reporter.note_pin("replaced")
+                return
 
     async def _post_sign_out(self, request: Request) -> Response:
         self._sign_in.sign_out(request.cookies.get(self._cookie))

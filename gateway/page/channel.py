@@ -15,14 +15,16 @@ PAST_ALERT = "past_alert"
 REQUEST = "request"
 """A frame of the page, which the gateway answers."""
 ANSWER = "answer"
+REPORT = "report"
+"""A frame of the page that is not answered: wrong PINs."""
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A message, a request or an answer."""
+    """A message, a request, an answer or a report."""
 
     kind: str
-    """The topic, `PARAMETERS`, `PAST_ALERT`, `REQUEST` or `ANSWER`."""
+    """The topic, `PARAMETERS`, `PAST_ALERT`, `REQUEST`, `ANSWER` or `REPORT`."""
     at_s: float
     """When it was made, on the monotonic clock that all processes of a machine share."""
     payload: bytes

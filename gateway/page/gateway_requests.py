@@ -1,4 +1,4 @@
-"""Requests of the page to its gateway over the channel, and their answers."""
+"""Requests of the page to its gateway over the channel, their answers, and reports."""
 
 import asyncio
 import itertools
@@ -9,7 +9,7 @@ from typing import Annotated
 from pydantic import BaseModel, Field, ValidationError
 from pydantic_core import to_json
 
-from gateway.page.channel import REQUEST, Frame, encode_frame
+from gateway.page.channel import REPORT, REQUEST, Frame, encode_frame
 
 MAX_GATEWAY_ANSWER_S = 6.0
 """Longest wait for an answer. Basis: the gateway answers within 4 s, and the browser waits for 10 s (`post.js`)."""
@@ -49,6 +49,14 @@ class GatewayRequests:
             return GatewayAnswer(accepted=False, text="the gateway does not answer")
         finally:
             self._waiting.pop(number, None)
+
+    def report(self, payload: bytes) -> bool:
+        """Send what needs no answer; return False where the gateway does not take it now."""
+        try:
+            self._channel.send(encode_frame(Frame(REPORT, time.monotonic(), payload)))
+        except OSError:
+            return False
+        return True
 
     def receive(self, payload: bytes) -> None:
         """Take an answer; one that nobody waits for is forgotten."""

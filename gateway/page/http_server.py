@@ -17,6 +17,12 @@ LOG_INTERVAL_S = 10.0
 MAX_LINES_PER_INTERVAL = 5
 """Lines in an interval; the first of the next one says how many were left out. Basis: a choice; five show a pattern, and a flood
 of requests fills no disk."""
+ACCEPTED_AT_ONCE = 32
+"""Connections that are accepted before the requests of those before are read. Basis: a sixth of `http_protocol.MAX_CONNECTIONS`;
+with more, a flood would push a connection out before its request is read."""
+WAITING_CONNECTIONS = 1024
+"""Connections that the kernel keeps until they are accepted. Basis: a choice; half a second of a flood of 2000 per second. Where
+there is no place, the browser's kernel tries again after 1, 3 and 7 s."""
 HEADERS = [
     ("Content-Security-Policy", "default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"),
     ("X-Content-Type-Options", "nosniff"),
@@ -73,6 +79,12 @@ class HttpServer(uvicorn.Server):
         """Ask to end; the server checks ten times a second."""
         self.should_exit = True
 
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Listen; more connections may wait than are accepted at once."""
+        await super().startup(sockets)
+        for listener in sockets or ():
+            listener.listen(WAITING_CONNECTIONS)
+
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """End the streams, then the server."""
         self._hub.close()
@@ -100,6 +112,7 @@ def _settings(application: ASGIApp) -> uvicorn.Config:
         h11_max_incomplete_event_size=MAX_HEAD_BYTES,
         ws="none",
         lifespan="off",
+        backlog=ACCEPTED_AT_ONCE,
         log_config=None,
         log_level="warning",
         access_log=False,

@@ -92,6 +92,11 @@ class IncidentRegister:
             if incident.acknowledged_by is None:
                 yield incident.id
 
+    def was_raised_after(self, incident_id: str, time_ns: int) -> bool:
+        """Return whether the present level of an incident came after a gateway time."""
+        incident = self.find(incident_id)
+        return incident is not None and incident.raised_s > time_ns / 1e9
+
     def find(self, incident_id: str) -> Incident | None:
         """Return an incident that is open, or that has ended lately; None where there is none with this id."""
         return next((each for each in (*self._ended, *self._open.values()) if each.id == incident_id), None)

@@ -48,7 +48,7 @@ class SetMark(Request):
 
 
 class Acknowledge(Request):
-    """Acknowledge an incident; without one all that nobody has acknowledged."""
+    """Acknowledge an incident; without one all that nobody has acknowledged. What was raised after the challenge is not meant."""
 
     incident: str | None = Field(None, pattern=r"^[A-Za-z0-9-]{1,64}$")
 

@@ -2,12 +2,13 @@
 
 import grp
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from gateway.atomic_io import COMMAND_GROUP, append_durably, write_durably, write_private
+from gateway.atomic_io import COMMAND_GROUP, append_durably, append_line, write_durably, write_private
 
 
 def test_a_file_is_replaced_in_folders_that_are_made(tmp_path: Path) -> None:
@@ -53,6 +54,16 @@ def test_a_link_in_place_of_the_incomplete_file_is_not_followed(tmp_path: Path) 
     assert victim.read_bytes() == b"whole"
     write_durably(path, b"new")
     assert path.read_bytes() == b"new"
+
+
+@pytest.mark.parametrize("append", [append_durably, append_line])
+def test_a_link_in_place_of_a_log_is_not_followed(tmp_path: Path, append: Callable[[Path, bytes], None]) -> None:
+    victim, path = tmp_path / "victim", tmp_path / "security.jsonl"
+    victim.write_bytes(b"precious")
+    path.symlink_to(victim)
+    with pytest.raises(OSError, match="symbolic links"):
+        append(path, b"{}")
+    assert victim.read_bytes() == b"precious"
 
 
 def test_a_secret_of_a_group_goes_to_those_who_may_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from gateway.configuration.loading import load
+from gateway.daemon.doctor.checks import examine, examine_sensor_as_user
 from tests.system.conftest import JoinBus, Plumbline, StartGateway
 
 
@@ -138,3 +140,31 @@ def test_the_bundle_has_what_a_service_engineer_needs_and_no_secret(
     assert json.loads(parts["configuration.json"])["alerts"]["trip_deg"] == 6.0
     assert "numpy" in json.loads(parts["versions.json"])["distributions"]
     assert ".mcap" in parts["files.txt"]
+
+
+@pytest.fixture
+def of_another_user(tmp_path: Path) -> Path:
+    """The settings of a service that may write them: its bus would take the place of a file."""
+    victim, data_dir, path = tmp_path / "victim", tmp_path / "data", tmp_path / "doctor.toml"
+    victim.write_text("precious")
+    data_dir.mkdir()
+    if os.geteuid() == 0:
+        os.chown(data_dir, 65534, 65534)
+    path.write_text(
+        f"[gateway]\ndata_dir = {json.dumps(str(data_dir))}\n[page]\nenabled = false\n"
+        f'[bus]\nlisten = ["unixsock-stream/{victim}"]\n'
+    )
+    return path
+
+
+def test_doctor_as_root_opens_nothing_that_the_settings_of_another_user_name(
+    of_another_user: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    configuration = load(of_another_user)
+    results = list(examine(configuration))
+    assert {"bus", "device", "calibration"}.isdisjoint(result.place for result in results)
+    assert any("root opens neither sensor nor bus" in result.text for result in results)
+    (result,) = examine_sensor_as_user(configuration)
+    assert (result.grade, result.place) == ("bad", "device")
+    assert (of_another_user.parent / "victim").read_text() == "precious"

@@ -21,8 +21,9 @@ from gateway.bus.credentials import load_credentials
 from gateway.topics import TOPICS
 from gateway.verbs import VERBS
 from tests.ports import unused_port
-from tests.system.bus_query import KEY, query
+from tests.system.bus_query import KEY, query, sign
 from tests.system.conftest import ROOT, BusPeer, JoinBus, Plumbline, RunningGateway, StartGateway
+from tests.system.test_alert_delivery import CHATTERING
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow
@@ -269,3 +270,29 @@ def test_schemas_of_topics_and_requests_are_published(start_gateway: StartGatewa
         assert schema["title"] == TOPICS[topic].schema_name
     ((_, refusal),) = query(peer.session, "schema", b'{"topic": "log"}')
     assert "no topic 'log' is published" in refusal["reason"]
+
+
+def test_a_kept_acknowledgement_silences_nothing_that_was_raised_after_it_was_signed(
+    start_gateway: StartGateway, join_bus: JoinBus
+) -> None:
+    gateway = start_gateway(CHATTERING)
+    peer = join_bus(gateway.endpoint)
+    peer.wait_for("alert", lambda alert: alert["event"] == "raised")
+
+    def answer_to_kept(number: int) -> Any:
+        """What a router gets that keeps an acknowledgement of everything until the next alarm."""
+        payload = json.dumps({"id": f"request-{number}", "by": "ann"}).encode()
+        kept = sign(peer.session, "acknowledge", payload, gateway.data_dir)
+        known = [alert["incident"] for alert in peer.messages("alert")]
+        later = peer.wait_for("alert", lambda alert: alert["event"] == "raised" and alert["incident"] not in known)
+        ((_, content),) = query(peer.session, "acknowledge", payload, kept)
+        return later["incident"], content
+
+    for number in range(20):  # one that comes after 30 s is refused altogether
+        incident, content = answer_to_kept(number)
+        if content.get("kind") != "stale_credential":
+            break
+    assert incident not in json.dumps(content)
+    alerts = [alert for alert in peer.messages("alert") if alert["incident"] == incident]
+    assert alerts
+    assert {alert["acknowledged_by"] for alert in alerts} == {None}

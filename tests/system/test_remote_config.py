@@ -70,10 +70,25 @@ def test_a_sensor_that_is_not_there_is_rolled_back_at_once(
     assert gateway.process.poll() is None
 
 
+def test_a_change_with_which_alerts_cannot_be_raised_is_rolled_back(
+    gateway: RunningGateway, plumbline: Plumbline, tmp_path: Path
+) -> None:
+    """Samples arrive, but each block is stale before the next one comes."""
+    wanted = _proposal(tmp_path, '[device]\nkind = "simulated"\nodr_hz = 100\nblock_samples = 170\n')
+    code, out, err = _remote(plumbline, gateway, "propose", wanted)
+    assert code == 0, err
+    code, out, err = _remote(plumbline, gateway, "apply", out.split("config apply ")[1].split()[0])
+    assert code == 1, out
+    assert "rolled back: " in err
+    assert (tmp_path / "gateway.toml").read_text() == FILE
+
+
 def test_refusals_are_one_line(gateway: RunningGateway, plumbline: Plumbline, tmp_path: Path) -> None:
     for text, why in (
         ("[alerts]\ntrip_deg = 1.0\n", "must hold"),
         ('[bus]\nlisten = ["tcp/127.0.0.1:9447"]\n', "allow it with --allow-network"),
+        ("[recorder]\nquota_mb = 0.001\n", "is not between 1000 and"),
+        ("[recorder]\nkeep_events_days = 0\n", "can only be changed on the gateway's own machine"),
         ('[recorder]\nkey = "/etc/shadow"\n', "can only be changed on the gateway's own machine"),
     ):
         code, out, err = _remote(plumbline, gateway, "propose", _proposal(tmp_path, text))

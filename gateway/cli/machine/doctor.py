@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.configuration.loading import load
     from gateway.configuration.service_configuration import SETTINGS, is_installed, load_installed
     from gateway.daemon.doctor.check_result import CheckResult
-    from gateway.daemon.doctor.checks import examine, examine_sensor
+    from gateway.daemon.doctor.checks import examine, examine_sensor_as_user
     from gateway.daemon.doctor.security_check import examine_security
 
     installed = is_installed() and arguments.config in (None, SETTINGS)
@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
     quiet = arguments.json == STANDARD_OUTPUT
     if not quiet:
         print_result(results[0])
-    checks = examine_security if arguments.security else examine_sensor if arguments.device else examine
+    checks = examine_security if arguments.security else examine_sensor_as_user if arguments.device else examine
     for result in checks(configuration):
         if not quiet:
             print_result(result)

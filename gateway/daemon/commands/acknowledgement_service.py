@@ -24,19 +24,36 @@ class AcknowledgementService:
     def serve(self, incidents: IncidentRegister, acknowledge: Callable[[Acknowledgement], None]) -> None:
         """Answer one waiting request, so that many of them do not delay a block; `acknowledge` puts it into the pipeline."""
         if (request := self.requests.take()) is not None:
-            request.answer(self._answer(request.expect(Acknowledge), incidents, acknowledge))
+            asked_ns = None if request.caller is None else request.caller.asked_ns
+            request.answer(self._answer(request.expect(Acknowledge), asked_ns, incidents, acknowledge))
 
     def _answer(
-        self, request: Acknowledge, incidents: IncidentRegister, acknowledge: Callable[[Acknowledgement], None]
+        self,
+        request: Acknowledge,
+        asked_ns: int | None,
+        incidents: IncidentRegister,
+        acknowledge: Callable[[Acknowledgement], None],
     ) -> RequestAnswer:
-        return self._answers.get(request.id) or self._answers.add(_acknowledge(request, incidents, acknowledge))
+        known = self._answers.get(request.id)
+        return known or self._answers.add(_acknowledge(request, asked_ns, incidents, acknowledge))
 
 
 def _acknowledge(
-    request: Acknowledge, incidents: IncidentRegister, acknowledge: Callable[[Acknowledgement], None]
+    request: Acknowledge,
+    asked_ns: int | None,
+    incidents: IncidentRegister,
+    acknowledge: Callable[[Acknowledgement], None],
 ) -> RequestAnswer:
-    """Acknowledge the incident of a request, or without one all that nobody has acknowledged."""
-    waiting = list(incidents.unacknowledged())
+    """Acknowledge the incident of a request, or without one all that nobody has acknowledged.
+
+    What was raised after the caller asked, or rose to a higher level, it cannot have meant: a request that comes late silences
+    nothing else.
+    """
+    waiting = [
+        incident_id
+        for incident_id in incidents.unacknowledged()
+        if asked_ns is None or not incidents.was_raised_after(incident_id, asked_ns)
+    ]
     wanted = waiting if request.incident is None else [request.incident]
     found = [incident_id for incident_id in wanted if incident_id in waiting]
     for incident_id in found:
@@ -52,4 +69,6 @@ def _nothing_found(incident_id: str | None, incidents: IncidentRegister) -> str:
     incident = incidents.find(incident_id)
     if incident is None:
         return f"no incident {incident_id} is known since the start of the gateway"
+    if incident.acknowledged_by is None:
+        return f"{incident_id} was raised, or rose to a higher level, after this was asked; look at it and ask again"
     return f"{incident_id} was acknowledged before, by {incident.acknowledged_by}"

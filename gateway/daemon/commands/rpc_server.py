@@ -1,4 +1,7 @@
-"""The thread that serves remote calls: it takes requests from the bus, and sends the answers. It also takes the load signal."""
+"""The thread that serves remote calls: it takes requests from the bus, and sends the answers.
+
+It also takes the load signal, and what the page reports about signing in.
+"""
 
 import logging
 from collections.abc import Callable, Mapping
@@ -14,6 +17,7 @@ from gateway.authorization.authoriser import SignedRequest
 from gateway.bus.origin import describe_links
 from gateway.daemon.commands.dispatcher import RequestDispatcher
 from gateway.daemon.commands.recalibration_service import RecalibrationService
+from gateway.daemon.commands.sign_in_watch import SignInWatch
 from gateway.daemon.runtime.bounded_queue import BoundedQueue
 from gateway.daemon.runtime.worker import Worker
 from gateway.recalibration.requests import LoadSignal, RequestError, parse_payload
@@ -51,7 +55,14 @@ class IncomingLoadSignal:
     payload: bytes
 
 
-RpcItem = IncomingQuery | Answer | IncomingLoadSignal
+@dataclass(frozen=True, slots=True)
+class IncomingSignInReport:
+    """A report of the page."""
+
+    payload: bytes
+
+
+RpcItem = IncomingQuery | Answer | IncomingLoadSignal | IncomingSignInReport
 
 
 class RpcServer(Worker[RpcItem]):
@@ -62,6 +73,7 @@ class RpcServer(Worker[RpcItem]):
         key: str,
         dispatcher: RequestDispatcher,
         recalibration: RecalibrationService,
+        sign_ins: SignInWatch,
         *,
         prepare: Callable[[], None],
     ) -> None:
@@ -71,6 +83,7 @@ class RpcServer(Worker[RpcItem]):
         self._key = key
         self._dispatcher = dispatcher
         self._recalibration = recalibration
+        self._sign_ins = sign_ins
         self._prepare = prepare
         self._queryables: list[zenoh.Queryable[None]] = []
         self._load: zenoh.Subscriber[None] | None = None
@@ -96,6 +109,10 @@ class RpcServer(Worker[RpcItem]):
     def _receive_load_signal(self, sample: zenoh.Sample) -> None:
         self.inbox.put(IncomingLoadSignal(sample.payload.to_bytes()), RESERVED_FOR_ANSWERS)
 
+    def receive_sign_in_report(self, payload: bytes) -> None:
+        """Take a report of the page. Called by the thread of the page's channel; does not wait."""
+        self.inbox.put(IncomingSignInReport(payload))
+
     def handle(self, item: RpcItem) -> None:
         """Take a query or a load signal, or send an answer."""
         match item:
@@ -105,6 +122,8 @@ class RpcServer(Worker[RpcItem]):
                 self._send(item)
             case IncomingLoadSignal():
                 self._take_load_signal(item.payload)
+            case IncomingSignInReport():
+                self._sign_ins.take(item.payload)
 
     def _dispatch(self, item: IncomingQuery) -> None:
         payload, attachment = item.query.payload, item.query.attachment

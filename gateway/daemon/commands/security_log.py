@@ -34,7 +34,7 @@ class Refusal:
     """One refused request or message."""
 
     key: str
-    """The key below that of the gateway: rpc/zero, load."""
+    """The key below that of the gateway: rpc/zero, load; or page/sign-in."""
     kind: str
     name: str | None
     """Authenticated name, where there is one."""
@@ -61,15 +61,15 @@ class SecurityLog:
         """Refusals since start, by kind."""
         self.write_failures = 0
 
-    def add(self, refusal: Refusal, origin: Callable[[], str], now_ns: int) -> None:
-        """Count a refusal, and write it where that is due; `origin` is asked for what is written alone."""
-        self.counts[refusal.kind] += 1
+    def add(self, refusal: Refusal, origin: Callable[[], str], now_ns: int, number: int = 1) -> None:
+        """Count refusals, and write them where that is due; `origin` is asked for what is written alone."""
+        self.counts[refusal.kind] += number
         key = (refusal.key, refusal.kind, refusal.name)
         source = self._sources.setdefault(key, _Source(next_ns=now_ns))
         self._sources.move_to_end(key)
         while len(self._sources) > MAX_SOURCES:
             self._sources.popitem(last=False)
-        source.unwritten += 1
+        source.unwritten += number
         if now_ns < source.next_ns or not self._lines.take(now_ns):
             return
         self._write(refusal, origin(), source.unwritten)

@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+import pwd
 import shutil
 import socket
 import sys
@@ -43,9 +44,44 @@ def examine(configuration: Configuration) -> Iterator[CheckResult]:
         yield from examine_running(configuration)
         checks = [_disk, _chain, _clock, _housing]
     else:
-        checks = [_data_folder, _chain, _device, _bus, _page, check_relay, _clock, _housing]
+        opening = [_device, _bus, _page, check_relay] if user_to_be(configuration) is None else [_not_opened]
+        checks = [_data_folder, _chain, *opening, _clock, _housing]
     for check in checks:
         yield from check(configuration)
+
+
+def user_to_be(configuration: Configuration) -> str | None:
+    """Return whom a check must run as that opens what the settings name; None: the present user may.
+
+    The service may write its own settings: root would open any file, device or socket that they name, and a local socket of the
+    bus takes the place of a file.
+    """
+    try:
+        owner = configuration.gateway.data_dir.stat().st_uid
+    except OSError:
+        return None
+    if os.geteuid() != 0 or owner == 0:
+        return None
+    try:
+        return pwd.getpwuid(owner).pw_name
+    except KeyError:
+        return f"#{owner}"
+
+
+def _not_opened(configuration: Configuration) -> Iterator[CheckResult]:
+    user = user_to_be(configuration)
+    yield CheckResult(
+        "note", "user", f"root opens neither sensor nor bus for {user}; run: sudo -u {user} plumbline doctor"
+    )
+
+
+def examine_sensor_as_user(configuration: Configuration) -> Iterator[CheckResult]:
+    """Examine the sensor alone, unless root would open it for another user."""
+    if (user := user_to_be(configuration)) is None:
+        yield from examine_sensor(configuration)
+    else:
+        text = f"root does not open the sensor for {user}; run: sudo -u {user} plumbline doctor --device"
+        yield CheckResult("bad", "device", text)
 
 
 def examine_sensor(configuration: Configuration) -> Iterator[CheckResult]:

@@ -11,6 +11,7 @@ from gateway.page.channel import (
     ANSWER,
     MAX_FRAME_BYTES,
     PAST_ALERT,
+    REPORT,
     REQUEST,
     Frame,
     encode_frame,
@@ -64,10 +65,17 @@ class WaitingFrames:
 class _Connection:
     """The channel to one process of the page, with a thread for each direction."""
 
-    def __init__(self, channel: socket.socket, first: list[Frame], answer: Callable[[bytes], bytes]) -> None:
+    def __init__(
+        self,
+        channel: socket.socket,
+        first: list[Frame],
+        answer: Callable[[bytes], bytes],
+        note: Callable[[bytes], object],
+    ) -> None:
         self.waiting = WaitingFrames()
         self._channel = channel
         self._answer = answer
+        self._note = note
         for frame in first:
             self.waiting.put(frame)
         for name, work in (("page-send", self._send_all), ("page-receive", self._receive_all)):
@@ -99,6 +107,8 @@ class _Connection:
                     break
                 if frame.kind == REQUEST:
                     self.waiting.put(Frame(ANSWER, time.monotonic(), self._answer(frame.payload)))
+                elif frame.kind == REPORT:
+                    self._note(frame.payload)
         self.waiting.close()
 
 
@@ -108,12 +118,18 @@ class PageChannel:
     A page that starts gets the last changes of alerts and the last message of each topic at once.
     """
 
-    def __init__(self, answer: Callable[[bytes], bytes], past_alerts: Callable[[], Iterable[bytes]] = tuple) -> None:
+    def __init__(
+        self,
+        answer: Callable[[bytes], bytes],
+        past_alerts: Callable[[], Iterable[bytes]] = tuple,
+        note: Callable[[bytes], object] = bytes,
+    ) -> None:
         """`answer` returns the answer to a request of the page; it is called by a thread of the channel and may wait.
 
-        `past_alerts` returns the last changes of alerts, oldest first.
+        `past_alerts` returns the last changes of alerts, oldest first; `note` takes the page's reports, and does not wait.
         """
         self._answer = answer
+        self._note = note
         self._past_alerts = past_alerts
         self._lock = threading.Lock()
         self._latest: dict[str, Frame] = {}
@@ -148,7 +164,7 @@ class PageChannel:
         past = [Frame(PAST_ALERT, first.at_s, payload) for payload in self._past_alerts() if _fits(payload)]
         ours, theirs = open_pair()
         with self._lock:
-            self._connection = _Connection(ours, [first, *past, *self._latest.values()], self._answer)
+            self._connection = _Connection(ours, [first, *past, *self._latest.values()], self._answer, self._note)
         return theirs
 
     def close(self) -> None:

@@ -241,6 +241,7 @@ def make_recorder(configuration: Configuration, chain: SegmentChain, boot_id: st
         segment_s=recorder.segment_s,
         fsync_s=recorder.fsync_s,
         quota_mb=recorder.quota_mb,
+        keep_events_days=recorder.keep_events_days,
         events=EventIndex(recorder.pre_event_s, recorder.post_event_s),
         chain=chain,
     )

@@ -61,6 +61,7 @@ class Recorder:
         segment_s: float,
         fsync_s: float,
         quota_mb: float,
+        keep_events_days: float = 0.0,
         events: EventIndex | None = None,
         chain: SegmentChain | None = None,
     ) -> None:
@@ -74,7 +75,9 @@ class Recorder:
         self._names = SegmentNames(header.site, header.crane, header.sensor)
         self._events = events
         self._detector = EventDetector()
-        self._retention = Retention(self._names, data_dir, quota_mb, self._note_deletion)
+        self._retention = Retention(
+            self._names, data_dir, quota_mb, self._note_deletion, keep_events_days=keep_events_days
+        )
         self._quota_mb = quota_mb
         self._segment_ns = round(segment_s * 1e9)
         self._fsync_ns = round(fsync_s * 1e9)

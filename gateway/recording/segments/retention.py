@@ -6,9 +6,10 @@ import shutil
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from enum import IntEnum
 from pathlib import Path
+from typing import NamedTuple
 
 from gateway.recording.chain.statements import DeletionReason
 from gateway.recording.segments.events import is_trimmed, marker_path, uncompacted_marker
@@ -17,6 +18,11 @@ from gateway.units import BYTES_PER_MB
 USED_SHARE = 0.95
 """Share of recordings and free space together that recordings may take; the rest is for compaction and state files. Basis: a
 choice; a compaction needs a segment's room, and a share of a twentieth is not missed."""
+
+MIN_EVENT_SHARE = 0.1
+"""Share of the disk to which segments with events make room where it is full. Basis: a choice; recording goes on although every
+segment has events, and another program that fills the disk cannot take them all."""
+UTC_FORMAT = "%Y%m%dT%H%M%SZ"
 
 
 class Protection(IntEnum):
@@ -97,20 +103,29 @@ def _protection(path: Path) -> Protection:
     return Protection.TRIMMED if is_trimmed(path) else Protection.EVENT
 
 
-def free_disk_bytes(folder: Path) -> float:
-    """Return the free space of the disk; infinite where it is not known."""
+class DiskSpace(NamedTuple):
+    """The size of a disk and what is free of it, bytes."""
+
+    size_bytes: float
+    free_bytes: float
+
+
+def disk_space(folder: Path) -> DiskSpace:
+    """Return the space of the disk; infinite where it is not known."""
     try:
-        return shutil.disk_usage(folder).free
+        usage = shutil.disk_usage(folder)
     except OSError:
-        return math.inf
+        return DiskSpace(math.inf, math.inf)
+    return DiskSpace(usage.total, usage.free)
 
 
 class Retention:
     """Deletes closed segments beyond the quota, oldest first, and touches no other file.
 
     Where only segments with events are left, it asks for the oldest one to be trimmed to the time around them. When all are
-    trimmed, or cannot be, the oldest one is deleted. Where the disk is smaller than the quota, segments without events make
-    room for new ones; those with events stay, because another program may have filled the disk.
+    trimmed, or cannot be, the oldest one is deleted, but not before `keep_events_days`: younger ones stay whatever the quota.
+    Where the disk is smaller than the quota or full, all make room in the same order, those with events as long as the recordings
+    take more than `MIN_EVENT_SHARE` of it.
     """
 
     def __init__(
@@ -119,10 +134,12 @@ class Retention:
         data_dir: Path,
         quota_mb: float,
         before_deletion: Callable[[Path, DeletionReason], None] = lambda path, reason: None,
-        free_bytes: Callable[[Path], float] = free_disk_bytes,
+        space: Callable[[Path], DiskSpace] = disk_space,
+        keep_events_days: float = 0.0,
     ) -> None:
         """`before_deletion` is called with each segment that is to be deleted and the reason, and may raise `OSError`."""
-        self._free_bytes = free_bytes
+        self._space = space
+        self._keep_events = timedelta(days=keep_events_days)
         self._before_deletion = before_deletion
         self._names = names
         self._data_dir = data_dir
@@ -149,17 +166,17 @@ class Retention:
         """
         deleted = []
         total_bytes = open_bytes + sum(segment.size_bytes for segment in self._closed)
-        room_bytes = min(self._quota_bytes, USED_SHARE * (total_bytes + self._free_bytes(self._data_dir)))
-        while self._closed and total_bytes > room_bytes:
-            if total_bytes <= self._quota_bytes and self._closed[0].protection is not Protection.NONE:
-                break
-            oldest = self._closed.pop(0)
+        space = self._space(self._data_dir)
+        disk_bytes = USED_SHARE * (total_bytes + space.free_bytes)
+        while choice := self._choose(total_bytes, disk_bytes, MIN_EVENT_SHARE * space.size_bytes):
+            oldest, reason = choice
+            self._closed.remove(oldest)
             if oldest.protection is Protection.EVENT and oldest.path not in self._asked:
                 self._asked.add(oldest.path)
                 self._to_trim.append(oldest.path)
                 break  # what that makes free is not known yet
             try:
-                self._before_deletion(oldest.path, "quota" if total_bytes > self._quota_bytes else "disk")
+                self._before_deletion(oldest.path, reason)
                 oldest.path.unlink(missing_ok=True)
                 marker_path(oldest.path).unlink(missing_ok=True)
                 uncompacted_marker(oldest.path).unlink(missing_ok=True)
@@ -169,3 +186,27 @@ class Retention:
             total_bytes -= oldest.size_bytes
             deleted.append(oldest.path)
         return deleted
+
+    def _choose(
+        self, total_bytes: float, disk_bytes: float, event_bytes: float
+    ) -> tuple[ClosedSegment, DeletionReason] | None:
+        """Return the segment that makes room next and why; None where there is room, or none may."""
+        if total_bytes > self._quota_bytes:
+            newest = max((segment.utc for segment in self._closed), default="")
+            for segment in self._closed:
+                may_be_trimmed = segment.protection is Protection.EVENT and segment.path not in self._asked
+                if segment.protection is Protection.NONE or may_be_trimmed or self._is_old(segment, newest):
+                    return segment, "quota"
+        if total_bytes > disk_bytes and self._closed:
+            oldest = self._closed[0]
+            if oldest.protection is Protection.NONE or total_bytes > event_bytes:
+                return oldest, "disk"
+        return None
+
+    def _is_old(self, segment: ClosedSegment, newest_utc: str) -> bool:
+        """Return whether the time has passed for which a segment with events stays; the clock may have been wrong."""
+        try:
+            age = datetime.strptime(newest_utc, UTC_FORMAT) - datetime.strptime(segment.utc, UTC_FORMAT)
+        except ValueError:
+            return True
+        return age >= self._keep_events

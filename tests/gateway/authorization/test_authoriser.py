@@ -11,6 +11,7 @@ from gateway.authorization.authoriser import Authoriser, SignedRequest
 from gateway.authorization.caller import Caller, NotAuthorised, Role
 from gateway.authorization.freshness import CODE_BITS, MAX_REMEMBERED, WINDOW_S
 from gateway.authorization.token import prove_by_token
+from tests.values import present
 
 BOOT = "0123456789ab"
 SECRET = bytes(range(32))
@@ -40,7 +41,10 @@ def refusal(authoriser: Authoriser, request: SignedRequest, now_ns: int = NOW_NS
 
 
 def test_a_request_with_the_gateways_token_is_admitted_with_every_right(authoriser: Authoriser) -> None:
-    assert authoriser.admit(signed(authoriser), Role.SERVICE, NOW_NS + 10**9) == Caller(None, Role.SERVICE, "token")
+    caller = authoriser.admit(signed(authoriser), Role.SERVICE, NOW_NS + 10**9)
+    asked_ns = present(caller.asked_ns)
+    assert caller == Caller(None, Role.SERVICE, "token", asked_ns)
+    assert abs(asked_ns - NOW_NS) < 2 * STEP_NS
 
 
 def test_a_request_without_a_credential_is_refused(authoriser: Authoriser) -> None:

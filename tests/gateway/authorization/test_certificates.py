@@ -56,7 +56,8 @@ def gateway(tmp_path: Path) -> Gateway:
 
 def test_the_name_of_the_certificate_is_the_callers(gateway: Gateway) -> None:
     ann = gateway.site.issue("ann", Holder.SERVICE)
-    assert gateway.ask(ann) == Caller("ann", Role.SERVICE, "certificate")
+    caller = gateway.ask(ann)
+    assert caller == Caller("ann", Role.SERVICE, "certificate", caller.asked_ns)
 
 
 def test_an_operator_may_acknowledge_and_not_recalibrate(gateway: Gateway) -> None:

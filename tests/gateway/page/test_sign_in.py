@@ -1,4 +1,4 @@
-"""Who may acknowledge: the PIN's file, sessions, pauses after wrong attempts, hosts, and the lines of the log."""
+"""Who may acknowledge: the PIN's file, sessions, what wrong attempts do, hosts, and the lines of the log."""
 
 import logging
 import stat
@@ -8,8 +8,9 @@ import pytest
 
 from gateway.page.guard import AllowedHosts, is_same_origin
 from gateway.page.http_server import LOG_INTERVAL_S, MAX_LINES_PER_INTERVAL, LogRateLimiter
-from gateway.page.pin import PIN_DIGITS, make_pin, read_pin
-from gateway.page.sign_in import EXPIRY_S, MAX_ADDRESSES, MAX_SESSIONS, MAX_SIGN_IN_PAUSE_S, SignIn
+from gateway.page.pin import PIN_DIGITS, make_pin, most_wrong_attempts, read_pin, replace_pin, successor_of
+from gateway.page.sign_in import EXPIRY_S, MAX_SESSIONS, SignIn
+from tests.values import present
 
 PIN = "12345678"
 
@@ -35,50 +36,67 @@ def test_a_file_without_eight_digits_is_no_pin(tmp_path: Path, content: str) -> 
     assert read_pin(None) is None
 
 
+def test_a_void_pin_is_replaced_by_a_longer_one_for_the_group_alone(tmp_path: Path) -> None:
+    path = tmp_path / "page-pin"
+    make_pin(path)
+    pin = present(read_pin(path))
+    for digits in (12, 16, 16):
+        before = pin
+        replace_pin(path, successor_of(pin))
+        pin = present(read_pin(path))
+        assert pin != before
+        assert len(pin) == digits
+        assert most_wrong_attempts(pin) >= most_wrong_attempts(before)
+    assert stat.S_IMODE(path.stat().st_mode) & 0o137 == 0
+
+
+def _people(pin: str = PIN) -> SignIn:
+    people = SignIn()
+    people.use(pin)
+    return people
+
+
 def test_a_session_ends_with_time_a_changed_pin_or_the_person() -> None:
-    people = SignIn()
-    token = people.sign_in("Ann", PIN, PIN, "10.0.0.1", 0.0)
-    session = people.session(token, PIN, EXPIRY_S - 1)
-    assert session is not None
-    assert session.name == "Ann"
-    assert people.session(token, PIN, EXPIRY_S) is None
-    assert people.session(token, "87654321", 1.0) is None
-    assert people.session(token, None, 1.0) is None
-    assert people.session("x" * 43, PIN, 1.0) is None
-    assert people.session(None, PIN, 1.0) is None
+    people = _people()
+    token, other = people.sign_in("Ann", PIN, 0.0), people.sign_in("Bert", PIN, 0.0)
+    assert present(people.session(token, EXPIRY_S - 1)).name == "Ann"
+    assert people.session(token, EXPIRY_S) is None
+    assert people.session("x" * 43, 1.0) is None
+    assert people.session(None, 1.0) is None
     people.sign_out(token)
-    assert people.session(token, PIN, 1.0) is None
+    assert people.session(token, 1.0) is None
+    people.use(None)
+    assert people.session(other, 1.0) is None
+    assert not people.is_possible
+    people.use(PIN)
+    assert people.session(other, 1.0) is not None
+    people.use("87654321")
+    assert people.session(other, 1.0) is None
 
 
-def test_wrong_attempts_of_an_address_wait_longer_each_time() -> None:
-    people = SignIn()
-    now_s, pauses_s = 0.0, []
-    for _ in range(8):
-        assert people.sign_in("Eve", "0" * 8, PIN, "10.0.0.9", now_s) is None
-        pauses_s.append(people.pause_s("10.0.0.9", now_s))
-        now_s += pauses_s[-1]
-    assert pauses_s == [1, 2, 4, 8, 16, 32, MAX_SIGN_IN_PAUSE_S, MAX_SIGN_IN_PAUSE_S]
-    assert people.pause_s("10.0.0.1", now_s) == 0.0
-    assert people.sign_in("Ann", PIN, PIN, "10.0.0.9", now_s) is not None
-    assert people.pause_s("10.0.0.9", now_s) == 0.0
+def test_wrong_pins_keep_nobody_out_until_the_pin_is_void() -> None:
+    people, most = _people(), most_wrong_attempts(PIN)
+    for _ in range(most - 1):
+        assert people.sign_in("Eve", "00000000", 0.0) is None
+    token = people.sign_in("Ann", PIN, 0.0)
+    assert people.session(token, 1.0) is not None
+    assert people.sign_in("Eve", "00000000", 0.0) is None
+    assert people.sign_in("Eve", PIN, 0.0) is None
+    people.use(PIN)  # the file still has it
+    assert people.sign_in("Eve", PIN, 0.0) is None
+    new = present(people.successor)
+    people.use(new)
+    assert people.session(token, 1.0) is not None
+    assert people.sign_in("Eve", PIN, 0.0) is None
+    assert people.sign_in("Ann", new, 0.0) is not None
+    assert people.wrong_attempts == 1
 
 
-def test_the_addresses_of_one_ipv6_network_count_as_one() -> None:
-    people = SignIn()
-    people.sign_in("Eve", "0" * 8, PIN, "fd00::1", 0.0)
-    assert people.pause_s("fd00::ffff:2", 0.0) == 1.0
-    assert people.pause_s("fd00:0:0:1::2", 0.0) == 0.0
-
-
-def test_sessions_and_addresses_are_bounded() -> None:
-    people = SignIn()
-    tokens = [people.sign_in("Ann", PIN, PIN, "10.0.0.1", 0.0) for _ in range(MAX_SESSIONS + 1)]
-    assert people.session(tokens[0], PIN, 1.0) is None
-    assert people.session(tokens[1], PIN, 1.0) is not None
-    for number in range(MAX_ADDRESSES + 1):
-        people.sign_in("Eve", "0" * 8, PIN, f"address {number}", 0.0)
-    assert people.pause_s("address 0", 0.0) == 0.0
-    assert people.pause_s("address 1", 0.0) == 1.0
+def test_sessions_are_bounded() -> None:
+    people = _people()
+    tokens = [people.sign_in("Ann", PIN, 0.0) for _ in range(MAX_SESSIONS + 1)]
+    assert people.session(tokens[0], 1.0) is None
+    assert people.session(tokens[1], 1.0) is not None
 
 
 @pytest.mark.parametrize(

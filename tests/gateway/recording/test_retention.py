@@ -2,8 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.recording.segments.events import marker_path
-from gateway.recording.segments.retention import Retention, SegmentNames
+from gateway.recording.segments.events import TRIMMED_LINE, marker_path
+from gateway.recording.segments.retention import DiskSpace, Retention, SegmentNames
 
 NAMES = SegmentNames("yard", "crane-2", "hook")
 
@@ -28,10 +28,10 @@ def test_only_the_oldest_segments_are_deleted(tmp_path: Path) -> None:
 
 
 def test_a_disk_that_is_smaller_than_the_quota_is_a_ring(tmp_path: Path) -> None:
-    """Five segments of 1 kB on a disk with 100 bytes left: the oldest makes room; one with an event stays."""
+    """Five segments of 1 kB on a disk with 100 bytes left: the oldest makes room; one with an event makes room later."""
     event, second, *others = make(tmp_path, *(f"2026010{day}T000000Z" for day in range(1, 6)))
     marker_path(event).write_text("")
-    retention = Retention(NAMES, tmp_path, quota_mb=1.0, free_bytes=lambda _: 100.0)
+    retention = Retention(NAMES, tmp_path, quota_mb=1.0, space=lambda _: DiskSpace(5100.0, 100.0))
     retention.rescan()
     assert retention.enforce(open_bytes=0) == [second]
     assert event.exists()
@@ -42,10 +42,49 @@ def test_segments_with_events_do_not_make_room_for_another_programs_files(tmp_pa
     paths = make(tmp_path, "20260101T000000Z", "20260102T000000Z")
     for path in paths:
         marker_path(path).write_text("")
-    retention = Retention(NAMES, tmp_path, quota_mb=1.0, free_bytes=lambda _: 0.0)
+    retention = Retention(NAMES, tmp_path, quota_mb=1.0, space=lambda _: DiskSpace(30_000.0, 0.0))
     retention.rescan()
     assert retention.enforce(open_bytes=0) == []
     assert retention.take_segments_to_trim() == []
+
+
+def test_recording_goes_on_where_every_segment_has_events_and_the_disk_is_smaller_than_the_quota(
+    tmp_path: Path,
+) -> None:
+    paths = make(tmp_path, *(f"2026010{day}T000000Z" for day in range(1, 6)))
+    for path in paths:
+        marker_path(path).write_text("")
+    retention = Retention(NAMES, tmp_path, quota_mb=1.0, space=lambda _: DiskSpace(5000.0, 0.0), keep_events_days=365.0)
+    retention.rescan()
+    assert retention.enforce(open_bytes=0) == []
+    assert retention.take_segments_to_trim() == [paths[0]]
+    marker_path(paths[0]).write_bytes(TRIMMED_LINE)
+    for path in paths[1:]:  # trimming does not help
+        retention.rescan()
+        retention.enforce(open_bytes=0)
+        marker_path(path).write_bytes(TRIMMED_LINE)
+    retention.rescan()
+    assert retention.enforce(open_bytes=0) == [paths[0]]
+
+
+def test_no_quota_deletes_an_event_before_its_time(tmp_path: Path) -> None:
+    old, first, second, plain = make(
+        tmp_path, "20260101T000000Z", "20260103T000001Z", "20260109T000000Z", "20260110T000000Z"
+    )
+    marker_path(old).write_bytes(TRIMMED_LINE)
+    marker_path(first).write_bytes(b"")
+    marker_path(second).write_bytes(TRIMMED_LINE)
+    space = DiskSpace(1e6, 1e6)
+    retention = Retention(NAMES, tmp_path, quota_mb=0.000001, space=lambda _: space, keep_events_days=7.0)
+    retention.rescan()
+    assert retention.enforce(open_bytes=0) == [plain]
+    assert retention.take_segments_to_trim() == [first]
+    marker_path(first).write_bytes(TRIMMED_LINE)
+    retention.rescan()
+    assert retention.enforce(open_bytes=0) == [old]
+    assert retention.enforce(open_bytes=0) == []
+    assert first.exists()
+    assert second.exists()
 
 
 def test_a_segment_that_cannot_be_deleted_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -70,7 +109,7 @@ def test_the_reason_is_known_before_a_segment_is_deleted(tmp_path: Path) -> None
         noted.append((path, reason))
 
     for quota_mb in (0.0045, 1.0):  # more than the quota; less than it, on a disk that is full
-        retention = Retention(NAMES, tmp_path, quota_mb, note, free_bytes=lambda _: 100.0)
+        retention = Retention(NAMES, tmp_path, quota_mb, note, space=lambda _: DiskSpace(5100.0, 100.0))
         retention.rescan()
         retention.enforce(open_bytes=0)
     assert noted == [(paths[0], "quota"), (paths[1], "disk")]

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from gateway.authorization.caller import Caller, Role
 from gateway.daemon.commands.acknowledgement_service import WAITING, AcknowledgementService
 from gateway.daemon.commands.requests import RemoteRequest
 from gateway.pipeline.incidents import Acknowledgement, IncidentRegister
@@ -32,12 +33,13 @@ class Site:
     def reply(self, accepted: bool, content: Mapping[str, Any]) -> None:
         self.answers.append((accepted, content["text" if accepted else "reason"]))
 
-    def submit(self, **request: object) -> None:
+    def submit(self, asked_s: float | None = None, **request: object) -> None:
         content = Acknowledge.model_validate({**REQUEST, **request})
-        self.service.requests.submit(RemoteRequest("acknowledge", content, None, self.reply))
+        caller = Caller("ann", Role.OPERATOR, "certificate", None if asked_s is None else round(1e9 * asked_s))
+        self.service.requests.submit(RemoteRequest("acknowledge", content, caller, self.reply))
 
-    def ask(self, **request: object) -> tuple[bool, str]:
-        self.submit(**request)
+    def ask(self, asked_s: float | None = None, **request: object) -> tuple[bool, str]:
+        self.submit(asked_s, **request)
         self.service.serve(self.incidents, self.acknowledge)
         return self.answers[-1]
 
@@ -47,6 +49,18 @@ def test_an_acknowledgement_without_an_incident_is_for_all_that_wait() -> None:
     site.incidents.update("lean", "raised", "trip", None, 0.1, 6.0)
     assert site.ask(reason="load set down") == (True, "b00t-1, b00t-2 by ann")
     assert site.given == [Acknowledgement(f"b00t-{number}", "ann", "load set down") for number in (1, 2)]
+
+
+def test_a_late_acknowledgement_silences_nothing_that_was_raised_after_it_was_asked() -> None:
+    site = Site()
+    site.incidents.update("lean", "raised", "trip", None, 0.1, 9.0)
+    assert site.ask(8.0) == (True, "b00t-1 by ann")
+    accepted, text = site.ask(8.0, id="cli-1234567a", incident="b00t-2")
+    assert (accepted, "after this was asked" in text) == (False, True)
+    site.incidents.update("swing", "raised", "trip", None, 0.1, 11.0)  # the same incident, at a higher level
+    accepted, text = site.ask(10.0, id="cli-1234567b", incident="b00t-1")
+    assert (accepted, "rose to a higher level" in text) == (False, True)
+    assert site.ask(12.0, id="cli-1234567c") == (True, "b00t-1, b00t-2 by ann")
 
 
 def test_the_same_request_is_done_once_and_answered_each_time() -> None:

@@ -13,6 +13,8 @@ from gateway.daemon.commands.dispatcher import RequestDispatcher
 from gateway.daemon.commands.recalibration_service import RecalibrationService
 from gateway.daemon.commands.rpc_server import INBOX, RESERVED_FOR_ANSWERS, RpcServer
 from gateway.daemon.commands.security_log import SecurityLog
+from gateway.daemon.commands.sign_in_watch import SignInWatch
+from gateway.daemon.runtime.faults import FaultRegister
 from gateway.daemon.runtime.wall_clock import WallClockMonitor
 from gateway.daemon.storage.calibration_provider import CalibrationProvider
 from gateway.recalibration.recalibration import Recalibration
@@ -35,12 +37,14 @@ def session() -> Iterator[zenoh.Session]:
 def server(session: zenoh.Session, tmp_path: Path) -> RpcServer:
     """Takes calls, and its thread does not run yet."""
     recalibration = Recalibration(tmp_path, AXES, software="test", log_line=print)
+    security_log = SecurityLog(tmp_path / "security.jsonl")
     server = RpcServer(
         KEY,
-        RequestDispatcher(KEY, refuse_all("boot"), {}, SecurityLog(tmp_path / "security.jsonl"), lambda: 0),
+        RequestDispatcher(KEY, refuse_all("boot"), {}, security_log, lambda: 0),
         RecalibrationService(
             recalibration, CalibrationProvider(tmp_path, AXES), WallClockMonitor(HostClock()), lambda _: True
         ),
+        SignInWatch(security_log, FaultRegister(), tmp_path / "page-pin", lambda: 0),
         prepare=lambda: None,
     )
     server.attach(session)
