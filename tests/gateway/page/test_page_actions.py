@@ -3,7 +3,6 @@
 import http.client
 import json
 import re
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -84,18 +83,6 @@ def test_nobody_acknowledges_without_the_pin(page: PageUnderTest, services: Serv
     assert services.requests == []
 
 
-<<<<<<< HEAD
-def test_attempts_at_the_pin_are_limited(page: PageUnderTest) -> None:
-    begun_s = time.monotonic()
-    answers = [_sign_in(page, pin=f"{number:08d}") for number in range(20)]
-    answers.append(_sign_in(page))  # the right one waits as well
-    statuses = [status for status, _, _ in answers]
-    assert answers[0][:2] == (403, {"error": "pin_wrong"})
-    assert time.monotonic() - begun_s >= 2 ** (len(statuses) - statuses.count(429) - 1) - 1  # pauses of 1, 2, 4 s
-    paused = statuses.index(429)
-    assert answers[paused][1]["error"] == "pin_pause"
-    assert 0 < answers[paused][1]["seconds"] <= 2 ** (paused - 1)
-=======
 def test_a_pin_is_void_after_many_wrong_ones_and_who_is_signed_in_stays(page: PageUnderTest, pin_file: Path) -> None:
     cookie = _cookie(_sign_in(page)[2])
     for number in range(most_wrong_attempts(PIN)):
@@ -117,7 +104,6 @@ def test_a_void_pin_is_good_for_nothing_where_no_new_one_can_be_written(page: Pa
     obstacle.rmdir()
     wait_until(lambda: pin_file.read_text().strip() != PIN, "a new PIN")
     assert _sign_in(page, pin=pin_file.read_text().strip())[0] == 200
->>>>>>> proof
 
 
 REFUSED: list[tuple[str, Any, dict[str, str | None], int]] = [
