@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 
 from gateway.bus.fleet_inbox import FleetArrival, FleetBatch
-from gateway.documents.text import printable_text
+from gateway.documents.format import printable_text
 from gateway.fleet.fleet_state import FleetState
 from gateway.fleet.gateway_status import GatewayStatus
 from gateway.fleet.table import format_age

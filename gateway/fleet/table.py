@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 
-from gateway.documents.text import printable_text
+from gateway.documents.format import printable_text
 from gateway.fleet.gateway_status import STATE_LABELS, GatewayStatus
 from gateway.units import DAY_S, HOUR_S, MINUTE_S
 

@@ -23,10 +23,9 @@ from gateway.pipeline.outgoing_message import EncodedMessage, encode_message
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.signing_key import load_or_create_key
-from gateway.recording.format.encoding import encode_recorded
+from gateway.recording.format.encoding import encode_recorded, logged_topics, schema_bytes
 from gateway.recording.format.header import RecordingHeader
 from gateway.recording.format.mcap_writer import DENSE, McapWriter
-from gateway.recording.format.schemas import logged_topics, schema_bytes
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.segments.compaction import compact
 from gateway.recording.segments.recorder import Recorder

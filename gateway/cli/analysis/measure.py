@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.measurement.measure import measure
     from gateway.measurement.motion_report import motion_table
     from gateway.measurement.report import as_json, as_text
-    from gateway.measurement.rig_of_recording import read_rig_of_recording
+    from gateway.measurement.rig_file import read_rig_of_recording
     from gateway.measurement.source import read_source
 
     part, options = interval(arguments), table_options(arguments)

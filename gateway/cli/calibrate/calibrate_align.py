@@ -45,8 +45,7 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gateway.bench.align_recording import read_turns
-    from gateway.bench.alignment_report import render_alignment_report
+    from gateway.bench.align_recording import read_turns, render_alignment_report
     from gateway.calibration.record import NotDeterminedError
     from gateway.cli.terminal.output import STANDARD_OUTPUT, print_json, write_json, write_text
     from gateway.measurement.calibration_readings import read_calibration_readings

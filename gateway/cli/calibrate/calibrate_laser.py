@@ -55,7 +55,7 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gateway.cli.options.optional_dependencies import require_laser
+    from gateway.cli.options.argument_types import require_laser
     from gateway.errors import InputError
 
     require_laser()

@@ -55,7 +55,7 @@ def connect_endpoint(arguments: argparse.Namespace) -> str:
         return str(arguments.connect)
     if CONNECT_VARIABLE in os.environ:
         return os.environ[CONNECT_VARIABLE]
-    from gateway.configuration.service_configuration import is_installed, load_installed
+    from gateway.configuration.loading import is_installed, load_installed
 
     if not is_installed():
         return LOCAL_ENDPOINT

@@ -2,8 +2,7 @@
 
 import argparse
 
-from gateway.cli.options.recording_interval import interval
-from gateway.cli.record.record_options import add_json, add_selection
+from gateway.cli.options.recording_interval import add_json, add_selection, interval
 from gateway.errors import WITH_LOSSES
 
 EXAMPLE = """examples:

@@ -11,10 +11,9 @@ from gateway.cli.options.bus_link import add_address, client_credentials, connec
 
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient
-    from gateway.calibration.alignment.assistant import AlignmentReadout
-    from gateway.calibration.alignment.screw_advice import ScrewAdvice, ScrewMechanics
+    from gateway.calibration.alignment.assistant import AlignmentReadout, ScrewAdvice, ScrewMechanics
     from gateway.calibration.alignment.turn_assistant import TurnAssistant
-    from gateway.cli.terminal.status_line import StatusLine
+    from gateway.cli.terminal.output import StatusLine
     from gateway.messages import Tilt
 
 TILT_SILENCE_S = 1.5
@@ -66,7 +65,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 def _align(arguments: argparse.Namespace) -> int:
     from gateway.bus.client import GatewayClient
-    from gateway.calibration.alignment.screw_advice import ScrewMechanics
+    from gateway.calibration.alignment.assistant import ScrewMechanics
 
     if arguments.on_shaft:
         return _align_on_shaft(arguments)
@@ -98,7 +97,7 @@ def _align_on_shaft(arguments: argparse.Namespace) -> int:
 def show_turns(client: "GatewayClient", assistant: "TurnAssistant", out: TextIO) -> int:
     """Show the read-out of the turns until the axis is aligned, or as far as its screws reach; wait if the link is lost."""
     from gateway.calibration.alignment.turn_assistant import format_errors, format_turn
-    from gateway.cli.terminal.status_line import StatusLine
+    from gateway.cli.terminal.output import StatusLine
 
     in_force = ((client.status() or {}).get("calibration") or {}).get("in_force") or {}
     assistant.set_gain(in_force.get("gain_g_per_unit"))
@@ -122,7 +121,7 @@ def show_turns(client: "GatewayClient", assistant: "TurnAssistant", out: TextIO)
 def show_advice(client: "GatewayClient", screws: "ScrewMechanics", out: TextIO) -> int:
     """Show advice for each tilt until the housing is aligned; wait if the link is lost."""
     from gateway.calibration.alignment.assistant import AlignmentAssistant
-    from gateway.cli.terminal.status_line import StatusLine
+    from gateway.cli.terminal.output import StatusLine
 
     line, assistant = StatusLine(out), AlignmentAssistant(screws)
     tilts = TiltFeed(client, line)

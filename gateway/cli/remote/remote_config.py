@@ -77,8 +77,8 @@ def _get(arguments: argparse.Namespace) -> int:
 
 
 def _propose(arguments: argparse.Namespace) -> int:
-    from gateway.configuration.difference import KeyChange
     from gateway.configuration.loading import read_table
+    from gateway.configuration.proposal import KeyChange
 
     keep = arguments.action == "propose"
     more = {"proposal": read_table(arguments.file), "allow_network": arguments.allow_network, "keep": keep}

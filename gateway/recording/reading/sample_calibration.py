@@ -1,4 +1,4 @@
-"""The samples of a timeline as specific force in the housing frame, by the calibration in force at each time."""
+"""The correction in force in a recording, and the samples of a timeline as specific force in the housing frame by it."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -6,12 +6,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from devices.axes_map import SAME_AXES, AxesMap
 from devices.block import SampleBlock
+from devices.errors import RecordingError
 from gateway import messages
-from gateway.calibration.correction import Correction
+from gateway.calibration.correction import Correction, correction_for
+from gateway.calibration.store import parse_record
+from gateway.configuration.loading import validate
+from gateway.configuration.model import Configuration
+from gateway.file_input import parse_toml
+from gateway.messages import Calibration
 from gateway.pipeline.temperature_filter import TemperatureFilter
 from gateway.recording.format.salvage import SalvageReport, describe_losses, sum_losses
-from gateway.recording.reading.correction_in_force import recorded_correction
 from gateway.recording.reading.recording_file import RecordingFile, Selection
 from gateway.recording.reading.timeline import (
     CALIBRATION,
@@ -25,6 +31,37 @@ from gateway.recording.reading.timeline import (
 )
 
 NEEDED_TOPICS = frozenset({CALIBRATION, SAMPLES})
+
+
+def recorded_correction(file: RecordingFile, message: Calibration | None, axes: AxesMap | None = None) -> Correction:
+    """Return the correction of a calibration message, by the device of a file and its axes; `axes` may take their place.
+
+    A factory record is in the device. Raises `RecordingError` or `ConfigurationError` for what the file states, and
+    `CalibrationError` for a damaged record.
+    """
+    device = file.device()
+    if axes is None:
+        configuration = recorded_configuration(file)
+        axes = SAME_AXES if configuration is None else configuration.device.axes
+    if message is not None and message.status == "calibrated":
+        return correction_for(device, axes, parse_record(message.record, device.device_id, str(file.path)))
+    if message is not None and message.status == "uncalibrated":
+        device = replace(device, factory_calibration=None)  # the gateway did not use the factory's either
+    return correction_for(device, axes, None)
+
+
+def recorded_configuration(file: RecordingFile) -> Configuration | None:
+    """Return the configuration in a recording; None: it has none.
+
+    Raises `RecordingError`, and `ConfigurationError` where it is not valid.
+    """
+    if file.configuration_toml is None:
+        return None
+    try:
+        table = parse_toml(file.configuration_toml)
+    except ValueError as error:
+        raise RecordingError(f"{file.path}: its configuration is not TOML: {error}") from error
+    return validate(table, f"{file.path}: its configuration")
 
 
 @dataclass(frozen=True, slots=True)
