@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from gateway.errors import InputError
+from gateway.errors import ANSWER_IS_NO, InputError
 from gateway.numerics.array import Array
 
 Number = int | float
@@ -27,6 +27,8 @@ class CalibrationError(InputError):
 
 class NotDeterminedError(CalibrationError):
     """The readings do not determine the calibration; the text states what is missing and how to obtain it."""
+
+    exit_code = ANSWER_IS_NO
 
 
 class BudgetEntry(BaseModel):

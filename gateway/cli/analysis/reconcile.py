@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 from gateway.cli.analysis.effects import add_effects_from, load_user_effects
 from gateway.cli.analysis.reconcile_files import check_outputs, output_texts
 from gateway.cli.options.argument_types import whole_number
-from gateway.cli.options.recording_interval import add_interval, interval
+from gateway.cli.options.recording_options import add_interval, interval
 from gateway.cli.options.table_options import add_table_options, table_options
+from gateway.cli.terminal.output import add_json
 
 if TYPE_CHECKING:
     from gateway.measurement.source import Source
@@ -104,9 +105,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         metavar="LOG2",
         help="a second recording to test the model on; without it the end of LOG",
     )
-    command.add_argument(
-        "--json", type=Path, metavar="FILE", help="also write the result as JSON; -: print it instead of the text"
-    )
+    add_json(command)
     command.add_argument("--report", type=Path, metavar="FILE.html", help="write a report with figures")
     command.add_argument(
         "--prediction", type=Path, metavar="FILE.csv", help="write the prediction of LOG2 (of LOG without one)"

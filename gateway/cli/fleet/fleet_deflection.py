@@ -93,7 +93,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _evaluate(arguments: argparse.Namespace, girder: "Girder", axes: "tuple[InwardAxis, InwardAxis]") -> int:
     from gateway.bench.girder.deflection_history import deflection_series, render_deflection_report
-    from gateway.cli.terminal.output import STANDARD_OUTPUT, print_json, write_json, write_text
+    from gateway.cli.terminal.output import show, write_text
     from gateway.measurement.source import read_source
 
     left, right = (read_source([Path(name)]) for name in (arguments.left, arguments.right))
@@ -133,12 +133,7 @@ def _evaluate(arguments: argparse.Namespace, girder: "Girder", axes: "tuple[Inwa
             [*warnings, *left.temperature_warnings, *right.temperature_warnings],
         )
         write_text(arguments.html, page)
-    if arguments.json == STANDARD_OUTPUT:
-        print_json(result)
-        return 0
-    if arguments.json is not None:
-        write_json(arguments.json, result)
-    print(_summary(series, warnings))
+    show(_summary(series, warnings), result, arguments.json)
     return 0
 
 

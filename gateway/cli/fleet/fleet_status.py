@@ -9,12 +9,12 @@ import sys
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from gateway.cli.fleet.fleet_options import add_expect, expected_gateways, fleet_client
 from gateway.cli.options.argument_types import above_zero, parsed_by, whole_number
 from gateway.cli.options.bus_link import add_connect
+from gateway.cli.terminal.output import add_json
 
 if TYPE_CHECKING:
     from gateway.bus.fleet_client import FleetClient
@@ -77,9 +77,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         help="states beside ok that are no fault, such as disturbed, which occurs while cranes work",
     )
     add_expect(verb)
-    verb.add_argument(
-        "--json", type=Path, metavar="FILE", help="also write the result as JSON; -: print it instead of the text"
-    )
+    add_json(verb)
     verb.add_argument(
         "--wait-s",
         type=above_zero,

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.cli.options.recording_interval import add_selection, interval
+from gateway.cli.options.recording_options import add_selection, interval
 from gateway.errors import WITH_LOSSES
 
 if TYPE_CHECKING:

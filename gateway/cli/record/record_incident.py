@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.cli.options.argument_types import above_zero, recording_time, whole_number
-from gateway.cli.options.recording_interval import add_json, add_paths
+from gateway.cli.options.recording_options import add_paths
+from gateway.cli.terminal.output import add_json
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -100,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _choice(arguments: argparse.Namespace) -> "IncidentChoice":
-    from gateway.cli.options.recording_interval import in_zone
+    from gateway.cli.options.recording_options import in_zone
     from gateway.errors import InputError
     from gateway.incident.incident_selection import IncidentChoice
     from gateway.recording.reading.interval import RecordingInterval

@@ -4,7 +4,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.cli.options.recording_interval import add_json, add_paths
+from gateway.cli.options.recording_options import add_paths
+from gateway.cli.terminal.output import add_json
 from gateway.errors import ANSWER_IS_NO, WITH_LOSSES
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from gateway.cli.options.alignment_unit import add_unit_arguments, aligning_unit
 from gateway.cli.options.argument_types import above_zero
-from gateway.cli.options.bus_link import add_address, client_credentials, connect_endpoint
+from gateway.cli.options.bus_link import add_address, gateway_client
 
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient
@@ -64,7 +64,6 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 
 def _align(arguments: argparse.Namespace) -> int:
-    from gateway.bus.client import GatewayClient
     from gateway.calibration.alignment.assistant import ScrewMechanics
 
     if arguments.on_shaft:
@@ -75,23 +74,16 @@ def _align(arguments: argparse.Namespace) -> int:
         pitch_sign=-1 if "pitch" in arguments.reversed else 1,
         roll_sign=-1 if "roll" in arguments.reversed else 1,
     )
-    client = GatewayClient(connect_endpoint(arguments), arguments.gateway, client_credentials(arguments))
-    try:
+    with gateway_client(arguments) as client:
         return show_advice(client, screws, sys.stdout)
-    finally:
-        client.close()
 
 
 def _align_on_shaft(arguments: argparse.Namespace) -> int:
-    from gateway.bus.client import GatewayClient
     from gateway.calibration.alignment.turn_assistant import TurnAssistant
 
     axis = None if arguments.axis is None else "xyz".index(arguments.axis)
-    client = GatewayClient(connect_endpoint(arguments), arguments.gateway, client_credentials(arguments))
-    try:
+    with gateway_client(arguments) as client:
         return show_turns(client, TurnAssistant(aligning_unit(arguments), axis), sys.stdout)
-    finally:
-        client.close()
 
 
 def show_turns(client: "GatewayClient", assistant: "TurnAssistant", out: TextIO) -> int:

@@ -3,6 +3,7 @@
 Colours are used where a terminal has some (https://no-color.org); the status line is overwritten in place.
 """
 
+import argparse
 import json
 import os
 import shutil
@@ -20,6 +21,13 @@ Style = Literal["good", "note", "warning", "bad"]
 CODES: dict[Style, str] = {"good": "32", "note": "36", "warning": "33", "bad": "1;31"}
 MAX_LINE_CHARACTERS = 118
 """Characters of a line. Basis: a choice; a terminal of 120 columns less the ends."""
+
+
+def add_json(verb: argparse.ArgumentParser) -> None:
+    """Add the option `--json`; `show` obeys it."""
+    verb.add_argument(
+        "--json", type=Path, metavar="FILE", help="also write the result as JSON; -: print it instead of the text"
+    )
 
 
 def show(text: str, content: object, json_path: Path | None) -> None:

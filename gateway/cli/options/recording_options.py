@@ -66,14 +66,7 @@ def add_paths(verb: argparse.ArgumentParser) -> None:
 
 
 def add_selection(verb: argparse.ArgumentParser) -> None:
-    """Add the recordings and the interval of them; `gateway.cli.options.recording_interval.interval` returns it."""
+    """Add the recordings and the interval of them; `gateway.cli.options.recording_options.interval` returns it."""
     add_paths(verb)
     add_interval(verb)
     add_local(verb)
-
-
-def add_json(verb: argparse.ArgumentParser) -> None:
-    """Add the option `--json`; `gateway.cli.terminal.output.show` obeys it."""
-    verb.add_argument(
-        "--json", type=Path, metavar="FILE", help="also write the result as JSON; -: print it in place of the text"
-    )
