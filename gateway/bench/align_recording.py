@@ -19,8 +19,7 @@ from gateway.calibration.poses.pose import quantisation_u
 from gateway.calibration.record import FigureSeries, NotDeterminedError, RecordFigure
 from gateway.certificate.bench_report import ReportTable, render_bench_report
 from gateway.documents.format import format_fixed, format_short
-from gateway.numerics.array import Array
-from gateway.numerics.quantisation import smallest_steps
+from gateway.numerics.stats import means_by_group, smallest_steps
 
 TILT_AVERAGE_S = 0.1
 """Duration of an average, s, as live. Definition: the period of the tilts, as live."""
@@ -61,7 +60,9 @@ def read_turns(
     The scale factor is that of the axes across the shaft, which a turn takes from -1 g to +1 g. Raises `NotDeterminedError`
     without a full turn.
     """
-    time_s, raw, sigma = _average(file.time_s - file.time_s[0], file.raw)
+    begun_s = file.time_s - file.time_s[0]
+    means, scatter = means_by_group(np.floor(begun_s / TILT_AVERAGE_S), np.column_stack([begun_s, file.raw]))
+    time_s, raw, sigma = means[:, 0], means[:, 1:], scatter[1:]
     half = np.ptp(raw, axis=0) / 2
     axis = int(np.argmin(half)) if axis is None else axis
     across = [other for other in range(3) if other != axis]
@@ -83,15 +84,6 @@ def read_turns(
     if not turns:
         raise NotDeterminedError(f"{file.path}: no full turn of the shaft; turn it slowly, once round or more")
     return RecordedTurns(axis, float(scale[axis]), step / float(scale[axis]), tuple(turns))
-
-
-def _average(time_s: Array, raw: Array) -> tuple[Array, Array, Array]:
-    """Return times and means of the averages, (a,) and (a, 3), and the standard deviation of a reading within them, (3,)."""
-    _, place = np.unique(np.floor(time_s / TILT_AVERAGE_S), return_inverse=True)
-    count = np.bincount(place)
-    means = np.column_stack([np.bincount(place, axis) / count for axis in raw.T])
-    freedom = max(len(raw) - len(count), 1)
-    return np.bincount(place, time_s) / count, means, np.sqrt(((raw - means[place]) ** 2).sum(axis=0) / freedom)
 
 
 def render_alignment_report(name: str, found: RecordedTurns, housing_deviation_rad: float) -> str:

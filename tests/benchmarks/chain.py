@@ -17,9 +17,7 @@ from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
 from gateway.configuration.model import Configuration
 from gateway.configuration.render import to_toml
-from gateway.pipeline.clock_state import ClockState
-from gateway.pipeline.header import HeaderMaker
-from gateway.pipeline.outgoing_message import EncodedMessage, encode_message
+from gateway.pipeline.outgoing_message import ClockState, EncodedMessage, HeaderMaker, encode_message
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.format.header import RecordingHeader
 from gateway.recording.segments.recorder import Recorder

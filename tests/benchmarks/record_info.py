@@ -14,8 +14,7 @@ from gateway import __version__, messages
 from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
 from gateway.configuration.render import to_toml
-from gateway.pipeline.header import HeaderMaker
-from gateway.pipeline.outgoing_message import OutgoingMessage, encode_message
+from gateway.pipeline.outgoing_message import HeaderMaker, OutgoingMessage, encode_message
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.format.header import RecordingHeader
 from gateway.recording.segments.recorder import Recorder

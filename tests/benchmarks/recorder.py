@@ -18,8 +18,7 @@ from devices.simulated.device import SimulatedCrane
 from gateway import __version__
 from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
-from gateway.pipeline.header import HeaderMaker
-from gateway.pipeline.outgoing_message import EncodedMessage, encode_message
+from gateway.pipeline.outgoing_message import EncodedMessage, HeaderMaker, encode_message
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.signing_key import load_or_create_key

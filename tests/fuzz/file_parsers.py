@@ -21,8 +21,8 @@ from mcap.records import Message
 from mcap.writer import MCAP0_MAGIC
 
 from devices.errors import DeviceError
+from devices.tables.layout import read_head
 from devices.tables.native import read_table
-from devices.tables.notation import read_head
 from gateway.authorization.caller import NotAuthorised
 from gateway.authorization.credential import parse_credential
 from gateway.calibration.offline.record_files import read_record

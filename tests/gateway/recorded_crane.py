@@ -14,10 +14,8 @@ from gateway.calibration.record import CalibrationRecord
 from gateway.configuration.loading import validate
 from gateway.configuration.render import to_toml
 from gateway.messages import Alert, ClockOffset, FoxgloveTime, Health, Log, Motion
-from gateway.pipeline.clock_state import ClockState, MessageTime
-from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.incidents import IncidentRegister
-from gateway.pipeline.outgoing_message import OutgoingMessage, encode_message
+from gateway.pipeline.outgoing_message import ClockState, HeaderMaker, MessageTime, OutgoingMessage, encode_message
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.signing_key import load_or_create_key

@@ -16,7 +16,7 @@ from gateway.configuration.proposal import CheckedProposal, check_proposal, text
 from gateway.configuration.trial import ConfigurationTrial, Outcome, TrialJournal
 from gateway.daemon.commands.requests import RemoteRequest, RequestHandler
 from gateway.file_input import parse_toml
-from gateway.recalibration.audit import Audit
+from gateway.recalibration.journal import Audit
 from gateway.recalibration.requests import ApplyConfiguration, ProposeConfiguration, ReadConfiguration, Request
 
 log = logging.getLogger("plumbline.configuration")

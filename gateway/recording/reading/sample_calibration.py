@@ -16,7 +16,7 @@ from gateway.configuration.loading import validate
 from gateway.configuration.model import Configuration
 from gateway.file_input import parse_toml
 from gateway.messages import Calibration
-from gateway.pipeline.temperature_filter import TemperatureFilter
+from gateway.pipeline.force_stage import TemperatureFilter
 from gateway.recording.format.salvage import SalvageReport, describe_losses, sum_losses
 from gateway.recording.reading.recording_file import RecordingFile, Selection
 from gateway.recording.reading.timeline import (

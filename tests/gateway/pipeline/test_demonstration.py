@@ -10,7 +10,7 @@ from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
 from gateway.daemon.sampling.device_factory import make_device
 from gateway.messages import Alert
-from gateway.pipeline.header import HeaderMaker
+from gateway.pipeline.outgoing_message import HeaderMaker
 from gateway.pipeline.pipeline import Pipeline
 from tests.gateway.pipeline.test_pipeline import CLOCK, Clock
 

@@ -19,9 +19,7 @@ from gateway.configuration.loading import validate
 from gateway.messages import NO_SESSION
 from gateway.packing import unpack
 from gateway.pipeline.alert_rules import ALERT_RULES
-from gateway.pipeline.clock_state import ClockState, MessageTime
-from gateway.pipeline.header import HeaderMaker
-from gateway.pipeline.outgoing_message import OutgoingMessage
+from gateway.pipeline.outgoing_message import ClockState, HeaderMaker, MessageTime, OutgoingMessage
 from gateway.pipeline.pipeline import Pipeline
 from tests.values import present
 

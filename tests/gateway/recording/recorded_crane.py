@@ -16,11 +16,9 @@ from gateway.configuration.model import Configuration
 from gateway.configuration.render import to_toml
 from gateway.messages import ClockOffset
 from gateway.packing import pack
-from gateway.pipeline.clock_state import ClockState, MessageTime
 from gateway.pipeline.drift_monitor import DriftMonitor
-from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.incidents import IncidentRegister
-from gateway.pipeline.outgoing_message import OutgoingMessage, encode_message
+from gateway.pipeline.outgoing_message import ClockState, HeaderMaker, MessageTime, OutgoingMessage, encode_message
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.format.header import RecordingHeader
 from gateway.recording.segments.recorder import Recorder

@@ -16,9 +16,8 @@ from gateway.calibration.record import CalibrationRecord, content_hash
 from gateway.cli.main import main
 from gateway.configuration.render import to_toml
 from gateway.messages import NO_SESSION, Motion
-from gateway.pipeline.clock_state import MessageTime
 from gateway.pipeline.incidents import Acknowledgement
-from gateway.pipeline.outgoing_message import OutgoingMessage
+from gateway.pipeline.outgoing_message import MessageTime, OutgoingMessage
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.reading.samples import read_samples
