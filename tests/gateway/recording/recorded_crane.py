@@ -1,7 +1,7 @@
 """A recording of the simulated crane by the gateway's own pipeline and recorder, as fast as it is computed."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.pipeline.incidents import IncidentRegister
 from gateway.pipeline.outgoing_message import ClockState, HeaderMaker, MessageTime, OutgoingMessage, encode_message
 from gateway.pipeline.pipeline import Pipeline
+from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.format.header import RecordingHeader
 from gateway.recording.segments.recorder import Recorder
 
@@ -50,6 +51,12 @@ class RecordedCrane:
     folder: Path
     segment_s: float = 20.0
     settings: Mapping[str, Any] | None = None
+    device: SimulatedCrane = field(
+        default_factory=lambda: SimulatedCrane(
+            odr_hz=100, block_samples=10, length_m=12.0, position_m=9.0, clock=SleeplessClock()
+        )
+    )
+    chain: SegmentChain | None = None
 
     def __post_init__(self) -> None:
         self.configuration: Configuration = validate(
@@ -62,15 +69,14 @@ class RecordedCrane:
             },
             "test",
         )
-        self.device = SimulatedCrane(
-            odr_hz=100, block_samples=10, length_m=12.0, position_m=9.0, clock=SleeplessClock()
-        )
         self.info: DeviceInfo = self.device.open()
         section = self.configuration.gateway
         header = RecordingHeader(
             __version__, section.site, section.crane, section.sensor, BOOT_ID, to_toml(self.configuration)
         )
-        self.recorder = Recorder(self.folder, header, segment_s=self.segment_s, fsync_s=1.0, quota_mb=1000.0)
+        self.recorder = Recorder(
+            self.folder, header, segment_s=self.segment_s, fsync_s=1.0, quota_mb=1000.0, chain=self.chain
+        )
         self.headers = HeaderMaker()
         self.incidents = IncidentRegister(BOOT_ID)
         self.pipeline = self.make_pipeline()
@@ -103,10 +109,19 @@ class RecordedCrane:
         now_ns = self.newest_ns = int(block.time_ns[-1])
         if now_ns >= self.next_second_ns:
             self.next_second_ns = now_ns + SECOND_NS
-            head = self.headers.make("clock", MessageTime(now_ns, CLOCK), None)
-            clock = ClockOffset(**head, log_time_ns=now_ns, wall_offset_ns=CLOCK.wall_offset_ns, stepped=False)
-            self.write(OutgoingMessage("clock", now_ns, clock))
+            for message in self.second_messages(MessageTime(now_ns, CLOCK)):
+                self.write(message)
         self.recorder.tick(now_ns)
+
+    def second_messages(self, now: MessageTime) -> Iterator[OutgoingMessage]:
+        """Yield the messages that come once a second."""
+        clock = ClockOffset(
+            **self.headers.make("clock", now, None),
+            log_time_ns=now.log_time_ns,
+            wall_offset_ns=CLOCK.wall_offset_ns,
+            stepped=False,
+        )
+        yield OutgoingMessage("clock", now.log_time_ns, clock)
 
     def samples_message(self, block: SampleBlock) -> OutgoingMessage:
         """Return the message of a block without anything that follows from it."""
