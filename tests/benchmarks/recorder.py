@@ -29,7 +29,8 @@ from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.segments.compaction import compact
 from gateway.recording.segments.recorder import Recorder
 from gateway.topics import TOPICS
-from tests.benchmarks.chain import CLOCK, FastClock, cpu_s
+from tests.benchmarks.chain import CLOCK, cpu_s
+from tests.clocks import SleeplessClock
 
 RUNS = 5
 CASES = ((1000, 32, 60), (125, 13, 600))
@@ -58,7 +59,7 @@ def main() -> None:
 
 def _data(rate_hz: int, block: int, seconds: int) -> Recorded:
     configuration = validate({"device": {"odr_hz": rate_hz}}, "benchmark")
-    device = SimulatedCrane(odr_hz=rate_hz, block_samples=block, length_m=12.0, position_m=9.0, clock=FastClock())
+    device = SimulatedCrane(odr_hz=rate_hz, block_samples=block, length_m=12.0, position_m=9.0, clock=SleeplessClock())
     info = device.open()
     blocks: list[SampleBlock] = []
     while sum(map(len, blocks)) < rate_hz * seconds:

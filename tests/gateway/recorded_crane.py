@@ -16,8 +16,9 @@ from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.signing_key import load_or_create_key
 from gateway.recording.segments.calibration_files import calibration_files
 from gateway.recording.segments.compaction import compact
+from tests.clocks import START_NS, SleeplessClock
 from tests.gateway.recording import recorded_crane
-from tests.gateway.recording.recorded_crane import BOOT_ID, CLOCK, SleeplessClock
+from tests.gateway.recording.recorded_crane import BOOT_ID, CLOCK
 
 LENGTH_M, POSITION_M, RATE_HZ = 6.0, 4.0, 50.0
 PERIOD_S = 2 * np.pi * np.sqrt(LENGTH_M / 9.80665)
@@ -97,7 +98,7 @@ class HastyCrane(recorded_crane.RecordedCrane):
             software="0.1.0",
             uptime_s=1.0,
             measured_rate_hz=RATE_HZ,
-            samples=round((now.log_time_ns - recorded_crane.START_NS) * 1e-9 * RATE_HZ),
+            samples=round((now.log_time_ns - START_NS) * 1e-9 * RATE_HZ),
             lost=0,
             invalid=0,
             faults={},

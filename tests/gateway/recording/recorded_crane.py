@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from devices.block import DeviceInfo, SampleBlock
-from devices.host_clock import HostClock
 from devices.simulated.device import SimulatedCrane
 from gateway import __version__
 from gateway.calibration.correction import Correction, correction_for
@@ -23,25 +22,11 @@ from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.format.header import RecordingHeader
 from gateway.recording.segments.recorder import Recorder
+from tests.clocks import START_NS, SleeplessClock
 
-START_NS = 1_767_225_600_000_000_000
-"""2026-01-01 00:00:00 UTC."""
 BOOT_ID = "b00t"
 CLOCK = ClockState("synchronised", 250_000_000)
 SECOND_NS = 1_000_000_000
-
-
-class SleeplessClock(HostClock):
-    """Time that passes as fast as it is slept."""
-
-    def __init__(self) -> None:
-        self.now = START_NS
-
-    def now_ns(self) -> int:
-        return self.now
-
-    def sleep_s(self, seconds: float) -> None:
-        self.now += max(0, round(seconds * 1e9))
 
 
 @dataclass

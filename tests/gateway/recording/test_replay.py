@@ -23,7 +23,8 @@ from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.reading.samples import read_samples
 from gateway.recording.replay import replay_run as replay_result
 from gateway.recording.replay.replay_steps import RECOMPUTED_PATHS
-from tests.gateway.recording.recorded_crane import CLOCK, START_NS, RecordedCrane
+from tests.clocks import START_NS
+from tests.gateway.recording.recorded_crane import CLOCK, RecordedCrane
 
 SUSPENSION = "SUSPENDED: the sensor is being recalibrated (six_position, by ann)"
 
