@@ -7,8 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from devices.errors import GONE_ERRNOS, DeviceAccessError, DeviceError, DeviceNotFoundError, TransferError
-from devices.iio.scan import ScanLayout, ScanType
-from devices.iio.sysfs import IioAttributes
+from devices.iio.sysfs import IioAttributes, ScanLayout, ScanType
 
 ACCELERATION = ("in_accel_x", "in_accel_y", "in_accel_z")
 ANGULAR_RATE = ("in_anglvel_x", "in_anglvel_y", "in_anglvel_z")

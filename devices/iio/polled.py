@@ -14,8 +14,7 @@ from devices.channel_cycles import ChannelCycles
 from devices.clock import Clock
 from devices.device import MAX_READ_NS
 from devices.errors import DeviceError
-from devices.iio.scan import ScanType
-from devices.iio.sysfs import TEMPERATURE_PERIOD_NS, IioAttributes, find_iio_device
+from devices.iio.sysfs import TEMPERATURE_PERIOD_NS, IioAttributes, ScanType, find_iio_device
 from devices.saturation import mark_saturated
 
 MAX_POLLED_HZ = 200.0

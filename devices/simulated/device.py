@@ -20,12 +20,12 @@ from devices.simulated.accelerometer import (
     ZERO_G_OFFSET_LIMIT_G,
     Accelerometer,
     InjectedErrors,
+    factory_calibration,
     typical_ambient,
     typical_errors,
 )
 from devices.simulated.crane import Crane, GroundTruth
 from devices.simulated.demo import demo_crane
-from devices.simulated.factory import factory_calibration
 from devices.simulated.rigger import Rigger
 
 log = logging.getLogger("plumbline.device")

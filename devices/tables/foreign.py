@@ -29,9 +29,17 @@ from devices.tables.columns import (
     is_without_gravity,
     parse_name,
 )
-from devices.tables.layout import NATIVE, UNITS_PER_G, TableLayout, TableUnit, seconds_of
+from devices.tables.layout import (
+    NATIVE,
+    UNITS_PER_G,
+    TableHead,
+    TableLayout,
+    TableUnit,
+    is_number,
+    read_head,
+    seconds_of,
+)
 from devices.tables.native import read_table
-from devices.tables.notation import TableHead, is_number, read_head
 
 MIN_RATE_HZ, MAX_RATE_HZ = 5.0, 5000.0
 """Sample rates of accelerometers. Basis: A table of time stamps has one unit among s, ms, µs and ns that gives such a rate."""

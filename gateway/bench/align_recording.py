@@ -1,21 +1,30 @@
-"""Reads the turns of a sensor on a shaft from a recording."""
+"""The turns of a sensor on a shaft from a recording, and the report: peak-to-peak, its floor, and the errors that remain."""
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.calibration.alignment.turn import MIN_ACROSS_G, Turn
-from gateway.calibration.alignment.turn_advice import HOUSING_DEVIATION_RAD, AligningUnit, TurnAdvice
-from gateway.calibration.alignment.turn_monitor import TurnMonitor
+from gateway.calibration.alignment.turn_advice import (
+    HOUSING_DEVIATION_RAD,
+    MIN_ACROSS_G,
+    AligningUnit,
+    Turn,
+    TurnAdvice,
+    calibration_error_rad,
+)
+from gateway.calibration.alignment.turn_assistant import TurnMonitor
 from gateway.calibration.offline.readings_file import FileReadings
-from gateway.calibration.poses.mean_uncertainty import quantisation_u
-from gateway.calibration.record import NotDeterminedError
-from gateway.numerics.array import Array
-from gateway.numerics.quantisation import smallest_steps
+from gateway.calibration.poses.pose import quantisation_u
+from gateway.calibration.record import FigureSeries, NotDeterminedError, RecordFigure
+from gateway.certificate.bench_report import ReportTable, render_bench_report
+from gateway.documents.format import format_fixed, format_short
+from gateway.numerics.stats import means_by_group, smallest_steps
 
 TILT_AVERAGE_S = 0.1
 """Duration of an average, s, as live. Definition: the period of the tilts, as live."""
+MAX_SHOWN_TURNS = 500
+"""Turns that are shown, the last ones. Basis: a choice; more than anybody turns in a session, and a bound of the report."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +60,9 @@ def read_turns(
     The scale factor is that of the axes across the shaft, which a turn takes from -1 g to +1 g. Raises `NotDeterminedError`
     without a full turn.
     """
-    time_s, raw, sigma = _average(file.time_s - file.time_s[0], file.raw)
+    begun_s = file.time_s - file.time_s[0]
+    means, scatter = means_by_group(np.floor(begun_s / TILT_AVERAGE_S), np.column_stack([begun_s, file.raw]))
+    time_s, raw, sigma = means[:, 0], means[:, 1:], scatter[1:]
     half = np.ptp(raw, axis=0) / 2
     axis = int(np.argmin(half)) if axis is None else axis
     across = [other for other in range(3) if other != axis]
@@ -75,10 +86,57 @@ def read_turns(
     return RecordedTurns(axis, float(scale[axis]), step / float(scale[axis]), tuple(turns))
 
 
-def _average(time_s: Array, raw: Array) -> tuple[Array, Array, Array]:
-    """Return times and means of the averages, (a,) and (a, 3), and the standard deviation of a reading within them, (3,)."""
-    _, place = np.unique(np.floor(time_s / TILT_AVERAGE_S), return_inverse=True)
-    count = np.bincount(place)
-    means = np.column_stack([np.bincount(place, axis) / count for axis in raw.T])
-    freedom = max(len(raw) - len(count), 1)
-    return np.bincount(place, time_s) / count, means, np.sqrt(((raw - means[place]) ** 2).sum(axis=0) / freedom)
+def render_alignment_report(name: str, found: RecordedTurns, housing_deviation_rad: float) -> str:
+    """Return the page."""
+    turns = found.turns[-MAX_SHOWN_TURNS:]
+    last = turns[-1]
+    numbers = tuple(float(number) for number in range(len(found.turns) - len(turns) + 1, len(found.turns) + 1))
+    rows = tuple(
+        (
+            format_fixed(number, 0),
+            format_fixed(one.time_s, 1),
+            format_fixed(1000 * one.turn.peak_to_peak_g, 3),
+            format_fixed(1000 * one.turn.floor_g, 3),
+            format_fixed(math.degrees(one.turn.misalignment_rad), 4),
+            format_fixed(math.degrees(2 * one.turn.u_rad), 4),
+            one.advice.text,
+        )
+        for number, one in zip(numbers, turns, strict=True)
+    )
+    zeros = (0.0,) * len(turns)
+    return render_bench_report(
+        f"Alignment of axis {'xyz'[found.axis]}",
+        facts=(
+            ("Recording", name),
+            ("Result", last.advice.state.replace("_", " ")),
+            ("APE", f"{format_fixed(math.degrees(last.advice.precision_error_rad), 3)}°"),
+            ("TAE", f"{format_fixed(math.degrees(last.advice.total_error_rad), 3)}°"),
+            ("CE", f"{format_short(math.degrees(calibration_error_rad(housing_deviation_rad)))}°"),
+            ("LSB", f"{format_short(1000 * found.step_g)} mg"),
+        ),
+        tables=(
+            ReportTable(
+                "Turns",
+                ("turn", "end / s", "peak-to-peak / mg", "floor / mg", "misalignment / °", "U / °", "advice"),
+                rows,
+                "APE, TAE, CE: Łuczak et al. 2022, eq. 1 to 3; U: k = 2, of each component.",
+            ),
+        ),
+        figures=(
+            RecordFigure(
+                title="Peak-to-peak of each turn",
+                x_label="turn",
+                y_label="peak-to-peak / mg",
+                series=(
+                    FigureSeries(
+                        name="peak-to-peak",
+                        x=numbers,
+                        y=tuple(1000 * one.turn.peak_to_peak_g for one in turns),
+                        u=zeros,
+                    ),
+                    FigureSeries(name="floor", x=numbers, y=tuple(1000 * one.turn.floor_g for one in turns), u=zeros),
+                ),
+                caption="The screws are turned between the turns until the peak-to-peak is at its floor.",
+            ),
+        ),
+    )

@@ -6,7 +6,7 @@ import numpy as np
 
 from gateway.bench.rotation import RotationFit, all_sines
 from gateway.bench.rotation_turn import AxisSine, TurnFit
-from gateway.calibration.record_figure import FigureSeries, RecordFigure
+from gateway.calibration.record import FigureSeries, RecordFigure
 from gateway.numerics.stats import NORMAL_975
 
 

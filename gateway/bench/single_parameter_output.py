@@ -12,7 +12,7 @@ from gateway.bench.single_parameter import (
 )
 from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind
 from gateway.calibration.pose_method import SINGLE_PARAMETER
-from gateway.calibration.record_figure import FigureSeries, RecordFigure
+from gateway.calibration.record import FigureSeries, RecordFigure
 from gateway.calibration.uncertainty import prediction_interval_g
 from gateway.numerics.array import Array
 

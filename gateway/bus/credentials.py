@@ -9,8 +9,7 @@ from gateway.authorization.credential import Challenge
 from gateway.authorization.token import TOKEN_NAME, parse_token, prove_by_token, token_id
 from gateway.bus.session import TlsFiles
 from gateway.configuration.known_data_folders import known_data_folders
-from gateway.configuration.loading import load
-from gateway.configuration.service_configuration import is_installed, load_installed
+from gateway.configuration.loading import is_installed, load, load_installed
 from gateway.errors import InputError, PlumblineError
 from gateway.file_input import read_bounded
 

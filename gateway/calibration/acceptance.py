@@ -7,8 +7,7 @@ from pydantic import BaseModel, ConfigDict
 
 from gateway.calibration.drift.change import SensorChange, sensor_change
 from gateway.calibration.methods.calibration_fit import CalibrationFit, WarningKind
-from gateway.calibration.methods.face_outliers import find_changed_readings
-from gateway.calibration.methods.six_position import PLACEMENT_U_DEG
+from gateway.calibration.methods.six_position import PLACEMENT_U_DEG, find_changed_readings
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.thermal_model import correction_at, holds_at_c
 from gateway.numerics.array import Array

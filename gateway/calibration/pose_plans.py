@@ -10,8 +10,14 @@ from gateway.calibration.methods.norm_fit import FRAME_U_DEG, N_PARAMETERS, fit_
 from gateway.calibration.methods.six_position import PLACEMENT_U_DEG, fit_six_positions, missing_faces
 from gateway.calibration.pose_method import PoseMethod
 from gateway.calibration.pose_procedure import PoseProcedure, Poses, RequestedPose
-from gateway.calibration.poses.face_angles import without_tilted_poses
-from gateway.calibration.poses.faces import FACE_DIRECTIONS, FACES, angle_to_face_deg, describe_direction, find_face
+from gateway.calibration.poses.faces import (
+    FACE_DIRECTIONS,
+    FACES,
+    angle_to_face_deg,
+    describe_direction,
+    find_face,
+    without_tilted_poses,
+)
 from gateway.calibration.poses.pose import NominalSensitivity, Pose
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 

@@ -1,4 +1,7 @@
-"""The calibration record: an affine correction with its evidence, immutable, identified by its hash."""
+"""The calibration record: an affine correction with its evidence, immutable, identified by its hash.
+
+Its figure is series of values with uncertainties, which the certificate plots as they stand.
+"""
 
 import hashlib
 import json
@@ -7,13 +10,15 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from gateway.errors import InputError
+from gateway.errors import ANSWER_IS_NO, InputError
 from gateway.numerics.array import Array
 
 Number = int | float
 """A number that keeps its type: 0 must not become 0.0, or the hash would no longer match."""
 Row = Annotated[list[Number], Field(min_length=3, max_length=3)]
 CovarianceRow = Annotated[list[Number], Field(min_length=12, max_length=12)]
+Text = Annotated[str, Field(max_length=200)]
+Values = Annotated[tuple[float, ...], Field(max_length=2000)]
 
 
 class CalibrationError(InputError):
@@ -22,6 +27,8 @@ class CalibrationError(InputError):
 
 class NotDeterminedError(CalibrationError):
     """The readings do not determine the calibration; the text states what is missing and how to obtain it."""
+
+    exit_code = ANSWER_IS_NO
 
 
 class BudgetEntry(BaseModel):
@@ -100,3 +107,29 @@ def content_hash(record: dict[str, Any]) -> str:
     """Return the SHA-256 of the canonical JSON (sorted keys, no spaces) of everything except the hash itself."""
     content = {key: value for key, value in record.items() if key != "sha256"}
     return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+class FigureSeries(BaseModel):
+    """One quantity over another; all tuples have the same length."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    name: Text
+    x: Values
+    y: Values
+    u: Values
+    """Standard uncertainty of each y; 0 where none is drawn."""
+
+
+class RecordFigure(BaseModel):
+    """Figure of a method whose evidence is not a set of poses; a record stores it in its field `figure`."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    title: Text
+    x_label: Text
+    y_label: Text
+    series: Annotated[tuple[FigureSeries, ...], Field(min_length=1, max_length=4)]
+    bounds: Annotated[tuple[float, ...], Field(max_length=4)] = ()
+    """Heights of dashed lines: limits, intervals."""
+    caption: Annotated[str, Field(max_length=400)] = ""

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from gateway.calibration.record_figure import RecordFigure
+from gateway.calibration.record import RecordFigure
 from gateway.certificate.method_figure import plot_figure
 from gateway.documents.environment import render
-from gateway.documents.text import printable_text
+from gateway.documents.format import printable_text
 
 MAX_CELL_CHARACTERS = 200
 """Characters of a cell. Basis: a choice; three lines of a column, and no page of hostile text."""

@@ -1,19 +1,48 @@
-"""Changes since the parent record, and how long this record can be expected to hold."""
+"""Changes since the parent record, and the forecast of the days until the next calibration."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gateway.calibration.drift.change import DriftChange, change_between
-from gateway.calibration.drift.forecast import MEASURING_METHODS
+from gateway.calibration.drift.forecast import MEASURING_METHODS, MIN_SPAN_DAYS, DriftReport, analyse_drift
 from gateway.calibration.record import CalibrationError, CalibrationRecord
-from gateway.certificate.forecast import forecast, sentence
-from gateway.documents.format import UNKNOWN, format_fixed, format_with_uncertainty
-from gateway.documents.text import as_sentence, printable_text
+from gateway.documents.format import (
+    UNKNOWN,
+    as_sentence,
+    format_fixed,
+    format_short,
+    format_with_uncertainty,
+    printable_text,
+)
 
 SIGNIFICANT_CHANGE_SIGMA = 2.0
 """A change beyond this many standard uncertainties is one. Definition: about 95 % (GUM 6.3)."""
 MAX_COMPARISON_CHARACTERS = 260
 """Characters of a text. Basis: a choice; three lines."""
+
+
+def forecast(records: Sequence[CalibrationRecord]) -> DriftReport:
+    """Return the drift over records, in any order. Raises `CalibrationError` where they are too few, or too close in time."""
+    report = analyse_drift(records)
+    if report.span_days < MIN_SPAN_DAYS:
+        raise CalibrationError(
+            f"{report.records} calibrations within a day show their repeatability and nothing about ageing"
+        )
+    return report
+
+
+def sentence(report: DriftReport) -> str:
+    """Return what a person should do, and by when."""
+    within = report.within
+    last = printable_text(report.last_utc[:10], 10)
+    basis = f"from {report.records} records over {format_short(report.span_days)} days, the last of {last}"
+    if within.beyond_horizon:
+        return f"The error stays below {within.limit_deg:g}° for ten years or more, estimated {basis}."
+    expected = "not in ten years" if within.expected_days is None else f"in {within.expected_days:.0f} days"
+    return (
+        f"Recalibrate within {within.days:.0f} days: by then the error of axis {within.axis} may reach {within.limit_deg:g}° "
+        f"(upper end of its 95 % interval; expected {expected}), estimated {basis}."
+    )
 
 
 @dataclass(frozen=True, slots=True)

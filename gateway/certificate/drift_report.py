@@ -3,9 +3,8 @@
 import math
 from collections.abc import Sequence
 
-from gateway.calibration.drift.drift_table import DriftRow
-from gateway.calibration.drift.fleet_drift import SensorDrift
-from gateway.calibration.record_figure import FigureSeries, RecordFigure
+from gateway.calibration.drift.fleet_drift import DriftRow, SensorDrift
+from gateway.calibration.record import FigureSeries, RecordFigure
 from gateway.certificate.bench_report import ReportTable, render_bench_report
 from gateway.documents.format import UNKNOWN, format_fixed, format_number, format_with_uncertainty
 from gateway.numerics.array import Array

@@ -5,11 +5,9 @@ from dataclasses import dataclass
 
 from pydantic import ValidationError
 
-from gateway.calibration.record import CalibrationRecord
-from gateway.calibration.record_figure import FigureSeries, RecordFigure
-from gateway.certificate.plot_axes import AREA, PlotArea, Scale, Tick
-from gateway.documents.format import format_short
-from gateway.documents.text import printable_text
+from gateway.calibration.record import CalibrationRecord, FigureSeries, RecordFigure
+from gateway.certificate.residual_plot import AREA, PlotArea, Scale, Tick
+from gateway.documents.format import format_short, printable_text
 
 MAX_SERIES_POINTS = 160
 """Points of a series that are drawn; a longer series is thinned. Basis: a choice; neighbours touch at the figure's width."""

@@ -15,8 +15,14 @@ from gateway.certificate.comparison import changes_since, differs_from_named
 from gateway.certificate.method_figure import method_plot
 from gateway.certificate.residual_plot import pose_residuals
 from gateway.documents.environment import render
-from gateway.documents.format import UNKNOWN, format_fixed, format_short, format_with_uncertainty, power_of_ten
-from gateway.documents.text import printable_text
+from gateway.documents.format import (
+    UNKNOWN,
+    format_fixed,
+    format_short,
+    format_with_uncertainty,
+    power_of_ten,
+    printable_text,
+)
 
 MAX_FIELD_CHARACTERS = 40
 """Characters of a field. Basis: a choice; one line of its column."""

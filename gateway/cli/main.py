@@ -8,7 +8,7 @@ from importlib import import_module
 
 from devices.errors import DeviceError
 from gateway import __version__
-from gateway.cli.terminal.status_line import paint
+from gateway.cli.terminal.output import paint
 from gateway.errors import BAD_INPUT, PlumblineError
 from gateway.text import printable
 

@@ -3,14 +3,153 @@
 from functools import reduce
 from operator import or_
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
-from pydantic import Field
+from pydantic import Field, create_model, field_validator
 
+from devices.i2c.accelerometer_chip import ChipKind
+from devices.i2c.chips import CHIPS
 from gateway.configuration.device_section import DeviceSection
-from gateway.configuration.i2c_devices import CHIP_SECTIONS, Ads1115Device
-from gateway.configuration.serial_devices import AsppDevice, NodeDevice, WitMotionDevice
-from gateway.configuration.single_axis_device import SingleAxisDevice
+from gateway.configuration.section import Section, one_of
+
+if TYPE_CHECKING:
+    SingleAxisPart = str
+else:
+    SingleAxisPart = one_of(sorted(kind for kind, chip in CHIPS.items() if not chip.has_gyro))
+
+
+class SingleAxisSensor(Section):
+    """One of the three sensors."""
+
+    part: SingleAxisPart = Field(description="the accelerometer chip")
+    bus: int = Field(1, ge=0, description="N of /dev/i2c-N")
+    address: int = Field(ge=0x08, le=0x77, description="of the part on its bus")
+    range_g: float = Field(2, gt=0, description="full scale")
+    sensitive_axis: Literal["x", "y", "z", "-x", "-y", "-z"] = Field(
+        description="axis of the part that lies along the combined one; -: the other way"
+    )
+
+    @property
+    def axis(self) -> tuple[int, int]:
+        """Index and sign of the sensitive axis."""
+        return "xyz".index(self.sensitive_axis[-1]), -1 if self.sensitive_axis.startswith("-") else 1
+
+
+class SingleAxisDevice(DeviceSection):
+    """Three sensors with one sensitive axis each, combined as one triaxial accelerometer."""
+
+    kind: Literal["single_axis"]
+    odr_hz: float = Field(100.0, gt=0, le=4000, description="output data rate, one that all three parts have")
+    sensors: list[SingleAxisSensor] = Field(min_length=3, max_length=3, description="those of x, y and z")
+
+
+class I2cSection(DeviceSection):
+    """The keys of every device on an I2C bus."""
+
+    bus: int = Field(1, ge=0, description="N of /dev/i2c-N")
+    address: int
+    odr_hz: float
+    bus_clear_command: list[str] = Field(
+        [], description="run when a part holds the bus, such as ['/opt/plumbline/current/deploy/i2c-bus-clear']"
+    )
+    power_cycle_command: list[str] = Field(
+        [], description="run when nothing else has helped: turns the sensor off and on"
+    )
+
+
+class I2cDevice(I2cSection):
+    """The keys of every accelerometer chip on an I2C bus."""
+
+    chip: ClassVar[ChipKind]
+
+    range_g: int
+
+    @field_validator("odr_hz", check_fields=False)
+    @classmethod
+    def _check_rate(cls, odr_hz: float) -> float:
+        nearest = min(cls.chip.rates_hz, key=lambda rate: abs(rate - odr_hz))
+        if abs(nearest - odr_hz) > 1e-3 * nearest:
+            raise ValueError(f"the {cls.chip.part} has no rate of {odr_hz:g} Hz; nearest is {nearest:g}")
+        return nearest
+
+
+def chip_section(chip: ChipKind) -> type[I2cDevice]:
+    """Return the section of a kind of chip."""
+    address, *_ = chip.identities[0].addresses
+    keys: dict[str, Any] = {
+        "kind": (one_of([chip.kind]), ...),
+        "address": (int, Field(address, description=chip.address_text)),
+        "odr_hz": (float, Field(chip.usual_rate_hz, description=f"output data rate: {chip.rates_text}")),
+        "range_g": (one_of(chip.ranges_g), Field(chip.ranges_g[0], description="full scale")),
+    }
+    section = create_model(
+        f"{chip.kind.capitalize()}Device", __base__=I2cDevice, __doc__=chip.description, __module__=__name__, **keys
+    )
+    section.chip = chip
+    return section
+
+
+CHIP_SECTIONS = tuple(map(chip_section, CHIPS.values()))
+
+
+class Ads1115Device(I2cSection):
+    """An analogue accelerometer behind a Texas Instruments ADS1115: x, y, z and its supply at inputs 0 to 3."""
+
+    kind: Literal["ads1115"]
+    address: int = Field(0x48, description="0x48 to 0x4B, by the ADDR pin")
+    sensor: Literal["ADXL335", "ADXL327", "LIS344ALH"] = Field("ADXL335", description="the analogue accelerometer")
+    odr_hz: float = Field(100.0, gt=0, le=125, description="samples per second of all three axes")
+
+
+class SerialSection(DeviceSection):
+    """The keys of every sensor on a serial port."""
+
+    port: str = Field(
+        pattern="^(/.+|usb:[0-9a-fA-F]{4}:[0-9a-fA-F]{4}(:.+)?)$",
+        description="/dev/serial/by-id/... or usb:VID:PID:SERIAL, the identity of a USB adapter",
+    )
+
+
+class WitMotionDevice(SerialSection):
+    """WitMotion sensor or radio receiver on a serial port."""
+
+    kind: Literal["witmotion"]
+    baud: int = Field(115200, gt=0, description="as set in the sensor")
+    odr_hz: float = Field(100.0, gt=0, le=1000, description="as set in the sensor")
+    frames: Literal["standard", "radio"] = Field(
+        "standard", description="radio: the 20-byte frames of a Bluetooth Low Energy receiver"
+    )
+
+
+class NodeDevice(SerialSection):
+    """Radio node of one's own behind a receiver on a serial port (docs/node.md)."""
+
+    kind: Literal["node"]
+    baud: int = Field(115200, gt=0, description="as set in the receiver")
+    node: int = Field(ge=0, lt=2**32, description="number of the node")
+    odr_hz: float = Field(100.0, gt=0, le=4000, description="as set in the node")
+    range_g: float | None = Field(None, gt=0, description="full scale of the node's sensor, where known")
+
+
+class AsppDevice(SerialSection):
+    """MicroStrain wireless node behind a base station (ASPP); start its sampling with the maker's software."""
+
+    kind: Literal["aspp"]
+    baud: int = Field(921600, gt=0, description="of the base station")
+    node: int = Field(ge=0, lt=2**32, description="address of the node")
+    odr_hz: float = Field(128.0, gt=0, le=8192, description="as set in the node")
+    range_g: float = Field(gt=0, description="full scale, as set in the node")
+    channels: list[int] = Field([1, 2, 3], min_length=3, max_length=3, description="the node's channels of x, y and z")
+    units_per_g: float = Field(
+        1.0, gt=0, description="readings per g in the unit that is set in the node; 9.80665 for m/s2"
+    )
+
+    @field_validator("channels")
+    @classmethod
+    def _check_channels(cls, channels: list[int]) -> list[int]:
+        if len(set(channels)) < len(channels) or not all(1 <= channel <= 16 for channel in channels):
+            raise ValueError(f"channels {channels} must be three different ones from 1 to 16")
+        return channels
 
 
 class SimulatedDevice(DeviceSection):

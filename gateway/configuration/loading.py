@@ -1,4 +1,7 @@
-"""Reading of a configuration from a TOML file and the environment, or one line that names the key and the correct value."""
+"""Reading of a configuration from a TOML file and the environment, or one line that names the key and the correct value.
+
+The installed configuration is that of the service, which `deploy/install.sh` has set up on this machine.
+"""
 
 import difflib
 import os
@@ -15,6 +18,9 @@ from gateway.errors import InputError
 from gateway.file_input import MAX_TOML_BYTES, parse_toml, read_bounded
 
 ENVIRONMENT_PREFIX = "PLUMBLINE_"
+SETTINGS = Path("/etc/plumbline/plumbline.toml")
+SERVICE_ENVIRONMENT = Path("/etc/default/plumbline")
+WITHOUT_SENSOR = ("simulated", "replay")
 
 
 class ConfigurationError(InputError):
@@ -167,3 +173,35 @@ def missing_files(configuration: Configuration) -> list[str]:
     if isinstance(configuration.device, ReplayDevice):
         files["device.path"] = configuration.device.path
     return [f"{key}: {path}: there is no such file" for key, path in files.items() if not path.is_file()]
+
+
+def is_installed() -> bool:
+    """Return whether this machine has an installed configuration."""
+    return SETTINGS.exists()
+
+
+def load_installed(environment: Mapping[str, str] = os.environ) -> Configuration:
+    """Return the configuration that the service runs with. Raises `ConfigurationError`."""
+    return load(SETTINGS, {**service_environment(), **environment})
+
+
+def require_sensor(configuration: Configuration, where: str) -> None:
+    """Raise `ConfigurationError` for a service without a sensor that is not declared a demonstration."""
+    kind = configuration.device.kind
+    if kind in WITHOUT_SENSOR and not configuration.gateway.demonstration:
+        raise ConfigurationError(
+            f'{where}: device.kind: "{kind}" is no sensor, and a service must not report a crane that is not there; '
+            "name the sensor, or set gateway.demonstration = true"
+        )
+
+
+def service_environment() -> dict[str, str]:
+    """Return the variables that the service's unit sets. Raises `ConfigurationError`."""
+    try:
+        lines = SERVICE_ENVIRONMENT.read_text(encoding="utf-8").splitlines()
+    except FileNotFoundError:
+        return {}
+    except OSError as error:
+        raise ConfigurationError(f"{SERVICE_ENVIRONMENT}: cannot be read ({error.strerror})") from error
+    pairs = (line.partition("=") for line in lines if line.strip() and not line.lstrip().startswith("#"))
+    return {name.strip(): value.strip() for name, _, value in pairs}

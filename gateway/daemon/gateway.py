@@ -2,6 +2,8 @@
 
 Sampling and the evaluation of the samples are essential. Every other part may fail at start or later: it is tried again in the
 background, and its fault is published.
+
+The person who starts it reads what was started.
 """
 
 import gc
@@ -13,12 +15,15 @@ import time
 import uuid
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
+from pathlib import Path
 
 from devices.block import DeviceInfo
 from devices.device import Device
 from devices.errors import DeviceError
 from devices.host_clock import HostClock
+from gateway import __version__
 from gateway.bus.session import gateway_settings
+from gateway.calibration.correction import Correction
 from gateway.configuration.known_data_folders import remember_data_folder
 from gateway.configuration.model import Configuration
 from gateway.daemon.commands.configuration_service import ConfigurationService, TrialSupervisor
@@ -29,9 +34,9 @@ from gateway.daemon.runtime.logs import LineWriter, RecordingHandler
 from gateway.daemon.runtime.shutdown import STOP_S, Shutdown
 from gateway.daemon.runtime.watchdog import HUNG_S, SLOW_DISK_S, ServiceNotifier, Watchdog
 from gateway.daemon.sampling.device_factory import make_device
-from gateway.daemon.start_description import describe
 from gateway.daemon.storage.recording_worker import describe_key, load_key
 from gateway.messages import Log
+from gateway.page.pin import PIN_NAME
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.chain.segment_chain import SegmentChain
 
@@ -56,6 +61,39 @@ hand waits no longer."""
 DRAIN_S = 60.0
 """Longest wait for a step in the processing of a recording that was replayed faster than it is processed, and for the last
 compaction. Basis: a choice; a step takes far less, and one that takes longer has hung."""
+
+
+def describe(
+    configuration: Configuration,
+    info: DeviceInfo | None,
+    correction: Correction | None,
+    recording: Path | None,
+    signed: str,
+    faults: FaultRegister,
+) -> str:
+    """Return the addresses of page, recording, bus and log, or the fault of what does not work."""
+    bus = ", ".join([*configuration.bus.listen, *configuration.bus.connect]) or "no endpoint"
+    places = {
+        "page": f"http://{configuration.page.listen}/" if configuration.page.enabled else "off (page.enabled)",
+        "PIN": f"{configuration.gateway.data_dir / PIN_NAME}, to acknowledge alarms on the page",
+        "recording": str(recording),
+        "signed": signed,
+        "bus": f"{configuration.gateway.key}/** at {bus}",
+        "log": "standard error, and /log in the recording",
+    }
+    if not configuration.page.enabled:
+        del places["PIN"]
+    standing = faults.standing
+    lines = [
+        f"  {place:<10} {f'FAULT: {standing[place]}' if place in standing else text}" for place, text in places.items()
+    ]
+    if info is None or correction is None:
+        head = f"plumbline {__version__}: FAULT: {standing.get('device', 'the device is not open yet')}"
+    else:
+        head = (
+            f"plumbline {__version__}: {info.kind} {info.device_id}, {info.odr_hz:g} Hz; calibration {correction.text}"
+        )
+    return "\n".join((head, *lines))
 
 
 class Gateway:

@@ -29,7 +29,7 @@ from gateway.daemon.storage.drift_state_store import DriftStateStore
 from gateway.daemon.storage.recording_worker import RecordingWorker
 from gateway.messages import Health
 from gateway.pipeline.alert_rules import SWING
-from gateway.pipeline.header import Header
+from gateway.pipeline.outgoing_message import Header
 
 if TYPE_CHECKING:
     from gateway.daemon.commands.site_certificates import SiteCertificates  # its library is an extra

@@ -27,11 +27,9 @@ from gateway.daemon.storage.drift_state_store import DriftStateStore
 from gateway.daemon.storage.outbox_writer import OutboxWriter
 from gateway.daemon.storage.recording_worker import RecordingWorker
 from gateway.messages import Alert, ClockOffset
-from gateway.pipeline.clock_state import MessageTime
 from gateway.pipeline.drift_monitor import DriftMonitor
-from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.incidents import IncidentRegister
-from gateway.pipeline.outgoing_message import OutgoingMessage, PipelineOutput, encode_message
+from gateway.pipeline.outgoing_message import HeaderMaker, MessageTime, OutgoingMessage, PipelineOutput, encode_message
 from gateway.pipeline.pipeline import Pipeline, PipelineCalibration
 from gateway.topics import TOPICS
 

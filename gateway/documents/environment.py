@@ -5,9 +5,19 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.documents.format import format_number, format_p_value, format_percent, format_short, format_time_span
-from gateway.documents.palette import PALETTE
-from gateway.documents.text import REPLACEMENT, as_sentence, human_name, join_names, printable_text
+from gateway.documents.figures import PALETTE
+from gateway.documents.format import (
+    REPLACEMENT,
+    as_sentence,
+    format_number,
+    format_p_value,
+    format_percent,
+    format_short,
+    format_time_span,
+    human_name,
+    join_names,
+    printable_text,
+)
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -1,4 +1,7 @@
-"""Helpers for figures as inline SVG, whichever way a figure is drawn."""
+"""Helpers for figures as inline SVG, whichever way a figure is drawn, and the colours of all documents.
+
+Line colours: Okabe and Ito 2008, for all eyes.
+"""
 
 import itertools
 import math
@@ -12,6 +15,26 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 CURVE_POINTS = 900
 """Points of a curve across a figure. Basis: more than paper or a screen can show at its width."""
+INK = "#1a1a1a"
+FAINT = "#5a5f66"
+LINE = "#c9ced4"
+MEASURED = "#949aa1"
+BEFORE = "#d55e00"
+AFTER = "#0072b2"
+SHADE = "#f0e442"
+EVENT = "#a3357a"
+ALARM = "#b00012"
+PALETTE = {
+    "ink": INK,
+    "faint": FAINT,
+    "line": LINE,
+    "after": AFTER,
+    "before": BEFORE,
+    "event": EVENT,
+    "measured": MEASURED,
+    "alarm": ALARM,
+}
+"""The colours that the style sheet uses, by the names of its custom properties."""
 
 
 @dataclass(frozen=True, slots=True)

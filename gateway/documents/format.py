@@ -1,6 +1,10 @@
-"""Numbers as a document prints them: digits that the uncertainty supports, a true minus sign, a dash where none is known."""
+"""Numbers, names and sentences as a document prints them.
+
+A number has the digits that its uncertainty supports, a true minus sign, and a dash where none is known.
+"""
 
 import math
+from collections.abc import Sequence
 
 COVERAGE_FACTOR = 2.0
 """k: about 95 % of a normal distribution (GUM 6.3)."""
@@ -14,6 +18,8 @@ INSTANT_S = 0.05
 """A shorter span of time is printed as an instant. Basis: a choice; it would be printed as 0.0 s."""
 UNKNOWN = "—"
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+ELLIPSIS = "…"
+REPLACEMENT = "\ufffd"
 
 
 def format_number(value: float | None, digits: int = 3) -> str:
@@ -95,3 +101,26 @@ def power_of_ten(exponent: int) -> str:
 def _minus(number: str) -> str:
     """Return a number with a true minus sign in front."""
     return f"−{number[1:]}" if number.startswith("-") else number
+
+
+def printable_text(text: str, limit: int) -> str:
+    """Return text of unknown origin with at most `limit` characters; those that cannot be printed are replaced."""
+    seen = "".join(character if character.isprintable() else REPLACEMENT for character in text[: limit + 1])
+    return seen if len(seen) <= limit else f"{seen[: limit - 1]}{ELLIPSIS}"
+
+
+def human_name(name: str) -> str:
+    """Return an identifier such as `wind_gust` as words."""
+    return name.replace("_", " ")
+
+
+def join_names(names: Sequence[str], last: str = "and") -> str:
+    """Return identifiers as words in a row: `a, b and c`."""
+    words = [human_name(name) for name in names]
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}" if words else "nothing"
+
+
+def as_sentence(text: str) -> str:
+    """Return text with a capital at the front and a full stop at the end."""
+    text = text.strip()
+    return text if not text else text[0].upper() + text[1:] + ("" if text[-1] in ".!?" else ".")

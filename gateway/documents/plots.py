@@ -13,9 +13,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from matplotlib.typing import RcKeyType
 from numpy.typing import NDArray
 
-from gateway.documents.figures import CURVE_POINTS, decimate_curve, inline_svg
+from gateway.documents.figures import CURVE_POINTS, FAINT, INK, LINE, decimate_curve, inline_svg
 from gateway.documents.format import format_decade
-from gateway.documents.palette import FAINT, INK, LINE
 
 Array = NDArray[np.float64]
 WIDTH_IN = 7.2

@@ -1,16 +1,24 @@
-"""Which gateways are judged, which of them are listed, and in which order."""
+"""Which gateways are judged, which of them are listed, and in which order.
+
+The file that names the gateways of a fleet has one a line, as <site>/<crane>/<sensor>, and the name of its certificate.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from math import inf
+from pathlib import Path
 from typing import Any, get_args
 
+from gateway.bus.untrusted import GATEWAY_KEY
+from gateway.errors import InputError
 from gateway.fleet.gateway_status import STATE_LABELS, FleetWord, GatewayStatus
 from gateway.messages import Level
 
 URGENCY = {word: number for number, word in enumerate(STATE_LABELS)}
 WELL: FleetWord = "OK"
+KEY_PREFIX = "plumbline/v1/"
+MAX_LINE_WORDS = 2
 
 
 def parse_states(text: str) -> frozenset[FleetWord]:
@@ -101,3 +109,27 @@ SORTS: dict[str, Callable[[GatewayStatus], Any]] = {
     "software": lambda status: status.software or "",
 }
 """Orders of the list, by name; gateways that are alike stay in the order of their keys."""
+
+
+def read_expected(path: Path) -> dict[str, str]:
+    """Return the common name of the certificate of each gateway, by key; where the file states none, the name of its crane.
+
+    Raises `InputError` with the line that is wrong.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+        raise InputError(f"{path}: cannot be read ({reason}); name a text file with one gateway a line") from error
+    gateways: dict[str, str] = {}
+    for number, line in enumerate(lines, start=1):
+        words = line.partition("#")[0].split()
+        if not words:
+            continue
+        key = words[0] if words[0].startswith(KEY_PREFIX) else KEY_PREFIX + words[0]
+        if GATEWAY_KEY.fullmatch(key) is None or len(words) > MAX_LINE_WORDS:
+            raise InputError(f"{path}, line {number}: {line.strip()!r} is no gateway; write <site>/<crane>/<sensor>")
+        gateways[key] = words[1] if len(words) > 1 else key.split("/")[-2]
+    if not gateways:
+        raise InputError(f"{path}: names no gateway; write one <site>/<crane>/<sensor> a line")
+    return gateways

@@ -7,10 +7,10 @@ from typing import Any
 import msgspec
 
 from gateway.bus.fleet_inbox import FleetArrival, FleetBatch
-from gateway.documents.text import printable_text
+from gateway.documents.format import printable_text
 from gateway.fleet.fleet_state import FleetState
 from gateway.fleet.gateway_status import GatewayStatus
-from gateway.fleet.table import format_age
+from gateway.fleet.report import format_age
 from gateway.messages import Alert, Calibration, Condition, Health, Message, Motion, Swing
 from gateway.topics import TOPICS
 

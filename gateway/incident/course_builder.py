@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gateway.documents.text import human_name
+from gateway.documents.format import human_name
 from gateway.incident.course import (
     Course,
     ForceCourse,

@@ -3,12 +3,11 @@
 import numpy as np
 from matplotlib.figure import Figure as Canvas
 
-from gateway.documents.figures import Figure
-from gateway.documents.palette import AFTER, BEFORE, EVENT, FAINT
+from gateway.documents.figures import AFTER, BEFORE, EVENT, FAINT, Figure
 from gateway.documents.plots import add_panels, label_decades, plot_curve, render_svg
 from gateway.incident.course import Course, ForceCourse
 from gateway.incident.facts import IncidentFacts
-from gateway.incident.time_axis import ReportClock, label_times
+from gateway.incident.timeline_figure import ReportClock, label_times
 from gateway.numerics.array import Array
 
 AROUND_PEAK_S = 5.0

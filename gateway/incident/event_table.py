@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from gateway.documents.text import as_sentence, human_name, printable_text
+from gateway.documents.format import as_sentence, human_name, printable_text
 from gateway.incident.course import Course, StateCourse
 from gateway.incident.evidence import IncidentEvidence
-from gateway.incident.time_axis import ReportClock
+from gateway.incident.timeline_figure import ReportClock
 
 ALERT, MARK = "alert", "mark"
 ALWAYS_SHOWN = (ALERT, MARK)

@@ -4,16 +4,14 @@ from dataclasses import dataclass
 
 from gateway.documents.environment import render
 from gateway.documents.figures import Figure
-from gateway.documents.format import format_fixed, format_short
-from gateway.documents.text import printable_text
+from gateway.documents.format import format_fixed, format_short, printable_text
 from gateway.incident.detail_figures import acceleration_figure, direction_figure, spectrum_figure
 from gateway.incident.event_table import event_table
 from gateway.incident.evidence import IncidentEvidence, SourceFile
 from gateway.incident.facts import IncidentFacts
 from gateway.incident.incident_summary import summary_sentences
 from gateway.incident.recording_verdict import RecordVerdict
-from gateway.incident.time_axis import ReportClock
-from gateway.incident.timeline_figure import timeline_figure
+from gateway.incident.timeline_figure import ReportClock, timeline_figure
 from gateway.messages import Calibration, Health
 from gateway.recording.reading.interval import iso_utc
 

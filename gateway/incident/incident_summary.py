@@ -6,7 +6,7 @@ from gateway.documents.format import format_fixed, format_percent, format_short
 from gateway.incident.alert_incidents import STANDING, AlertIncident
 from gateway.incident.course import Course
 from gateway.incident.facts import CraneMove, IncidentFacts, PeakAngle
-from gateway.incident.time_axis import ReportClock
+from gateway.incident.timeline_figure import ReportClock
 from gateway.pipeline.alert_rules import SWING
 
 MAX_SUMMARY_MARKS = 3

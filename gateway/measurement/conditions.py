@@ -10,7 +10,7 @@ import numpy as np
 from gateway.measurement.source import Source
 from gateway.motion.motion_monitor import MotionMonitor
 from gateway.numerics.array import Array
-from gateway.pipeline.motion_context import motion_context
+from gateway.pipeline.motion_stage import motion_context
 from gateway.stages.conditions.gates import MotionContext
 from gateway.stages.conditions.verdict import ConditionResult, judge_condition
 from gateway.stages.conditions.window import ConditionWindow

@@ -6,7 +6,7 @@ from devices.errors import RecordingError
 from devices.recording import Recording
 from gateway.configuration.model import Configuration
 from gateway.messages import Calibration
-from gateway.recording.reading.correction_in_force import recorded_configuration
+from gateway.recording.reading.sample_calibration import recorded_configuration
 from gateway.recording.reading.samples import RecordedSamples, SampledFile
 
 

@@ -5,10 +5,10 @@ from typing import Any
 
 from devices.pendulum.small_swing import period_ratio
 from devices.recording import Recording
-from gateway.measurement.free_swing import not_judged, relative_s
 from gateway.measurement.measure import Measurement
 from gateway.measurement.motion_report import motion_json, motion_rows
 from gateway.measurement.source import Source
+from gateway.measurement.swing import not_judged, relative_s
 from gateway.recording.reading.interval import iso_utc
 from gateway.swing.estimate import FormulaAngles, SwingEstimate
 from gateway.swing.formulas import VALID_RHO

@@ -19,8 +19,7 @@ from gateway.messages.header import (
     Vector,
 )
 from gateway.messages.health import Health, NewestStatement
-from gateway.messages.log import FoxgloveTime, Log
-from gateway.messages.mark import Mark
+from gateway.messages.log import FoxgloveTime, Log, Mark
 from gateway.messages.motion import Formulas, HorizontalVector, Motion, MotionProbabilities, MotionState, Swing, Tilt
 from gateway.messages.samples import Acceleration, ClockOffset, Readings, Samples
 

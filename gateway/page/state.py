@@ -11,8 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from gateway.calibration.alignment.assistant import AlignmentAssistant, AlignmentReadout
-from gateway.calibration.alignment.turn_assistant import TurnAssistant, format_errors, format_turn
-from gateway.calibration.alignment.turn_monitor import TurnReadout
+from gateway.calibration.alignment.turn_assistant import TurnAssistant, TurnReadout, format_errors, format_turn
 from gateway.gateway_state import is_overdue
 from gateway.messages import SCHEMA_VERSION, Alert, Calibration, Message, Motion, Swing, Tilt
 from gateway.page.alert_log import AlertLog

@@ -1,27 +1,40 @@
-"""The motion stage of the pipeline: feeds the motion filter, and derives from it the messages of motion and swing."""
+"""The motion stage of the pipeline: feeds the motion filter, and derives from it the messages of motion and swing.
+
+The filter takes the angular rates of a device with a gyroscope in the frame of the housing. The condition stage needs a part of
+the motion, and gets the condition in the operator's words.
+"""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from devices.block import DeviceInfo
+from devices.axes_map import AxesMap, map_axes
+from devices.block import DeviceInfo, SampleBlock
 from devices.pendulum.small_swing import small_swing_period_s
+from devices.saturation import angular_rates
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
 from gateway.messages import Motion, Swing
+from gateway.motion.description import engineer_reasons, operator_text
 from gateway.motion.estimate import MotionEstimate
+from gateway.motion.gyro_reading import GyroPrior
 from gateway.motion.motion_monitor import MotionMonitor
 from gateway.numerics.array import Array
-from gateway.pipeline.angular_rate import device_gyro
-from gateway.pipeline.header import Header
-from gateway.pipeline.motion_context import motion_context
-from gateway.pipeline.motion_messages import motion_message, swing_message
+from gateway.numerics.stats import NORMAL_975
+from gateway.pipeline.compose import motion_message, swing_message
+from gateway.pipeline.outgoing_message import Header
 from gateway.pipeline.rig import configured_housing, with_sensor
 from gateway.stages.conditions.gates import MotionContext
+from gateway.stages.conditions.verdict import ConditionResult
 from gateway.swing.data.recent_extremes import RecentExtremes
 from gateway.swing.formulas import as_published
+from gateway.swing.rig import MountedHousing
 
+BIAS_LIMIT_RAD_S = np.radians(20.0)
+"""Limit of the reading at rest of a gyroscope without one in its data sheet."""
+DISTURBED = "Reading disturbed"
 GYRO_BIAS_RAD_S_PER_K = np.radians(0.05)
 """Change of a gyroscope's bias with temperature, standard uncertainty. Basis: 0.03 (MPU-9250) to 0.16 deg/s/K."""
 GYRO_STEP_K = 0.5
@@ -38,6 +51,60 @@ MAX_KEPT_PERIODS = 2.0
 """Periods of the rope as configured for which extremes are kept. Basis: a rope four times as long."""
 TEMPERATURE_HYSTERESIS_K = 1
 """Basis: a temperature that varies about a whole kelvin changes nothing again and again."""
+
+
+def gyro_prior(bias_limit_rad_s: float | None = None, noise_rad_s: float | None = None) -> GyroPrior:
+    """Return what is known of a gyroscope before its first reading: a bias anywhere within its limit."""
+    return GyroPrior((BIAS_LIMIT_RAD_S if bias_limit_rad_s is None else bias_limit_rad_s) / 3**0.5, noise_rad_s)
+
+
+def device_gyro(info: DeviceInfo) -> GyroPrior | None:
+    """Return what is known of a device's gyroscope; None where it has none."""
+    if info.gyro_rad_s_per_count is None:
+        return None
+    return gyro_prior(info.gyro_bias_rad_s, info.gyro_noise_rad_s)
+
+
+def housing_rates(blocks: Sequence[SampleBlock], rad_s_per_count: float | None, axes: AxesMap) -> Array | None:
+    """Return the rates of consecutive blocks, shape (n, 3), NaN where a sample has none; None without a gyroscope."""
+    if rad_s_per_count is None:
+        return None
+    parts = [_rates(block.gyro_counts, len(block), rad_s_per_count) for block in blocks]
+    return map_axes(np.concatenate(parts), axes)
+
+
+def _rates(counts: NDArray[np.int32] | None, length: int, rad_s_per_count: float) -> Array:
+    if counts is None:
+        return np.full((length, 3), np.nan)
+    return angular_rates(counts, rad_s_per_count)
+
+
+def motion_context(estimate: MotionEstimate, rig: MountedHousing | None, *, is_explained: bool) -> MotionContext:
+    """Return the motion as the condition stage needs it; `rig` is None where the housing's position is not known."""
+    largest, length_m = estimate.last_peak, estimate.length_m
+    return MotionContext(
+        state=estimate.state,
+        u_rad=estimate.u_rad,
+        phi_max_rad=None if largest is None else largest.upper_rad(NORMAL_975),
+        amplitude_rad=estimate.amplitude_rad,
+        period_s=estimate.period_s,
+        rho=None if rig is None or length_m is None else rig.rho_at(length_m),
+        is_explained=is_explained,
+        reasons=engineer_reasons(estimate),
+    )
+
+
+def condition_text(result: ConditionResult, estimate: MotionEstimate) -> str:
+    """Return the condition as one line for the operator."""
+    if result.verdict == "disturbed":
+        return f"{DISTURBED}: {result.reasons[0]}."
+    if result.verdict == "unknown":
+        return f"Not known: {result.reasons[0]}."
+    if result.verdict in ("static", "quasi_static"):
+        return "Load at rest." if result.verdict == "static" else "Load at rest, with vibration."
+    if estimate.state == "rest":
+        return "Load almost at rest."
+    return operator_text(estimate)
 
 
 class MotionStage:

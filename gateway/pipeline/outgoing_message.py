@@ -1,8 +1,10 @@
-"""Messages on their way from the pipeline to the sinks."""
+"""Messages on their way from the pipeline to the sinks, their header fields, and time: an argument, never a clock."""
 
+from collections import Counter
 from dataclasses import dataclass
+from typing import TypedDict
 
-from gateway.messages import Log, Message, Verdict
+from gateway.messages import ClockQuality, Log, Message, Verdict
 from gateway.topics import encode
 
 
@@ -49,3 +51,47 @@ class EncodedMessage:
 def encode_message(topic: str, message: Message | Log, log_time_ns: int) -> EncodedMessage:
     """Encode a message of a topic as JSON."""
     return EncodedMessage(topic, log_time_ns, message, encode(message))
+
+
+@dataclass(frozen=True, slots=True)
+class ClockState:
+    """How gateway time relates to UTC, and whether the host's clock is synchronised."""
+
+    quality: ClockQuality
+    wall_offset_ns: int
+    """UTC minus gateway time."""
+
+
+@dataclass(frozen=True, slots=True)
+class MessageTime:
+    """The gateway time of a message, and the state of the clock at that time."""
+
+    log_time_ns: int
+    clock: ClockState
+
+    @property
+    def utc_ns(self) -> int:
+        """UTC of the message, in ns since 1970."""
+        return self.log_time_ns + self.clock.wall_offset_ns
+
+
+class Header(TypedDict):
+    """The fields of `gateway.messages.Message` that differ between messages."""
+
+    time_ns: int
+    clock: ClockQuality
+    sequence: int
+    calibration_id: str | None
+
+
+class HeaderMaker:
+    """Numbers the messages of each topic and converts gateway time into UTC."""
+
+    def __init__(self) -> None:
+        self._sequence: Counter[str] = Counter()
+
+    def make(self, topic: str, time: MessageTime, calibration_id: str | None) -> Header:
+        """Return the header of the next message of a topic."""
+        sequence = self._sequence[topic]
+        self._sequence[topic] += 1
+        return Header(time_ns=time.utc_ns, clock=time.clock.quality, sequence=sequence, calibration_id=calibration_id)

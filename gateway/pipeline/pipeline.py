@@ -21,15 +21,18 @@ from gateway.packing import pack
 from gateway.pipeline import compose
 from gateway.pipeline.alert_manager import AlertChange, AlertManager, ValidityMonitor
 from gateway.pipeline.alert_rules import ALERT_RULES, Evaluation, swing_reading
-from gateway.pipeline.angular_rate import housing_rates
-from gateway.pipeline.clock_state import ClockState, MessageTime
 from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.pipeline.force_stage import ForceBatch, ForceStage, split_long_block
-from gateway.pipeline.header import Header, HeaderMaker
 from gateway.pipeline.incidents import Acknowledgement, IncidentRegister
-from gateway.pipeline.motion_context import condition_text
-from gateway.pipeline.motion_stage import MotionStage
-from gateway.pipeline.outgoing_message import OutgoingMessage, PipelineOutput
+from gateway.pipeline.motion_stage import MotionStage, condition_text, housing_rates
+from gateway.pipeline.outgoing_message import (
+    ClockState,
+    Header,
+    HeaderMaker,
+    MessageTime,
+    OutgoingMessage,
+    PipelineOutput,
+)
 from gateway.pipeline.rate_limiter import RateLimiter
 from gateway.stages.alerts import Reading
 from gateway.stages.clipping import find_clipped

@@ -4,7 +4,7 @@ from typing import Any
 
 from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
-from gateway.recalibration.audit import Audit
+from gateway.recalibration.journal import Audit
 from gateway.recalibration.request_answers import RequestAnswer
 from gateway.recalibration.requests import Fetch
 from gateway.recalibration.session import Session

@@ -20,11 +20,10 @@ from gateway.calibration.poses.pose import NominalSensitivity
 from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
 from gateway.errors import PlumblineError
-from gateway.recalibration.audit import Audit
 from gateway.recalibration.commands import CommandHandler, CommandResult
 from gateway.recalibration.fetch_handler import answer_fetch
 from gateway.recalibration.interlock import LoadInterlock
-from gateway.recalibration.journal import MAX_ANSWERS, Journal
+from gateway.recalibration.journal import MAX_ANSWERS, Audit, Journal
 from gateway.recalibration.request_answers import RequestAnswer
 from gateway.recalibration.requests import Fetch, Recalibrate, Request, Zero
 from gateway.recalibration.sample_buffer import RecentSamples

@@ -1,13 +1,18 @@
-"""The recalibration session: `idle -> collecting -> review -> committed | rejected`. Values and transitions."""
+"""The recalibration session: `idle -> collecting -> review -> committed | rejected`. Values and transitions.
 
-from dataclasses import dataclass
+In the `calibration` message, faces and directions are in the sensor's axes, as in the record.
+"""
+
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, TypeAdapter
 
 from gateway.calibration.acceptance import Acceptance
+from gateway.calibration.pose_procedure import PoseProgress
 from gateway.calibration.poses.pose import Pose
+from gateway.messages import NO_SESSION, CalibrationSession
 
 Phase = Literal["idle", "collecting", "review", "committed", "rejected"]
 ACTIVE_PHASES: tuple[Phase, ...] = ("collecting", "review")
@@ -25,6 +30,8 @@ Basis: a choice; power fails now and then, and a defect ends the gateway at each
 MAX_CLOCK_STEP_S = 60.0
 """Largest step back of the clock, s, at which the duration of a stop is still known. Basis: a choice; a clock without battery is
 older by hours, and corrections are smaller."""
+MESSAGE_ADAPTER = TypeAdapter(CalibrationSession)
+"""Takes the fields of the message and ignores all others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,3 +162,38 @@ def abandoned_session(device_id: str, text: str, now: Timestamp) -> Session:
         text=text,
         left=True,
     )
+
+
+def make_session_message(session: Session | None, progress: PoseProgress | None) -> CalibrationSession:
+    """Return the message of a session, with the progress of its procedure while it collects poses."""
+    if session is None:
+        return NO_SESSION
+    content = asdict(NO_SESSION) | {"wanted": len(session.poses)} | session.model_dump()
+    if progress is not None:
+        content |= asdict(progress)
+    content |= {
+        "record_id": session.record_id,
+        "reasons": _reasons(session),
+        "committable": session.is_committable,
+        "suspended": session.suspension is not None,
+        "notes": [] if session.judgement is None else session.judgement.notes,
+        "text": _text(session, progress),
+    }
+    return MESSAGE_ADAPTER.validate_python(content)
+
+
+def _reasons(session: Session) -> list[str]:
+    if session.phase != "review" or session.judgement is None:
+        return []
+    acceptance = session.judgement
+    return [*acceptance.refused, *(f"{text}; give a reason" for text in acceptance.implausible)]
+
+
+def _text(session: Session, progress: PoseProgress | None) -> str:
+    if session.phase == "collecting":
+        return "" if progress is None else progress.text
+    if session.phase == "review":
+        if session.is_committable:
+            return "all poses are taken: the record may be committed"
+        return "the record may not be committed"
+    return f"{session.text}; alerts stay suspended: {CONFIRM}" if session.left else session.text

@@ -12,10 +12,8 @@ from gateway.configuration.loading import validate
 from gateway.configuration.model import Configuration
 from gateway.configuration.render import to_toml
 from gateway.errors import InputError
-from gateway.pipeline.clock_state import ClockState
-from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.incidents import IncidentRegister
-from gateway.pipeline.outgoing_message import encode_message
+from gateway.pipeline.outgoing_message import ClockState, HeaderMaker, encode_message
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.format.header import RecordingHeader
 from gateway.recording.segments.compaction import compact

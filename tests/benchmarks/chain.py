@@ -3,13 +3,11 @@
 import resource
 import socket
 import tempfile
-import time
 from pathlib import Path
 
 import zenoh
 
 from devices.block import DeviceInfo, SampleBlock
-from devices.host_clock import HostClock
 from devices.simulated.device import SimulatedCrane
 from gateway import __version__
 from gateway.bus.session import open_session
@@ -17,13 +15,12 @@ from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
 from gateway.configuration.model import Configuration
 from gateway.configuration.render import to_toml
-from gateway.pipeline.clock_state import ClockState
-from gateway.pipeline.header import HeaderMaker
-from gateway.pipeline.outgoing_message import EncodedMessage, encode_message
+from gateway.pipeline.outgoing_message import ClockState, EncodedMessage, HeaderMaker, encode_message
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.format.header import RecordingHeader
 from gateway.recording.segments.recorder import Recorder
 from gateway.topics import TOPICS
+from tests.clocks import SleeplessClock
 from tests.gateway.recording.recorded_files import summarise
 from tests.values import present
 
@@ -33,21 +30,6 @@ BLOCKS = (1, 8, 32, 128)
 CLOCK = ClockState("synchronised", 0)
 PARTS = ("pipeline", "encode", "mcap", "bus")
 """The pipeline; messages to JSON; recording; publishing."""
-
-
-class FastClock(HostClock):
-    """Time that passes as fast as it is slept, so that a minute of samples is made at once."""
-
-    def __init__(self) -> None:
-        self.now = time.time_ns()
-
-    def now_ns(self) -> int:
-        """Gateway time."""
-        return self.now
-
-    def sleep_s(self, seconds: float) -> None:
-        """Let time pass."""
-        self.now += max(0, round(seconds * 1e9))
 
 
 def cpu_s() -> float:
@@ -77,7 +59,7 @@ def main() -> None:
 def measure(block: int) -> dict[str, float]:
     """Microseconds per sample of each part, and bytes per sample."""
     configuration = validate({"device": {"odr_hz": RATE_HZ}, "recorder": {"fsync_s": 1.0}}, "benchmark")
-    clock = FastClock()
+    clock = SleeplessClock()
     device = SimulatedCrane(odr_hz=RATE_HZ, block_samples=block, length_m=12.0, position_m=9.0, clock=clock)
     info = device.open()
     blocks: list[SampleBlock] = []

@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
 from gateway.messages import Condition
-from gateway.pipeline.clock_state import ClockState
-from gateway.pipeline.header import HeaderMaker
+from gateway.pipeline.outgoing_message import ClockState, HeaderMaker
 from gateway.pipeline.pipeline import Pipeline
 from tests.benchmarks.condition_recordings import START_NS, WINDOW_S, Recording, make
 

@@ -12,12 +12,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from gateway.cli.options.recording_interval import add_interval, interval
+from gateway.cli.options.recording_options import add_interval, interval
 from gateway.cli.options.table_options import add_table_options, table_options
 from gateway.errors import InputError
-from gateway.measurement.free_swing import cut_to_free_swing
-from gateway.measurement.rig_of_recording import read_rig_of_recording
+from gateway.measurement.rig_file import read_rig_of_recording
 from gateway.measurement.source import read_source
+from gateway.measurement.swing import cut_to_free_swing
 from gateway.twin.model import TwinRig, model_of
 from gateway.twin.reconcile.data.data_checks import check_recording
 from gateway.twin.reconcile.data.observations import Observations

@@ -14,12 +14,12 @@ from gateway import __version__, messages
 from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
 from gateway.configuration.render import to_toml
-from gateway.pipeline.header import HeaderMaker
-from gateway.pipeline.outgoing_message import OutgoingMessage, encode_message
+from gateway.pipeline.outgoing_message import HeaderMaker, OutgoingMessage, encode_message
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.format.header import RecordingHeader
 from gateway.recording.segments.recorder import Recorder
-from tests.benchmarks.chain import CLOCK, FastClock
+from tests.benchmarks.chain import CLOCK
+from tests.clocks import SleeplessClock
 
 RATE_HZ = 100
 BLOCK = 10
@@ -59,7 +59,7 @@ def children_cpu_s() -> float:
 def write_recordings(folder: Path, recorded_s: int) -> None:
     """Write a minute of the simulated crane over and over, with the times moved."""
     configuration = validate({"device": {"odr_hz": RATE_HZ}}, "benchmark")
-    clock = FastClock()
+    clock = SleeplessClock()
     device = SimulatedCrane(odr_hz=RATE_HZ, block_samples=BLOCK, length_m=12.0, position_m=9.0, clock=clock)
     info = device.open()
     pipeline = Pipeline(configuration, info, correction_for(info, configuration.device.axes, None), HeaderMaker())

@@ -18,20 +18,19 @@ from devices.simulated.device import SimulatedCrane
 from gateway import __version__
 from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
-from gateway.pipeline.header import HeaderMaker
-from gateway.pipeline.outgoing_message import EncodedMessage, encode_message
+from gateway.pipeline.outgoing_message import EncodedMessage, HeaderMaker, encode_message
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.signing_key import load_or_create_key
-from gateway.recording.format.encoding import encode_recorded
+from gateway.recording.format.encoding import encode_recorded, logged_topics, schema_bytes
 from gateway.recording.format.header import RecordingHeader
 from gateway.recording.format.mcap_writer import DENSE, McapWriter
-from gateway.recording.format.schemas import logged_topics, schema_bytes
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.segments.compaction import compact
 from gateway.recording.segments.recorder import Recorder
 from gateway.topics import TOPICS
-from tests.benchmarks.chain import CLOCK, FastClock, cpu_s
+from tests.benchmarks.chain import CLOCK, cpu_s
+from tests.clocks import SleeplessClock
 
 RUNS = 5
 CASES = ((1000, 32, 60), (125, 13, 600))
@@ -60,7 +59,7 @@ def main() -> None:
 
 def _data(rate_hz: int, block: int, seconds: int) -> Recorded:
     configuration = validate({"device": {"odr_hz": rate_hz}}, "benchmark")
-    device = SimulatedCrane(odr_hz=rate_hz, block_samples=block, length_m=12.0, position_m=9.0, clock=FastClock())
+    device = SimulatedCrane(odr_hz=rate_hz, block_samples=block, length_m=12.0, position_m=9.0, clock=SleeplessClock())
     info = device.open()
     blocks: list[SampleBlock] = []
     while sum(map(len, blocks)) < rate_hz * seconds:

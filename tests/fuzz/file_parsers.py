@@ -21,8 +21,8 @@ from mcap.records import Message
 from mcap.writer import MCAP0_MAGIC
 
 from devices.errors import DeviceError
+from devices.tables.layout import read_head
 from devices.tables.native import read_table
-from devices.tables.notation import read_head
 from gateway.authorization.caller import NotAuthorised
 from gateway.authorization.credential import parse_credential
 from gateway.calibration.offline.record_files import read_record
@@ -35,8 +35,7 @@ from gateway.recalibration.journal import Journal
 from gateway.recalibration.requests import parse_payload
 from gateway.recording.chain.chain_state import read_state
 from gateway.recording.format.frames import RECORD_HEAD
-from gateway.recording.reading.recording_file import open_recording
-from gateway.recording.reading.segment_index import read_index
+from gateway.recording.reading.recording_file import open_recording, read_index
 from gateway.recording.segments.events import read_event_intervals
 from gateway.verbs import VERBS
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from devices.errors import RecordingError
+from devices.tables.layout import read_head
 from devices.tables.native import MAX_BYTES, read_table
-from devices.tables.notation import read_head
 from gateway.atomic_io import write_durably
 from gateway.bench.input_tables import read_columns
 from gateway.calibration.offline.record_files import read_parent, read_record

@@ -20,8 +20,7 @@ from devices.simulated.crane import Crane
 from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
 from gateway.messages import Condition, Swing
-from gateway.pipeline.clock_state import ClockState
-from gateway.pipeline.header import HeaderMaker
+from gateway.pipeline.outgoing_message import ClockState, HeaderMaker
 from gateway.pipeline.pipeline import Pipeline
 from tests.devices.i2c.adxl355_chip import Adxl355Chip
 from tests.devices.i2c.i2c_chip import FakeClock, Signal

@@ -10,80 +10,68 @@ from tests.working_crane.ramps import Trapezoid, bell, bell_slope, rise, travel
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
-    """A move of trolley or bridge in a straight line."""
+class Travel:
+    """A motion from rest to rest, with a ramp up, a constant rate, and the same ramp down."""
 
     start_s: float
     ramp_s: float
     hold_s: float
+
+    @property
+    def rate(self) -> float:
+        """The constant rate, m/s or rad/s."""
+        raise NotImplementedError
+
+    @property
+    def motion(self) -> Trapezoid:
+        """The way since the start, m or rad."""
+        return Trapezoid(self.start_s, self.ramp_s, self.hold_s, self.rate)
+
+    @property
+    def end_s(self) -> float:
+        return self.motion.end_s
+
+
+@dataclass(frozen=True, slots=True)
+class Drive(Travel):
+    """A move of trolley or bridge in a straight line, along the azimuth."""
+
     speed_m_s: float
     azimuth_rad: float
 
     @property
-    def motion(self) -> Trapezoid:
-        """Along the azimuth, m."""
-        return Trapezoid(self.start_s, self.ramp_s, self.hold_s, self.speed_m_s)
-
-    @property
-    def end_s(self) -> float:
-        return self.motion.end_s
+    def rate(self) -> float:
+        return self.speed_m_s
 
 
 @dataclass(frozen=True, slots=True)
-class JibTrolley:
-    """A move of the trolley along a jib, outward positive."""
+class JibTrolley(Travel):
+    """A move of the trolley along a jib, outward positive: a change of the radius."""
 
-    start_s: float
-    ramp_s: float
-    hold_s: float
     speed_m_s: float
 
     @property
-    def motion(self) -> Trapezoid:
-        """The change of the radius, m."""
-        return Trapezoid(self.start_s, self.ramp_s, self.hold_s, self.speed_m_s)
-
-    @property
-    def end_s(self) -> float:
-        return self.motion.end_s
+    def rate(self) -> float:
+        return self.speed_m_s
 
 
 @dataclass(frozen=True, slots=True)
-class Slew:
-    """A turn of the jib about the vertical."""
+class Turn(Travel):
+    """A turn of the jib or boom."""
 
-    start_s: float
-    ramp_s: float
-    hold_s: float
     rate_rad_s: float
 
     @property
-    def motion(self) -> Trapezoid:
-        """The change of the jib's azimuth, rad."""
-        return Trapezoid(self.start_s, self.ramp_s, self.hold_s, self.rate_rad_s)
-
-    @property
-    def end_s(self) -> float:
-        return self.motion.end_s
+    def rate(self) -> float:
+        return self.rate_rad_s
 
 
-@dataclass(frozen=True, slots=True)
-class Luff:
-    """A turn of the boom in its vertical plane, upward positive."""
+class Slew(Turn):
+    """A turn of the jib about the vertical: a change of its azimuth."""
 
-    start_s: float
-    ramp_s: float
-    hold_s: float
-    rate_rad_s: float
 
-    @property
-    def motion(self) -> Trapezoid:
-        """The change of the boom's elevation, rad."""
-        return Trapezoid(self.start_s, self.ramp_s, self.hold_s, self.rate_rad_s)
-
-    @property
-    def end_s(self) -> float:
-        return self.motion.end_s
+class Luff(Turn):
+    """A turn of the boom in its vertical plane, upward positive: a change of its elevation."""
 
 
 @dataclass(frozen=True, slots=True)

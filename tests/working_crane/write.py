@@ -1,12 +1,14 @@
 """A case as a folder of files: log.csv, truth.csv, gateway.toml, case.json."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tests.blind.mechanics import Array
 from tests.working_crane.crane import Case
 from tests.working_crane.events import as_json
 from tests.working_crane.recording import Recording
@@ -21,17 +23,37 @@ FORMATS = {
     "heading_deg": "%.3f",
 }
 """Of the columns of truth.csv; others have six digits."""
+LOG_FORMATS = {"time_s": "%.6f", "ax_g": "%.7f", "ay_g": "%.7f", "az_g": "%.7f"}
+BEFORE_ROPE = """[gateway]
+site = "yard"
+crane = "crane-1"
+sensor = "hook-1"
+[device]
+kind = "replay"
+path = "log.csv"
+speed = 0
+[rope]"""
+AFTER_HOUSING = """[site]
+gravity_m_s2 = 9.80665
+[alerts]
+warn_deg = 4.0
+trip_deg = 6.0
+clear_deg = 3.0
+hold_s = 3.0
+lean_trip_deg = 5.0
+[page]
+enabled = false
+"""
 
 
 def write_case(case: Case, recording: Recording, folder: Path) -> None:
     """Write the four files; the folder may be there already."""
     folder.mkdir(parents=True, exist_ok=True)
-    log = np.column_stack([recording.time_s, recording.reading_g])
-    _write_csv(folder / "log.csv", "time_s,ax_g,ay_g,az_g", "%.6f,%.7f,%.7f,%.7f", log)
-    names, columns = zip(*recording.truth.items(), strict=True)
-    formats = ",".join(FORMATS.get(name, "%.6f") for name in names)
-    _write_csv(folder / "truth.csv", ",".join(names), formats, np.column_stack(columns))
-    (folder / "gateway.toml").write_text(gateway_toml(case))
+    write_table(folder / "log.csv", LOG_FORMATS, np.column_stack([recording.time_s, recording.reading_g]))
+    formats = {name: FORMATS.get(name, "%.6f") for name in recording.truth}
+    write_table(folder / "truth.csv", formats, np.column_stack(list(recording.truth.values())))
+    above_load = f"above_load_m = {case.crane.above_load_m:.3f}"
+    (folder / "gateway.toml").write_text(gateway_toml(f"{case.believed_length_m:.3f}", above_load))
     (folder / "case.json").write_text(json.dumps(case_json(case), indent=1))
 
 
@@ -57,33 +79,12 @@ def case_json(case: Case) -> dict[str, Any]:
     }
 
 
-def gateway_toml(case: Case) -> str:
-    """Return the configuration that replays the log."""
-    return f"""[gateway]
-site = "yard"
-crane = "crane-1"
-sensor = "hook-1"
-[device]
-kind = "replay"
-path = "log.csv"
-speed = 0
-[rope]
-length_m = {case.believed_length_m:.3f}
-[housing]
-above_load_m = {case.crane.above_load_m:.3f}
-[site]
-gravity_m_s2 = 9.80665
-[alerts]
-warn_deg = 4.0
-trip_deg = 6.0
-clear_deg = 3.0
-hold_s = 3.0
-lean_trip_deg = 5.0
-[page]
-enabled = false
-"""
+def gateway_toml(length_m: str, *housing: str) -> str:
+    """Return the configuration that replays the log, with the stated rope and the lines of the housing."""
+    return "\n".join([BEFORE_ROPE, f"length_m = {length_m}", "[housing]", *housing, AFTER_HOUSING])
 
 
-def _write_csv(path: Path, header: str, row_format: str, table: np.ndarray) -> None:
-    row_format += "\n"
-    path.write_text(header + "\n" + "".join(row_format % tuple(row) for row in table.tolist()))
+def write_table(path: Path, formats: Mapping[str, str], table: Array) -> None:
+    """Write a table, (n, k), as CSV; `formats` are those of its columns by their names."""
+    row_format = ",".join(formats.values()) + "\n"
+    path.write_text(",".join(formats) + "\n" + "".join(row_format % tuple(row) for row in table.tolist()))

@@ -1,20 +1,24 @@
-"""Deflection over time, from two recordings of the ends of a girder."""
+"""Deflection over time, from two recordings of the ends of a girder, and the report with the largest one."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.bench.girder.beam import Girder
 from gateway.bench.girder.deflection import (
     DEFLECTION_AVERAGE_S,
     Deflection,
     EndRotation,
+    Girder,
     InwardAxis,
     girder_deflection,
     inward_tilt_rad,
     relative_u_of_correction,
 )
+from gateway.calibration.record import FigureSeries, RecordFigure
+from gateway.certificate.bench_report import ReportTable, render_bench_report
+from gateway.documents.format import format_fixed, format_with_uncertainty
 from gateway.errors import InputError
 from gateway.measurement.source import Source
 from gateway.numerics.array import Array
@@ -22,6 +26,8 @@ from gateway.numerics.autocorrelation import correlation_sum
 
 MIN_ZERO_BINS = 5
 """Least number of averages of the zero. Basis: their scatter is known."""
+MAX_DEFLECTION_POINTS = 2000
+"""Points of the figure; more are thinned. Basis: a choice; more than a figure has pixels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,3 +123,42 @@ def _rotations(
     tilt_rad = end.tilt_rad[np.searchsorted(end.bins, loaded)]
     zero = float(zero_rad.mean())
     return [EndRotation(zero - float(tilt), u_random_rad, u_relative) for tilt in tilt_rad]
+
+
+def render_deflection_report(
+    names: tuple[str, str],
+    girder_text: str,
+    time_s: Sequence[float],
+    deflection_mm: Sequence[float],
+    u_mm: Sequence[float],
+    warnings: Sequence[str],
+) -> str:
+    """Return the page; the series are of equal length, one at least."""
+    place = max(range(len(deflection_mm)), key=lambda number: abs(deflection_mm[number]))
+    every = -(-len(time_s) // MAX_DEFLECTION_POINTS)
+    series = FigureSeries(
+        name="mid-span", x=tuple(time_s[::every]), y=tuple(deflection_mm[::every]), u=tuple(u_mm[::every])
+    )
+    return render_bench_report(
+        "Deflection of a girder",
+        facts=(("Left end", names[0]), ("Right end", names[1]), ("Girder", girder_text)),
+        tables=(
+            ReportTable(
+                "Largest deflection at mid-span",
+                ("time / s", "deflection / mm"),
+                ((format_fixed(time_s[place], 1), format_with_uncertainty(deflection_mm[place], u_mm[place])),),
+                "Positive downwards, k = 2, from the rotations of both ends (Zhu et al. 2020, eq. 25). It holds for a girder on "
+                "two simple supports and small bending.",
+            ),
+        ),
+        figures=(
+            RecordFigure(
+                title="Deflection at mid-span",
+                x_label="time / s",
+                y_label="deflection / mm",
+                series=(series,),
+                caption="Averages of 1 s; bars: ± 2 u.",
+            ),
+        ),
+        warnings=warnings,
+    )

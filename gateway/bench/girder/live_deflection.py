@@ -6,11 +6,11 @@ from typing import Literal
 
 import numpy as np
 
-from gateway.bench.girder.beam import Girder
 from gateway.bench.girder.deflection import (
     DEFLECTION_AVERAGE_S,
     Deflection,
     EndRotation,
+    Girder,
     InwardAxis,
     girder_deflection,
     inward_tilt_rad,

@@ -9,7 +9,7 @@ from gateway.bench.thermal.datasheet_limits import Verdict
 from gateway.bench.thermal.ramp import Ramp
 from gateway.bench.thermal.ramp_calibration import AxisSummary, MeasuredCoefficient, ThermalCalibration
 from gateway.calibration.poses.faces import FACES
-from gateway.calibration.record_figure import FigureSeries, RecordFigure
+from gateway.calibration.record import FigureSeries, RecordFigure
 from gateway.documents.format import format_fixed
 from gateway.numerics.array import Array
 

@@ -18,7 +18,7 @@ from gateway.calibration.record import NotDeterminedError
 from gateway.errors import InputError
 from gateway.numerics.array import Array
 from gateway.numerics.autocorrelation import correlation_sum
-from gateway.numerics.stats import student_quantile
+from gateway.numerics.stats import means_by_group, student_quantile
 
 RAMP_AVERAGE_S = 0.5
 """Duration of an average, s; 20 Hz were averaged to 2 Hz (Sawicki and Walendziuk 2016, sec. 3)."""
@@ -65,10 +65,12 @@ def bin_ramp(readings: FileReadings, nominal: NominalSensitivity) -> Ramp:
         )
     known = ~np.isnan(readings.temperature_c)
     time_s, raw, temperature_c = readings.time_s[known], readings.raw[known], readings.temperature_c[known]
-    group = np.floor((time_s - time_s[0]) / RAMP_AVERAGE_S).astype(np.int64)
-    means, mean_c, noise = _average(group, raw, temperature_c)
+    group = np.floor((time_s - time_s[0]) / RAMP_AVERAGE_S)
+    averages, scatter = means_by_group(group, np.column_stack([temperature_c, raw]))
+    mean_c, means, noise = averages[:, 0], averages[:, 1:], scatter[1:]
     width_c = max(float(np.ptp(mean_c)) / N_BINS, MIN_BIN_C)
-    binned, binned_c, _ = _average(np.floor((mean_c - mean_c.min()) / width_c).astype(np.int64), means, mean_c)
+    bins, _ = means_by_group(np.floor((mean_c - mean_c.min()) / width_c), averages)
+    binned_c, binned = bins[:, 0], bins[:, 1:]
     if np.ptp(binned_c) < MIN_RAMP_C or len(binned) < MIN_RAMP_BINS:
         raise NotDeterminedError(
             f"{path}: the temperature changes by {np.ptp(mean_c):.1f} °C; a ramp needs {MIN_RAMP_C:.0f} °C or more"
@@ -81,16 +83,6 @@ def bin_ramp(readings: FileReadings, nominal: NominalSensitivity) -> Ramp:
     if moved_g > MAX_MOTION_G + 6 * float(noise.max()) / nominal.units_per_g:
         raise NotDeterminedError(f"{path}: a reading stands {moved_g * 1000:.0f} mg off its ramp: the sensor was moved")
     return Ramp(path, face, binned_c, binned, noise, len(raw))
-
-
-def _average(group: Array, values: Array, temperature_c: Array) -> tuple[Array, Array, Array]:
-    """Return the means of the groups in rising order, their mean temperatures, and the scatter of a value within groups."""
-    _, place = np.unique(group, return_inverse=True)
-    count = np.bincount(place)
-    means = np.column_stack([np.bincount(place, axis) / count for axis in values.T])
-    freedom = max(len(values) - len(count), 1)
-    scatter = np.sqrt(((values - means[place]) ** 2).sum(axis=0) / freedom)
-    return means, np.bincount(place, temperature_c) / count, scatter
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from gateway.bench.thermal.datasheet_limits import (
 from gateway.bench.thermal.ramp import AxisRegression, Ramp, bin_ramp, fit_axis
 from gateway.calibration.methods.calibration_fit import CalibrationFit
 from gateway.calibration.methods.six_position import PLACEMENT_U_DEG, fit_six_positions
-from gateway.calibration.offline.estimate_sensitivity import estimate_sensitivity
+from gateway.calibration.offline.calibrate_files import estimate_sensitivity
 from gateway.calibration.offline.readings_file import FileReadings
 from gateway.calibration.pose_method import THERMAL
 from gateway.calibration.poses.faces import FACES

@@ -21,7 +21,7 @@ from gateway.calibration.thermal_model import AXES, AxisThermalModel, ThermalMod
 from gateway.errors import InputError
 from gateway.numerics.array import Array
 from gateway.numerics.autocorrelation import correlation_sum
-from gateway.numerics.stats import student_quantile
+from gateway.numerics.stats import means_by_group, student_quantile
 
 MIN_REST_RANGE_C = 5.0
 """Smallest range of the temperatures at rest, °C. Basis: a choice; a day outside has it, and 0.5 mg/°C show as 2.5 mg."""
@@ -62,7 +62,8 @@ def learn_at_rest(files: Sequence[FileReadings], parent: CalibrationRecord) -> t
     place = int(np.argmax(np.abs(up)))
     if np.abs(up[place]) < np.cos(MAX_LEAN_RAD) * np.linalg.norm(up):
         raise NotDeterminedError("no axis of the sensor lies along the rope; use ramps on the six faces")
-    bins_c, error_g = _bin(temperature_c, np.linalg.norm(corrected_g, axis=1) - 1)
+    rests = np.column_stack([temperature_c, np.linalg.norm(corrected_g, axis=1) - 1])
+    bins_c, error_g = means_by_group(np.floor(temperature_c / BIN_C), rests)[0].T
     if np.ptp(bins_c) < MIN_REST_RANGE_C or len(bins_c) < MIN_REST_BINS:
         raise NotDeterminedError(
             f"at rest the temperature varied by {np.ptp(temperature_c):.1f} °C; {MIN_REST_RANGE_C:.0f} °C or more are needed"
@@ -106,12 +107,6 @@ def _still_windows(file: FileReadings, units_per_g: float) -> list[tuple[Window,
         if gate.is_still(window) and len(known_c):
             found.append((window, float(known_c.mean())))
     return found
-
-
-def _bin(temperature_c: Array, values: Array) -> tuple[Array, Array]:
-    _, place = np.unique(np.floor(temperature_c / BIN_C), return_inverse=True)
-    count = np.bincount(place)
-    return np.bincount(place, temperature_c) / count, np.bincount(place, values) / count
 
 
 def _straight_line(x: Array, y: Array) -> tuple[float, float, int]:

@@ -3,24 +3,26 @@
 At rest in one pose the magnitude is 1 g plus one number: the component of the zero-g offsets along the vertical, and the scale
 error there. A hanging housing shows the sum of z offset and z scale, and nothing of x and y, which read as a lean. The absence
 of an alarm therefore does not prove the calibration; a new calibration shows the rest.
+
+The means of low-pass filtered readings are taken over an hour, and over the hours of a day.
 """
 
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gateway.calibration.correction import Correction
 from gateway.calibration.drift.forecast import created_at
-from gateway.calibration.drift.rest_mean import HourSums, RestMean, combine_means
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.numerics.array import Array
 from gateway.numerics.stats import normal_quantile
 from gateway.units import HOURS_PER_DAY
 
+Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 SECONDS_PER_HOUR = 3600
 NS_PER_HOUR = SECONDS_PER_HOUR * 1_000_000_000
 MAX_HOURS = 72
@@ -38,6 +40,71 @@ NORMAL_995 = normal_quantile(0.995)
 """Coverage factor of a two-sided 99 % interval of a normal variable. Definition: a quantile."""
 REST_GATES = ("complete", "not_clipped", "no_impact", "axes_alive", "quiet", "still", "steady")
 """Gates of the condition that a reading at rest meets: all gates that do not depend on the magnitude."""
+
+
+class RestMean(BaseModel):
+    """A mean of readings at rest."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    hour: int
+    """Hours since 1970, UTC; for a day its newest hour with rest."""
+    count: int = Field(gt=0)
+    """Number of readings."""
+    norm_g: float = Field(gt=0)
+    """Mean of the magnitudes, g."""
+    force_g: Vector
+    """Mean specific force in the housing frame, g."""
+    temperature_c: float | None
+
+
+class HourSums(BaseModel):
+    """Sums over the readings of the current hour."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    hour: int
+    count: int = 0
+    norm_g: float = 0.0
+    force_g: Vector = [0.0, 0.0, 0.0]
+    temperature_c: float = 0.0
+    temperatures: int = 0
+    """Number of readings with a temperature."""
+
+    def add(self, force_g: Array, temperature_c: float | None) -> None:
+        """Add a reading, shape (3,)."""
+        self.count += 1
+        self.norm_g += float(np.linalg.norm(force_g))
+        self.force_g = [total + float(value) for total, value in zip(self.force_g, force_g, strict=True)]
+        if temperature_c is not None:
+            self.temperature_c += temperature_c
+            self.temperatures += 1
+
+    def mean(self) -> RestMean:
+        """Return the mean of the readings; there must be at least one."""
+        return RestMean(
+            hour=self.hour,
+            count=self.count,
+            norm_g=self.norm_g / self.count,
+            force_g=[total / self.count for total in self.force_g],
+            temperature_c=self.temperature_c / self.temperatures if self.temperatures else None,
+        )
+
+
+def combine_means(earlier: RestMean, later: RestMean) -> RestMean:
+    """Return the mean of two means, weighted by their counts."""
+    count = earlier.count + later.count
+    a, b = earlier.count / count, later.count / count
+    temperature_c = None
+    if earlier.temperature_c is not None and later.temperature_c is not None:
+        temperature_c = a * earlier.temperature_c + b * later.temperature_c
+    return RestMean(
+        hour=later.hour,
+        count=count,
+        norm_g=a * earlier.norm_g + b * later.norm_g,
+        force_g=[a * x + b * y for x, y in zip(earlier.force_g, later.force_g, strict=True)],
+        temperature_c=temperature_c,
+    )
 
 
 def is_at_rest(gates: Mapping[str, bool]) -> bool:

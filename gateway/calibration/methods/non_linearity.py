@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.calibration.poses.mean_uncertainty import quantisation_u
-from gateway.calibration.poses.pose import Pose
+from gateway.calibration.poses.pose import Pose, quantisation_u
 from gateway.calibration.uncertainty import Contribution
 from gateway.numerics.array import Array
 from gateway.numerics.stats import CHANCE_LEVEL, chi_square_quantile

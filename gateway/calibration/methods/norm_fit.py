@@ -5,6 +5,8 @@ symmetric. This frame is the nearest to all three sensitive axes and prefers non
 it; an upper triangular matrix would put the whole misalignment on two axes. The attitude of this frame in the housing stays
 unknown; the covariance contains it as a rotation of type B, and zeroing in place removes two of its three angles. If an earlier
 record knows the frame, it is kept: a recalibration must not turn the housing.
+
+The reference frame, three angles that no magnitude shows, is that of the parent or of the sensor's assembly.
 """
 
 from dataclasses import dataclass
@@ -13,10 +15,8 @@ import numpy as np
 
 from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind, assemble_fit
 from gateway.calibration.methods.experiment_design import condition_number, require_well_conditioned
-from gateway.calibration.methods.reference_frame import ReferenceFrame, nominal_frame, parent_frame, rotation_covariance
 from gateway.calibration.pose_method import PoseMethod
-from gateway.calibration.poses.mean_uncertainty import quantisation_u
-from gateway.calibration.poses.pose import Pose
+from gateway.calibration.poses.pose import Pose, quantisation_u
 from gateway.calibration.record import CalibrationRecord, NotDeterminedError
 from gateway.calibration.uncertainty import Contribution
 from gateway.numerics.array import Array
@@ -42,6 +42,50 @@ SINGULAR_SPHERE = 1e-6
 are far from it."""
 SYMMETRIC_ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Rows and columns of the six free entries of the matrix."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceFrame:
+    """Rotation of the symmetric matrix of a norm fit into the sensor's axes."""
+
+    source: str
+    """Origin of the frame, as the uncertainty budget names it."""
+    rotation: Array
+    """Rotation matrix, shape (3, 3)."""
+    covariance_rad2: Array
+    """Covariance of the rotation's angles about the three axes, shape (3, 3)."""
+
+
+def nominal_frame(u_deg: float) -> ReferenceFrame:
+    """Return the symmetric frame itself, with this standard uncertainty about each axis."""
+    return ReferenceFrame("attitude of the frame in the housing", np.eye(3), np.radians(u_deg) ** 2 * np.eye(3))
+
+
+def parent_frame(parent: CalibrationRecord, symmetric: Array) -> ReferenceFrame:
+    """Return the frame of a parent record: the rotation that brings the symmetric matrix nearest to the parent's matrix."""
+    matrix = np.array(parent.correction_matrix, dtype=np.float64)
+    left, _, right = np.linalg.svd(matrix @ np.linalg.inv(symmetric))
+    relative_error_jacobian = np.kron(np.eye(3), np.linalg.inv(matrix).T)  # (1 + E) M: E by the entries of M
+    angle_jacobian = np.array([_skew(axis).ravel() / 2 for axis in np.eye(3)]) @ relative_error_jacobian
+    covariance = np.array(parent.covariance, dtype=np.float64)[:9, :9]
+    return ReferenceFrame(
+        source=f"attitude of the frame, as of record {parent.id}",
+        rotation=np.asarray(left @ right),
+        covariance_rad2=angle_jacobian @ covariance @ angle_jacobian.T,
+    )
+
+
+def rotation_covariance(matrix: Array, covariance_rad2: Array) -> Array:
+    """Return the covariance that small rotations of a correction matrix with this covariance cause, shape (12, 12)."""
+    jacobian = np.zeros((12, 3))
+    jacobian[:9] = np.column_stack([(_skew(axis) @ matrix).ravel() for axis in np.eye(3)])
+    return np.asarray(jacobian @ covariance_rad2 @ jacobian.T)
+
+
+def _skew(vector: Array) -> Array:
+    """Return the matrix of the cross product `vector` x ..., shape (3, 3)."""
+    x, y, z = vector
+    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,7 @@ import numpy as np
 
 from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind, misalignment_deg
 from gateway.calibration.pose_method import ZEROING
-from gateway.calibration.poses.mean_uncertainty import correlation_factor
-from gateway.calibration.poses.pose import RawReadings
+from gateway.calibration.poses.pose import RawReadings, correlation_factor
 from gateway.calibration.poses.windows import StillnessGate, Window, WindowSplitter
 from gateway.calibration.record import CalibrationError, CalibrationRecord, NotDeterminedError
 from gateway.calibration.thermal_model import thermal_model

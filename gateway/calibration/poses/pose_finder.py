@@ -5,8 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gateway.calibration.poses.faces import find_face
-from gateway.calibration.poses.mean_uncertainty import correlation_factor
-from gateway.calibration.poses.pose import NominalSensitivity, Pose, RawReadings
+from gateway.calibration.poses.pose import NominalSensitivity, Pose, RawReadings, correlation_factor
 from gateway.calibration.poses.windows import STILL_RATIO, StillnessGate, Window, WindowSplitter
 from gateway.numerics.array import Array
 
@@ -30,8 +29,8 @@ K_SHIFT = 6.0
 does not reach it, and another face differs by far more."""
 MIN_TURN_G = 0.087
 """Least difference between two readings of two poses, g; zero-g offsets cancel in it. 5 degrees: a sensor that was tilted so far
-against a face and is then laid down on it has taken another pose (`face_angles.MAX_FACE_ANGLE_DEG`). Basis: 5 degrees,
-`face_angles.MAX_FACE_ANGLE_DEG`."""
+against a face and is then laid down on it has taken another pose (`faces.MAX_FACE_ANGLE_DEG`). Basis: 5 degrees,
+`faces.MAX_FACE_ANGLE_DEG`."""
 SETTLING_WINDOWS = 1
 """Number of windows that are discarded at the start of a rest. Basis: the movement ends within the first one."""
 PLACE_SENSOR = "lay the sensor down and let it rest"

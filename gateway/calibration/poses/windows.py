@@ -7,7 +7,7 @@ import numpy as np
 
 from gateway.calibration.poses.pose import RawReadings
 from gateway.numerics.array import Array
-from gateway.numerics.quantisation import smallest_steps
+from gateway.numerics.stats import smallest_steps
 
 POSE_WINDOW_S = 0.25
 """Duration of a window, s. Basis: several windows fit into the shortest rest, and each has readings enough for a scatter."""

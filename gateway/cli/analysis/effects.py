@@ -24,7 +24,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the list, or one description."""
-    from gateway.cli.options.optional_dependencies import require_twin
+    from gateway.cli.options.argument_types import require_twin
 
     require_twin()
     from gateway.errors import InputError

@@ -4,8 +4,9 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-from gateway.cli.options.recording_interval import add_interval, interval
+from gateway.cli.options.recording_options import add_interval, interval
 from gateway.cli.options.table_options import add_table_options, table_options
+from gateway.cli.terminal.output import add_json
 
 EXAMPLE = """examples:
   plumbline measure log.csv --rig rig.toml --json result.json
@@ -39,9 +40,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         metavar="RIG",
         help="rig.toml with housing position and rope length, which may be left out (default: those in the gateway's .mcap)",
     )
-    command.add_argument(
-        "--json", type=Path, metavar="FILE", help="also write the result as JSON; -: print it instead of the text"
-    )
+    add_json(command)
     command.add_argument(
         "--motion",
         type=Path,
@@ -59,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.measurement.measure import measure
     from gateway.measurement.motion_report import motion_table
     from gateway.measurement.report import as_json, as_text
-    from gateway.measurement.rig_of_recording import read_rig_of_recording
+    from gateway.measurement.rig_file import read_rig_of_recording
     from gateway.measurement.source import read_source
 
     part, options = interval(arguments), table_options(arguments)

@@ -1,4 +1,7 @@
-"""`plumbline reconcile`: where simulation and measurement disagree, and which effects are missing."""
+"""`plumbline reconcile`: where simulation and measurement disagree, and which effects are missing.
+
+With `--plan`: the experiment that separates effects.
+"""
 
 import argparse
 import os
@@ -7,11 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.cli.analysis.effects import add_effects_from, load_user_effects
-from gateway.cli.analysis.plan import add_plan_arguments, run_plan, wants_plan
 from gateway.cli.analysis.reconcile_files import check_outputs, output_texts
 from gateway.cli.options.argument_types import whole_number
-from gateway.cli.options.recording_interval import add_interval, interval
+from gateway.cli.options.recording_options import add_interval, interval
 from gateway.cli.options.table_options import add_table_options, table_options
+from gateway.cli.terminal.output import add_json
 
 if TYPE_CHECKING:
     from gateway.measurement.source import Source
@@ -25,6 +28,57 @@ EXAMPLE = """examples:
   plumbline reconcile work.csv --rig rig.toml --inputs estimated
   plumbline reconcile log.csv --rig rig.toml --effects-from my_effects.py
   plumbline reconcile --plan rig.toml --effects steady_wind,axis_offset"""
+
+
+def add_plan_arguments(command: argparse.ArgumentParser) -> None:
+    """Add the options of a plan; `--json` is an option of the command itself."""
+    command.add_argument(
+        "--plan",
+        type=Path,
+        metavar="RIG",
+        help="without LOG: propose the experiment that separates effects on this rig",
+    )
+    command.add_argument(
+        "--effects",
+        metavar="A,B,...",
+        help="with --plan: the effects to separate, such as steady_wind,axis_offset[x+y]; "
+        "without it the ambiguity groups of the rig",
+    )
+
+
+def wants_plan(arguments: argparse.Namespace) -> bool:
+    """Return whether a plan is asked for. Raises `InputError` for options that contradict each other."""
+    from gateway.errors import InputError
+
+    if arguments.plan is None and arguments.log is None:
+        raise InputError("reconcile needs a recording: reconcile LOG --rig RIG; or --plan RIG without one")
+    if arguments.plan is not None and arguments.log is not None:
+        raise InputError(f"reconcile --plan {arguments.plan} reads no recording; leave {arguments.log} or --plan out")
+    if arguments.plan is None and arguments.effects is not None:
+        raise InputError("reconcile --effects belongs to --plan RIG; add that, or leave --effects out")
+    return arguments.plan is not None
+
+
+def run_plan(arguments: argparse.Namespace) -> int:
+    """Print the plan; the exit code is 1 if no experiment separates anything."""
+    from gateway.cli.options.argument_types import require_twin
+
+    require_twin()
+    from gateway.cli.terminal.output import show
+    from gateway.cli.terminal.progress import Progress
+    from gateway.measurement.rig_file import read_rig
+    from gateway.twin.experiment_design.hypotheses import parse_hypotheses
+    from gateway.twin.experiment_design.plan import plan
+    from gateway.twin.experiment_design.text import as_json, as_text
+    from gateway.twin.model import model_of
+
+    load_user_effects(arguments)
+    model = model_of(read_rig(arguments.plan), str(arguments.plan))
+    groups = None if arguments.effects is None else (parse_hypotheses(arguments.effects),)
+    with Progress() as progress:
+        result = plan(model.rig, groups, progress.tick, model.effects)
+    show(as_text(result), as_json(result), arguments.json)
+    return 0 if result.improves_separation else 1
 
 
 def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -51,9 +105,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         metavar="LOG2",
         help="a second recording to test the model on; without it the end of LOG",
     )
-    command.add_argument(
-        "--json", type=Path, metavar="FILE", help="also write the result as JSON; -: print it instead of the text"
-    )
+    add_json(command)
     command.add_argument("--report", type=Path, metavar="FILE.html", help="write a report with figures")
     command.add_argument(
         "--prediction", type=Path, metavar="FILE.csv", help="write the prediction of LOG2 (of LOG without one)"
@@ -85,7 +137,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Print the answer; the exit code is 1 if something unknown is missing, or the data cannot be used."""
     if wants_plan(arguments):
         return run_plan(arguments)
-    from gateway.cli.options.optional_dependencies import require_twin
+    from gateway.cli.options.argument_types import require_twin
 
     # Before the library of linear algebra is loaded: its threads slow down small matrices, and take the cores of other processes.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -94,9 +146,9 @@ def run(arguments: argparse.Namespace) -> int:
 
     from gateway.cli.terminal.output import show, write_text
     from gateway.cli.terminal.progress import Progress
-    from gateway.measurement.free_swing import cut_to_free_swing
-    from gateway.measurement.rig_of_recording import read_rig_of_recording
+    from gateway.measurement.rig_file import read_rig_of_recording
     from gateway.measurement.source import read_source
+    from gateway.measurement.swing import cut_to_free_swing
     from gateway.twin.model import model_of
     from gateway.twin.reconcile.data.data_checks import check_recording, model_from_recording
     from gateway.twin.reconcile.data.sensor_noise import with_measured_noise

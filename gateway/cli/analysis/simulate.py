@@ -52,7 +52,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate and write the recording."""
-    from gateway.cli.options.optional_dependencies import require_twin
+    from gateway.cli.options.argument_types import require_twin
 
     require_twin()
     from gateway.cli.terminal.output import write_text

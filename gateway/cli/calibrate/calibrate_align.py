@@ -2,13 +2,13 @@
 
 import argparse
 import math
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gateway.cli.options.alignment_unit import add_unit_arguments, aligning_unit
 from gateway.cli.options.argument_types import above_zero
 from gateway.cli.options.table_options import add_table_options, table_options
+from gateway.cli.terminal.output import add_json
 
 if TYPE_CHECKING:
     from gateway.bench.align_recording import RecordedTurns
@@ -38,36 +38,25 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
         metavar="DEG",
         help="deviation of perpendicularity of the housing, DP (default %(default)s)",
     )
-    method.add_argument("--json", type=Path, metavar="FILE", help="also write the result as JSON; -: print it instead")
+    add_json(method)
     method.add_argument("--html", type=Path, metavar="FILE", help="write a report with a figure")
     add_table_options(method)
     method.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gateway.bench.align_recording import read_turns
-    from gateway.bench.alignment_report import render_alignment_report
-    from gateway.calibration.record import NotDeterminedError
-    from gateway.cli.terminal.output import STANDARD_OUTPUT, print_json, write_json, write_text
+    from gateway.bench.align_recording import read_turns, render_alignment_report
+    from gateway.cli.terminal.output import show, write_text
     from gateway.measurement.calibration_readings import read_calibration_readings
 
     (file,) = read_calibration_readings([arguments.file], table_options(arguments))
     unit = aligning_unit(arguments)
     deviation_rad = math.radians(arguments.perpendicularity_deg)
-    try:
-        found = read_turns(file, unit, None if arguments.axis is None else "xyz".index(arguments.axis), deviation_rad)
-    except NotDeterminedError as error:
-        print(f"plumbline calibrate: {error}", file=sys.stderr)
-        return 1
+    found = read_turns(file, unit, None if arguments.axis is None else "xyz".index(arguments.axis), deviation_rad)
     result = _as_json(found, deviation_rad)
     if arguments.html is not None:
         write_text(arguments.html, render_alignment_report(str(arguments.file), found, deviation_rad))
-    if arguments.json == STANDARD_OUTPUT:
-        print_json(result)
-    else:
-        if arguments.json is not None:
-            write_json(arguments.json, result)
-        print(_as_text(found, deviation_rad))
+    show(_as_text(found, deviation_rad), result, arguments.json)
     return 0 if found.turns[-1].advice.state == "aligned" else 1
 
 

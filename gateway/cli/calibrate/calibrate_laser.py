@@ -2,7 +2,6 @@
 
 import argparse
 import re
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -55,7 +54,7 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gateway.cli.options.optional_dependencies import require_laser
+    from gateway.cli.options.argument_types import require_laser
     from gateway.errors import InputError
 
     require_laser()
@@ -76,31 +75,21 @@ def _measure(arguments: argparse.Namespace) -> int:
     from gateway.bench.laser.displacement import displacement, measure_photograph
     from gateway.bench.laser.output import displacements_as_csv, displacements_as_json, format_displacements
     from gateway.bench.laser.photograph import read_photograph
-    from gateway.calibration.record import NotDeterminedError
-    from gateway.cli.terminal.output import STANDARD_OUTPUT, print_json, write_json, write_text
+    from gateway.cli.terminal.output import show, write_text
     from gateway.cli.terminal.progress import Progress
 
     board = _board(arguments)
-    try:
-        with Progress() as progress:
-            photographs = []
-            for number, path in enumerate(arguments.files, start=1):
-                progress.tick(f"photograph {number} of {len(arguments.files)}")
-                photographs.append(measure_photograph(read_photograph(path, arguments.colour), board))
-        found = [(each, displacement(photographs[0], each)) for each in photographs]
-    except NotDeterminedError as error:
-        print(f"plumbline calibrate: {error}", file=sys.stderr)
-        return 1
+    with Progress() as progress:
+        photographs = []
+        for number, path in enumerate(arguments.files, start=1):
+            progress.tick(f"photograph {number} of {len(arguments.files)}")
+            photographs.append(measure_photograph(read_photograph(path, arguments.colour), board))
+    found = [(each, displacement(photographs[0], each)) for each in photographs]
     if arguments.overlay is not None:
         _write_overlays(arguments.overlay, found)
     if arguments.csv is not None:
         write_text(arguments.csv, displacements_as_csv(found))
-    if arguments.json == STANDARD_OUTPUT:
-        print_json(displacements_as_json(found))
-        return 0
-    if arguments.json is not None:
-        write_json(arguments.json, displacements_as_json(found))
-    print(format_displacements(found))
+    show(format_displacements(found), displacements_as_json(found), arguments.json)
     return 0
 
 

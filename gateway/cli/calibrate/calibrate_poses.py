@@ -1,7 +1,6 @@
 """`plumbline calibrate six-position` and `norm-fit`: a calibration from resting poses, of six faces or of many attitudes."""
 
 import argparse
-import sys
 from pathlib import Path
 
 from gateway.calibration.pose_method import PoseMethod
@@ -76,7 +75,6 @@ def _calibrate(arguments: argparse.Namespace, **stated: float | None) -> int:
     `stated` are the uncertainties of the method that `CalibrateOptions` takes; None leaves the default.
     """
     from gateway.calibration.offline.calibrate_files import CalibrateOptions, calibrate_files
-    from gateway.calibration.record import NotDeterminedError
     from gateway.measurement.calibration_readings import read_calibration_readings
 
     files = read_calibration_readings(arguments.files, table_options(arguments))
@@ -84,9 +82,5 @@ def _calibrate(arguments: argparse.Namespace, **stated: float | None) -> int:
     parent = read_parent_record(arguments)
     known = {name: value for name, value in stated.items() if value is not None}
     options = CalibrateOptions(arguments.method, arguments.units_per_g, parent=parent, **known)
-    try:
-        found = calibrate_files(files, options)
-    except NotDeterminedError as error:
-        print(f"plumbline calibrate: {error}", file=sys.stderr)
-        return 1
+    found = calibrate_files(files, options)
     return finish_record(arguments, found.fit, found.unit, found.notes, parent)

@@ -1,7 +1,6 @@
 """`plumbline calibrate rotation`: full turns about horizontal axes on a rig with a known angle."""
 
 import argparse
-import sys
 from pathlib import Path
 
 from gateway.calibration.pose_method import ROTATION
@@ -34,7 +33,6 @@ def _run(arguments: argparse.Namespace) -> int:
     from gateway.bench.input_tables import read_turn
     from gateway.bench.rotation import MOUNTING_U_DEG, fit_rotation
     from gateway.bench.rotation_output import format_rotation, rotation_fields
-    from gateway.calibration.record import NotDeterminedError
     from gateway.errors import InputError
 
     parent = read_parent_record(arguments)
@@ -48,11 +46,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if len(units) > 1:
         raise InputError(f"the turns are in {' and '.join(sorted(units))}; calibrate from one unit")
     (unit,) = units
-    try:
-        fit = fit_rotation(tuple(turn for turn, _ in turns), arguments.mounting_deg or MOUNTING_U_DEG)
-    except NotDeterminedError as error:
-        print(f"plumbline calibrate: {error}", file=sys.stderr)
-        return 1
+    fit = fit_rotation(tuple(turn for turn, _ in turns), arguments.mounting_deg or MOUNTING_U_DEG)
     text = format_rotation(fit, unit)
     if fit.calibration is None:
         print(text)

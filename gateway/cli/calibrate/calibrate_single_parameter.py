@@ -2,7 +2,6 @@
 
 import argparse
 import math
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -93,8 +92,7 @@ def _run(arguments: argparse.Namespace) -> int:
     try:
         fit = fit_single_parameter(pairs, setup)
     except NotDeterminedError as error:
-        print(f"plumbline calibrate: {', '.join(map(str, arguments.files))}: {error}", file=sys.stderr)
-        return 1
+        raise NotDeterminedError(f"{', '.join(map(str, arguments.files))}: {error}") from error
     corrected = None if arguments.apply is None else _correct(arguments.apply, fit)
     record = write_record(arguments, as_calibration(fit), "g", parent, single_parameter_fields(fit))
     if corrected is not None:

@@ -1,7 +1,6 @@
 """`plumbline calibrate thermal`: offset and sensitivity against temperature, from ramps on the six faces."""
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -68,7 +67,6 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
 def _run(arguments: argparse.Namespace) -> int:
     from gateway.bench.thermal.output import format_thermal, thermal_figure
     from gateway.bench.thermal.ramp_calibration import calibrate_ramps
-    from gateway.calibration.record import NotDeterminedError
     from gateway.cli.terminal.progress import Progress
     from gateway.measurement.calibration_readings import read_calibration_readings
 
@@ -84,13 +82,7 @@ def _run(arguments: argparse.Namespace) -> int:
     parent = read_parent_record(arguments)
     if arguments.at_rest:
         return _learn_at_rest(arguments, files, parent)
-    try:
-        found = calibrate_ramps(
-            files, units_per_g=arguments.units_per_g, reference_c=arguments.reference_c, limits=limits
-        )
-    except NotDeterminedError as error:
-        print(f"plumbline calibrate: {error}", file=sys.stderr)
-        return 1
+    found = calibrate_ramps(files, units_per_g=arguments.units_per_g, reference_c=arguments.reference_c, limits=limits)
     figure = {"figure": thermal_figure(found).model_dump(mode="json")}
     code = finish_record(arguments, found.fit, found.unit, (), parent, figure)
     print()
@@ -102,16 +94,11 @@ def _learn_at_rest(
     arguments: argparse.Namespace, files: "Sequence[FileReadings]", parent: "CalibrationRecord | None"
 ) -> int:
     from gateway.bench.thermal.rest_calibration import learn_at_rest
-    from gateway.calibration.record import NotDeterminedError
     from gateway.errors import InputError
 
     if parent is None:
         raise InputError("--at-rest needs --parent FILE: the record that was in force while the recordings were made")
-    try:
-        fit, found = learn_at_rest(files, parent)
-    except NotDeterminedError as error:
-        print(f"plumbline calibrate: {error}", file=sys.stderr)
-        return 1
+    fit, found = learn_at_rest(files, parent)
     note = f"{found.windows} windows at rest, {found.range_c[0]:.1f} to {found.range_c[1]:.1f} °C"
     return finish_record(arguments, fit, parent.unit, (note, "an offer: review it, then put it in force"), parent)
 

@@ -10,8 +10,7 @@ from gateway.cli.options.argument_types import above_zero, whole_number
 from gateway.cli.remote.remote_align import MAX_QUEUED_TILTS, TILT_SILENCE_S
 
 if TYPE_CHECKING:
-    from gateway.bench.girder.beam import Girder
-    from gateway.bench.girder.deflection import Deflection, InwardAxis
+    from gateway.bench.girder.deflection import Deflection, Girder, InwardAxis
     from gateway.bench.girder.deflection_history import DeflectionSeries
     from gateway.bench.girder.live_deflection import LiveDeflection
     from gateway.bus.client import GatewayClient
@@ -76,7 +75,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gateway.bench.girder.beam import Girder
+    from gateway.bench.girder.deflection import Girder
     from gateway.errors import InputError
 
     if arguments.load_offset_m >= arguments.half_span_m:
@@ -93,9 +92,8 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _evaluate(arguments: argparse.Namespace, girder: "Girder", axes: "tuple[InwardAxis, InwardAxis]") -> int:
-    from gateway.bench.girder.deflection_history import deflection_series
-    from gateway.bench.girder.deflection_report import render_deflection_report
-    from gateway.cli.terminal.output import STANDARD_OUTPUT, print_json, write_json, write_text
+    from gateway.bench.girder.deflection_history import deflection_series, render_deflection_report
+    from gateway.cli.terminal.output import show, write_text
     from gateway.measurement.source import read_source
 
     left, right = (read_source([Path(name)]) for name in (arguments.left, arguments.right))
@@ -135,12 +133,7 @@ def _evaluate(arguments: argparse.Namespace, girder: "Girder", axes: "tuple[Inwa
             [*warnings, *left.temperature_warnings, *right.temperature_warnings],
         )
         write_text(arguments.html, page)
-    if arguments.json == STANDARD_OUTPUT:
-        print_json(result)
-        return 0
-    if arguments.json is not None:
-        write_json(arguments.json, result)
-    print(_summary(series, warnings))
+    show(_summary(series, warnings), result, arguments.json)
     return 0
 
 
@@ -197,7 +190,7 @@ def show_deflection(
 ) -> int:
     """Show the deflection with each tilt until Ctrl-C, or `count` of them; wait while a link is lost."""
     from gateway.bench.girder.live_deflection import Side
-    from gateway.cli.terminal.status_line import StatusLine
+    from gateway.cli.terminal.output import StatusLine
     from gateway.daemon.runtime.bounded_queue import BoundedQueue
     from gateway.topics import adapter
 

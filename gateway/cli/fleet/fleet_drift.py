@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gateway.cli.options.argument_types import above_zero
+from gateway.cli.terminal.output import add_json
 
 if TYPE_CHECKING:
     from gateway.calibration.drift.fleet_drift import SensorDrift
@@ -43,9 +44,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         help="longest time between two calibrations, whatever the records show (default %(default)s)",
     )
     verb.add_argument("--on", type=_date, metavar="DATE", help="judge on this day, such as 2026-11-22 (default: today)")
-    verb.add_argument(
-        "--json", type=Path, metavar="FILE", help="also write the result as JSON; -: print it instead of the text"
-    )
+    add_json(verb)
     verb.add_argument("--html", type=Path, metavar="FILE", help="write a report with tables and figures")
     verb.set_defaults(run=_run)
 
@@ -54,7 +53,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from gateway.calibration.drift.fleet_drift import fleet_drift
     from gateway.calibration.offline.record_files import read_records
     from gateway.certificate.drift_report import render_drift_report
-    from gateway.cli.terminal.output import STANDARD_OUTPUT, print_json, write_json, write_text
+    from gateway.cli.terminal.output import show, write_text
 
     now = arguments.on or datetime.now(UTC)
     records, notes = read_records(arguments.records)
@@ -65,12 +64,7 @@ def _run(arguments: argparse.Namespace) -> int:
         "sensors": [_as_json(sensor) for sensor in sensors],
         "not_judged": list(failures),
     }
-    if arguments.json == STANDARD_OUTPUT:
-        print_json(result)
-    else:
-        if arguments.json is not None:
-            write_json(arguments.json, result)
-        print(_as_text(sensors, [*failures, *notes]))
+    show(_as_text(sensors, [*failures, *notes]), result, arguments.json)
     if arguments.html is not None:
         page = render_drift_report(sensors, now.date().isoformat(), arguments.limit_deg, failures)
         write_text(arguments.html, page)

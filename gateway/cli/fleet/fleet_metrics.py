@@ -6,8 +6,8 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from gateway.cli.fleet.fleet_options import add_expect, add_listen, expected_gateways, fleet_client, open_listener
+from gateway.cli.options.argument_types import require_http
 from gateway.cli.options.bus_link import add_connect
-from gateway.cli.options.optional_dependencies import require_http
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette

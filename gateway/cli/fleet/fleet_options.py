@@ -26,7 +26,7 @@ def add_expect(verb: argparse.ArgumentParser) -> None:
 
 def expected_gateways(arguments: argparse.Namespace) -> frozenset[str]:
     """Return the keys of the gateways that `--expect` names. Raises `InputError`."""
-    from gateway.fleet.expected_gateways import read_expected
+    from gateway.fleet.selection import read_expected
 
     return frozenset() if arguments.expect is None else frozenset(read_expected(arguments.expect))
 

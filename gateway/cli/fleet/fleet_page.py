@@ -3,8 +3,8 @@
 import argparse
 
 from gateway.cli.fleet.fleet_options import add_expect, add_listen, expected_gateways, fleet_client, open_listener
+from gateway.cli.options.argument_types import require_http
 from gateway.cli.options.bus_link import add_connect
-from gateway.cli.options.optional_dependencies import require_http
 from gateway.languages import LANGUAGES
 
 FLEET_PAGE_LISTEN = "127.0.0.1:8322"

@@ -77,7 +77,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 def _run(arguments: argparse.Namespace) -> int:
     from gateway.bus.router_settings import router_configuration, with_storage
-    from gateway.fleet.expected_gateways import read_expected
+    from gateway.fleet.selection import read_expected
 
     listen = arguments.listen or [LOCAL_ENDPOINT]
     tls = _tls(arguments)

@@ -1,15 +1,20 @@
-"""`plumbline fleet status`: the state of all gateways on a router."""
+"""`plumbline fleet status`: the state of all gateways on a router.
+
+With `--watch`, the list is redrawn in a terminal; elsewhere each change of a state is a line.
+"""
 
 import argparse
+import os
 import sys
 import time
+from collections.abc import Callable
 from datetime import UTC, datetime
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 from gateway.cli.fleet.fleet_options import add_expect, expected_gateways, fleet_client
 from gateway.cli.options.argument_types import above_zero, parsed_by, whole_number
 from gateway.cli.options.bus_link import add_connect
+from gateway.cli.terminal.output import add_json
 
 if TYPE_CHECKING:
     from gateway.bus.fleet_client import FleetClient
@@ -18,12 +23,19 @@ if TYPE_CHECKING:
     from gateway.fleet.report import FleetQuery, FleetReport
     from gateway.messages import Level
 
+
 SORT_NAMES = ("state", "name", "swing", "battery", "signal", "calibration", "seen", "software")
 FLEET_POLL_S = 0.1
 """Time between two looks. Basis: a choice; not visible to a person, and it costs little."""
 LIVELINESS_S = 0.5
 """Shortest wait for the liveliness tokens of all gateways. Basis: a choice; tokens come within round trips, and a person does not
 wait longer."""
+HOME_AND_CLEAR = "\x1b[H\x1b[J"
+OTHER_SCREEN, USUAL_SCREEN = "\x1b[?1049h\x1b[?25l", "\x1b[?25h\x1b[?1049l"
+"""The list is drawn on the terminal's second screen without a cursor, and leaves the first one as it was."""
+USUAL_COLUMNS, USUAL_ROWS = 120, 24
+"""Size of a terminal that does not state one, such as a serial console. Basis: a choice; 24 rows of a VT100, and columns for the
+table."""
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -65,9 +77,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         help="states beside ok that are no fault, such as disturbed, which occurs while cranes work",
     )
     add_expect(verb)
-    verb.add_argument(
-        "--json", type=Path, metavar="FILE", help="also write the result as JSON; -: print it instead of the text"
-    )
+    add_json(verb)
     verb.add_argument(
         "--wait-s",
         type=above_zero,
@@ -101,7 +111,7 @@ def _parse_levels(text: str) -> "frozenset[Level]":
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gateway.cli.fleet.fleet_watch import watch_fleet
+    from gateway.cli.fleet.fleet_status import watch_fleet
     from gateway.cli.terminal.output import show
     from gateway.fleet.fleet_state import FleetState
     from gateway.fleet.report import FleetQuery
@@ -153,3 +163,70 @@ class LiveFleet:
             invalid=state.invalid + self._client.inbox.refused,
             time_utc=now_utc,
         )
+
+
+def watch_fleet(look: "Callable[[], FleetReport]", out: TextIO, interval_s: float, count: int | None) -> int:
+    """Show a fleet until Ctrl-C or after a number of looks; return 0 if it was well at the last one, else 1."""
+    view = _TerminalDisplay(out) if out.isatty() else _ChangeLog(out)
+    seen, report = 0, look()
+    try:
+        while True:
+            view.show(report)
+            seen += 1
+            if count is not None and seen >= count:
+                return 0 if report.well else 1
+            time.sleep(interval_s)
+            report = look()
+    finally:
+        view.close()
+
+
+class _TerminalDisplay:
+    def __init__(self, out: TextIO) -> None:
+        self._out = out
+        out.write(OTHER_SCREEN)
+
+    def show(self, report: "FleetReport") -> None:
+        size = os.get_terminal_size(self._out.fileno())
+        columns, rows = size.columns or USUAL_COLUMNS, size.lines or USUAL_ROWS
+        lines = [f"{report.time_utc:%H:%M:%S} UTC  {report.lines()[0]}", *report.lines()[1:]]
+        if len(lines) > rows:
+            lines = [
+                *lines[: rows - 1],
+                f"... {len(lines) - rows + 1} more lines; narrow the list with --state or --site",
+            ]
+        self._out.write(HOME_AND_CLEAR + "\n".join(line[:columns] for line in lines))
+        self._out.flush()
+
+    def close(self) -> None:
+        self._out.write(USUAL_SCREEN)
+        self._out.flush()
+
+
+class _ChangeLog:
+    def __init__(self, out: TextIO) -> None:
+        self._out = out
+        self._labels: dict[str, str] = {}
+        self._connected = True
+
+    def show(self, report: "FleetReport") -> None:
+        if not self._labels:
+            self._write(report, report.lines()[0])
+        if report.connected != self._connected:
+            self._connected = report.connected
+            self._write(report, "connected to the router" if report.connected else "no connection to the router")
+        labels = {status.name: status.label for status in report.listed}
+        why = {status.name: "; ".join(status.reasons) for status in report.listed}
+        for name, label in labels.items():
+            if self._labels.get(name) != label:
+                self._write(report, f"{name}  {label}  {why[name]}".rstrip())
+        self._labels |= labels
+
+    def _write(self, report: "FleetReport", text: str) -> None:
+        from gateway.documents.format import printable_text
+
+        self._out.write(f"{report.time_utc:%Y-%m-%dT%H:%M:%SZ}  {printable_text(text, 400)}\n")
+        self._out.flush()
+
+    def close(self) -> None:
+        pass

@@ -53,8 +53,7 @@ def _show(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from gateway.configuration.loading import ConfigurationError, load, missing_files
-    from gateway.configuration.service_configuration import require_sensor
+    from gateway.configuration.loading import ConfigurationError, load, missing_files, require_sensor
     from gateway.errors import InputError
     from gateway.pki.check_files import find_problems
 

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gateway.cli.terminal.status_line import Style, paint
+from gateway.cli.terminal.output import Style, paint
 
 if TYPE_CHECKING:
     from gateway.configuration.model import Configuration
@@ -55,8 +55,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
 def run(arguments: argparse.Namespace) -> int:
     """Print the result of each check; return 1 if one failed."""
     from gateway.cli.terminal.output import STANDARD_OUTPUT, print_json, write_json
-    from gateway.configuration.loading import load
-    from gateway.configuration.service_configuration import SETTINGS, is_installed, load_installed
+    from gateway.configuration.loading import SETTINGS, is_installed, load, load_installed
     from gateway.daemon.doctor.check_result import CheckResult
     from gateway.daemon.doctor.checks import examine, examine_sensor_as_user
     from gateway.daemon.doctor.security_check import examine_security

@@ -109,8 +109,7 @@ def _exit_code(gateway: "Gateway", failed: str | None, errors: "LineWriter") -> 
 
 
 def _make_gateway(arguments: argparse.Namespace, errors: "LineWriter", changes: "ConfigurationService") -> "Gateway":
-    from gateway.configuration.loading import load
-    from gateway.configuration.service_configuration import require_sensor
+    from gateway.configuration.loading import load, require_sensor
     from gateway.daemon.gateway import Gateway
 
     configuration = load(arguments.config, device=replay_section(arguments))

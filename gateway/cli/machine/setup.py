@@ -45,8 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Ask, write and check."""
     from gateway.cli.machine.setup_dialogue import ask_all, confirm
     from gateway.configuration.answers import Answers
-    from gateway.configuration.loading import load_text
-    from gateway.configuration.service_configuration import SETTINGS, require_sensor
+    from gateway.configuration.loading import SETTINGS, load_text, require_sensor
     from gateway.errors import InputError
 
     path = arguments.out or SETTINGS
@@ -96,8 +95,7 @@ def _write(path: Path, text: str) -> None:
 def _check(path: Path, configuration: "Configuration") -> int:
     """Try the sensor: samples arrive, and which face is up."""
     from gateway.cli.machine.doctor import print_result
-    from gateway.configuration.loading import load
-    from gateway.configuration.service_configuration import SETTINGS, load_installed
+    from gateway.configuration.loading import SETTINGS, load, load_installed
     from gateway.daemon.doctor.checks import examine_sensor
 
     configuration = load_installed() if path == SETTINGS else load(path)

@@ -1,14 +1,19 @@
-"""Types of option values, with messages that state what is allowed."""
+"""Types of option values, with messages that state what is allowed, and the extras that an option may need."""
 
 import argparse
+import importlib.util
 import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
+from gateway.errors import InputError
+
 if TYPE_CHECKING:
     from gateway.recording.reading.interval import RecordingTime
 
+
 Value = TypeVar("Value")
+OF_THE_TWIN = ("casadi", "matplotlib", "scipy")
 
 
 def above_zero(text: str) -> float:
@@ -90,3 +95,39 @@ def parse_address(text: str) -> tuple[str, int]:
     if not host or not port.isdecimal() or not 0 < int(port) < 65536:
         raise ValueError(f"{text} is no address such as 127.0.0.1:8322")
     return host, int(port)
+
+
+def require_twin() -> None:
+    """Raise `InputError` where the twin's libraries are missing."""
+    _require(OF_THE_TWIN, "twin")
+
+
+def require_plots() -> None:
+    """Raise `InputError` where the library of the figures is missing."""
+    _require(("matplotlib",), "twin")
+
+
+def require_parquet() -> None:
+    """Raise `InputError` where the library for Parquet files is missing."""
+    _require(("pyarrow",), "parquet")
+
+
+def require_laser() -> None:
+    """Raise `InputError` where the libraries for photographs and the printable board are missing."""
+    _require(("cv2", "fpdf"), "laser")
+
+
+def require_http() -> None:
+    """Raise `InputError` where the HTTP server's libraries are missing."""
+    _require(("starlette", "uvicorn"), "page")
+
+
+def require_certificates() -> None:
+    """Raise `InputError` where the library for certificates is missing."""
+    _require(("cryptography",), "security")
+
+
+def _require(libraries: tuple[str, ...], extra: str) -> None:
+    missing = [name for name in libraries if importlib.util.find_spec(name) is None]
+    if missing:
+        raise InputError(f"{' and '.join(missing)} not installed; try pip install 'plumbline-gateway[{extra}]'")

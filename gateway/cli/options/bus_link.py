@@ -2,10 +2,13 @@
 
 import argparse
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from gateway.bus.client import GatewayClient
     from gateway.bus.credentials import Credentials
 
 CONNECT_VARIABLE = "PLUMBLINE_CONNECT"
@@ -55,8 +58,20 @@ def connect_endpoint(arguments: argparse.Namespace) -> str:
         return str(arguments.connect)
     if CONNECT_VARIABLE in os.environ:
         return os.environ[CONNECT_VARIABLE]
-    from gateway.configuration.service_configuration import is_installed, load_installed
+    from gateway.configuration.loading import is_installed, load_installed
 
     if not is_installed():
         return LOCAL_ENDPOINT
     return [*load_installed().bus.local_endpoints, LOCAL_ENDPOINT][0]
+
+
+@contextmanager
+def gateway_client(arguments: argparse.Namespace) -> "Iterator[GatewayClient]":
+    """Join the bus that `--connect` names as a client of `--gateway`, and leave it at the end."""
+    from gateway.bus.client import GatewayClient
+
+    client = GatewayClient(connect_endpoint(arguments), arguments.gateway, client_credentials(arguments))
+    try:
+        yield client
+    finally:
+        client.close()

@@ -5,8 +5,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.cli.options.recording_interval import interval
-from gateway.cli.record.record_options import add_selection
+from gateway.cli.options.recording_options import add_selection, interval
 from gateway.errors import WITH_LOSSES
 
 if TYPE_CHECKING:
@@ -60,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     target = next(path for path in (arguments.csv, arguments.parquet, arguments.mcap) if path is not None)
     if arguments.parquet is not None:
-        from gateway.cli.options.optional_dependencies import require_parquet
+        from gateway.cli.options.argument_types import require_parquet
 
         require_parquet()
     timeline = open_timeline(arguments.paths)
@@ -82,8 +81,7 @@ def _write(
     from gateway import __version__
     from gateway.errors import InputError
     from gateway.recording.export.mcap_export import write_mcap
-    from gateway.recording.export.table_files import write_csv, write_parquet
-    from gateway.recording.export.tables import samples_table, topic_table
+    from gateway.recording.export.tables import samples_table, topic_table, write_csv, write_parquet
     from gateway.recording.reading.sample_calibration import CalibratedReader
     from gateway.topics import TOPICS
 

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.cli.options.argument_types import above_zero, recording_time, whole_number
-from gateway.cli.record.record_options import add_json, add_paths
+from gateway.cli.options.recording_options import add_paths
+from gateway.cli.terminal.output import add_json
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -81,7 +82,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the report, or list the incidents."""
-    from gateway.cli.options.optional_dependencies import require_plots, require_twin
+    from gateway.cli.options.argument_types import require_plots, require_twin
     from gateway.cli.terminal.progress import ProgressBar
     from gateway.incident.incident_selection import choose_window, read_incidents
     from gateway.recording.reading.catalogue import open_timeline
@@ -100,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _choice(arguments: argparse.Namespace) -> "IncidentChoice":
-    from gateway.cli.options.recording_interval import in_zone
+    from gateway.cli.options.recording_options import in_zone
     from gateway.errors import InputError
     from gateway.incident.incident_selection import IncidentChoice
     from gateway.recording.reading.interval import RecordingInterval
@@ -177,7 +178,7 @@ def analyse_cause(recording: Path) -> "CauseAnalysis":
     """
     from gateway import __version__
     from gateway.cli.terminal.progress import Progress
-    from gateway.documents.text import as_sentence
+    from gateway.documents.format import as_sentence
     from gateway.incident.incident_page import CauseAnalysis
     from gateway.measurement.source import read_source
     from gateway.twin.reconcile.data.data_checks import check_recording, model_from_recording

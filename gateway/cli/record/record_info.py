@@ -2,8 +2,8 @@
 
 import argparse
 
-from gateway.cli.options.recording_interval import interval
-from gateway.cli.record.record_options import add_json, add_selection
+from gateway.cli.options.recording_options import add_selection, interval
+from gateway.cli.terminal.output import add_json
 from gateway.errors import WITH_LOSSES
 
 EXAMPLE = """examples:

@@ -4,8 +4,7 @@ import argparse
 
 from gateway.cli.options.argument_types import above_zero
 from gateway.cli.options.bus_link import LOCAL_ENDPOINT
-from gateway.cli.options.recording_interval import interval
-from gateway.cli.record.record_options import add_selection
+from gateway.cli.options.recording_options import add_selection, interval
 
 EXAMPLE = """examples:
   plumbline record play plumbline-data --last 10:00 --speed 4

@@ -23,7 +23,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 def run(arguments: argparse.Namespace) -> int:
     """Recover a recording; return 3 where something of it could not be read."""
     from gateway.recording.format.salvage import describe_losses
-    from gateway.recording.segments.recovery import NothingRecordedError, recover, recovered_path
+    from gateway.recording.segments.copying import NothingRecordedError, recover, recovered_path
 
     out = arguments.out or recovered_path(arguments.log)
     try:

@@ -4,8 +4,8 @@ import argparse
 from pathlib import Path
 
 from gateway.cli.options.argument_types import duration_s
-from gateway.cli.options.recording_interval import interval
-from gateway.cli.record.record_options import add_json, add_selection
+from gateway.cli.options.recording_options import add_selection, interval
+from gateway.cli.terminal.output import add_json
 from gateway.errors import ANSWER_IS_NO
 
 EXAMPLE = """examples:

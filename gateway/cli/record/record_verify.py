@@ -4,7 +4,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.cli.record.record_options import add_json, add_paths
+from gateway.cli.options.recording_options import add_paths
+from gateway.cli.terminal.output import add_json
 from gateway.errors import ANSWER_IS_NO, WITH_LOSSES
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _gateway_of(path: Path) -> str:
     """Return the gateway that a statement in a file names; its signature is checked later."""
     from gateway.recording.chain.statements import SIGNATURE, parse_statement
-    from gateway.recording.reading.segment_index import read_index
+    from gateway.recording.reading.recording_file import read_index
 
     statement = parse_statement(read_index(path).metadata.get(SIGNATURE, {}).get("statement", ""))
     return "" if statement is None else statement.gateway

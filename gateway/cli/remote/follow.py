@@ -5,7 +5,7 @@ from typing import Any, TextIO
 
 from gateway.bus.client import GatewayClient
 from gateway.calibration.pose_method import PoseMethod
-from gateway.cli.terminal.status_line import StatusLine
+from gateway.cli.terminal.output import StatusLine
 from gateway.daemon.runtime.bounded_queue import BoundedQueue
 
 MAX_STALE_ANSWERS = 4

@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from gateway.cli.options.alignment_unit import add_unit_arguments, aligning_unit
 from gateway.cli.options.argument_types import above_zero
-from gateway.cli.options.bus_link import add_address, client_credentials, connect_endpoint
+from gateway.cli.options.bus_link import add_address, gateway_client
 
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient
-    from gateway.calibration.alignment.assistant import AlignmentReadout
-    from gateway.calibration.alignment.screw_advice import ScrewAdvice, ScrewMechanics
+    from gateway.calibration.alignment.assistant import AlignmentReadout, ScrewAdvice, ScrewMechanics
     from gateway.calibration.alignment.turn_assistant import TurnAssistant
-    from gateway.cli.terminal.status_line import StatusLine
+    from gateway.cli.terminal.output import StatusLine
     from gateway.messages import Tilt
 
 TILT_SILENCE_S = 1.5
@@ -65,8 +64,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 
 def _align(arguments: argparse.Namespace) -> int:
-    from gateway.bus.client import GatewayClient
-    from gateway.calibration.alignment.screw_advice import ScrewMechanics
+    from gateway.calibration.alignment.assistant import ScrewMechanics
 
     if arguments.on_shaft:
         return _align_on_shaft(arguments)
@@ -76,29 +74,22 @@ def _align(arguments: argparse.Namespace) -> int:
         pitch_sign=-1 if "pitch" in arguments.reversed else 1,
         roll_sign=-1 if "roll" in arguments.reversed else 1,
     )
-    client = GatewayClient(connect_endpoint(arguments), arguments.gateway, client_credentials(arguments))
-    try:
+    with gateway_client(arguments) as client:
         return show_advice(client, screws, sys.stdout)
-    finally:
-        client.close()
 
 
 def _align_on_shaft(arguments: argparse.Namespace) -> int:
-    from gateway.bus.client import GatewayClient
     from gateway.calibration.alignment.turn_assistant import TurnAssistant
 
     axis = None if arguments.axis is None else "xyz".index(arguments.axis)
-    client = GatewayClient(connect_endpoint(arguments), arguments.gateway, client_credentials(arguments))
-    try:
+    with gateway_client(arguments) as client:
         return show_turns(client, TurnAssistant(aligning_unit(arguments), axis), sys.stdout)
-    finally:
-        client.close()
 
 
 def show_turns(client: "GatewayClient", assistant: "TurnAssistant", out: TextIO) -> int:
     """Show the read-out of the turns until the axis is aligned, or as far as its screws reach; wait if the link is lost."""
     from gateway.calibration.alignment.turn_assistant import format_errors, format_turn
-    from gateway.cli.terminal.status_line import StatusLine
+    from gateway.cli.terminal.output import StatusLine
 
     in_force = ((client.status() or {}).get("calibration") or {}).get("in_force") or {}
     assistant.set_gain(in_force.get("gain_g_per_unit"))
@@ -122,7 +113,7 @@ def show_turns(client: "GatewayClient", assistant: "TurnAssistant", out: TextIO)
 def show_advice(client: "GatewayClient", screws: "ScrewMechanics", out: TextIO) -> int:
     """Show advice for each tilt until the housing is aligned; wait if the link is lost."""
     from gateway.calibration.alignment.assistant import AlignmentAssistant
-    from gateway.cli.terminal.status_line import StatusLine
+    from gateway.cli.terminal.output import StatusLine
 
     line, assistant = StatusLine(out), AlignmentAssistant(screws)
     tilts = TiltFeed(client, line)

@@ -7,7 +7,7 @@ import uuid
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gateway.cli.options.bus_link import MAX_ANSWER_WAIT_S, add_address, client_credentials, connect_endpoint
+from gateway.cli.options.bus_link import MAX_ANSWER_WAIT_S, add_address, gateway_client
 from gateway.errors import ANSWER_IS_NO
 
 if TYPE_CHECKING:
@@ -77,8 +77,8 @@ def _get(arguments: argparse.Namespace) -> int:
 
 
 def _propose(arguments: argparse.Namespace) -> int:
-    from gateway.configuration.difference import KeyChange
     from gateway.configuration.loading import read_table
+    from gateway.configuration.proposal import KeyChange
 
     keep = arguments.action == "propose"
     more = {"proposal": read_table(arguments.file), "allow_network": arguments.allow_network, "keep": keep}
@@ -93,16 +93,13 @@ def _propose(arguments: argparse.Namespace) -> int:
 
 
 def _apply(arguments: argparse.Namespace) -> int:
-    client = _client(arguments)
-    try:
+    with gateway_client(arguments) as client:
         request = _request(arguments, {"proposal": arguments.proposal})
         reply = _send(client, "config_apply", request)
         if not reply.accepted:
             return _refused(reply)
         print(f"{reply.text}; the gateway starts again ...", flush=True)
         return _wait_for_end(client, arguments, request["id"])
-    finally:
-        client.close()
 
 
 def _wait_for_end(client: "GatewayClient", arguments: argparse.Namespace, request_id: str) -> int:
@@ -126,11 +123,8 @@ def _wait_for_end(client: "GatewayClient", arguments: argparse.Namespace, reques
 
 
 def _ask(arguments: argparse.Namespace, verb: str, more: dict[str, Any]) -> "RpcReply":
-    client = _client(arguments)
-    try:
+    with gateway_client(arguments) as client:
         return _send(client, verb, _request(arguments, more))
-    finally:
-        client.close()
 
 
 def _send(client: "GatewayClient", verb: str, request: dict[str, Any]) -> "RpcReply":
@@ -144,12 +138,6 @@ def _send(client: "GatewayClient", verb: str, request: dict[str, Any]) -> "RpcRe
 
 def _request(arguments: argparse.Namespace, more: dict[str, Any]) -> dict[str, Any]:
     return {"id": f"cli-{uuid.uuid4().hex}", "by": arguments.by, "reason": arguments.reason, **more}
-
-
-def _client(arguments: argparse.Namespace) -> "GatewayClient":
-    from gateway.bus.client import GatewayClient
-
-    return GatewayClient(connect_endpoint(arguments), arguments.gateway, client_credentials(arguments))
 
 
 def _refused(reply: "RpcReply") -> int:

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from gateway.cli.options.bus_link import MAX_ANSWER_WAIT_S, add_address, client_credentials, connect_endpoint
+from gateway.cli.options.bus_link import MAX_ANSWER_WAIT_S, add_address, gateway_client
 from gateway.cli.terminal.output import write_text
 from gateway.errors import ANSWER_IS_NO
 from gateway.text import printable
@@ -37,18 +37,14 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 
 def _fetch(arguments: argparse.Namespace) -> int:
-    from gateway.bus.client import GatewayClient
     from gateway.bus.fetched import FetchedAudit, FetchedList
 
-    client = GatewayClient(connect_endpoint(arguments), arguments.gateway, client_credentials(arguments))
-    try:
+    with gateway_client(arguments) as client:
         listed = fetch_request(client, {}, FetchedList, MAX_ANSWER_WAIT_S)
         records, damaged = fetch_records(client, listed, MAX_ANSWER_WAIT_S)
         reviewed = listed.review
         candidate = None if reviewed is None else _record(client, reviewed, MAX_ANSWER_WAIT_S)
         audit = fetch_request(client, {"what": "audit", "lines": 1000}, FetchedAudit, MAX_ANSWER_WAIT_S).audit
-    finally:
-        client.close()
     for record in records:
         _write(arguments.out, record.id, record, records)
     if candidate is not None:

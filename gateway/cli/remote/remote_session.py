@@ -3,14 +3,18 @@
 import argparse
 import sys
 import uuid
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from gateway.calibration.pose_method import PoseMethod
-from gateway.cli.options.bus_link import MAX_ANSWER_WAIT_S, add_address, client_credentials, connect_endpoint
+from gateway.cli.options.bus_link import MAX_ANSWER_WAIT_S, add_address, gateway_client
 from gateway.errors import ANSWER_IS_NO
 
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient
+
+Run = Callable[[argparse.Namespace], int]
+"""What a verb does; it returns the exit code."""
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -34,16 +38,18 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     recalibrate.add_argument(
         "--follow", action="store_true", help="start nothing; follow the session that is under way"
     )
-    _verb(verbs, "zero", "Set the two angles of the mount to zero. The load must hang still.", _zero, "--by ann")
-    commit = _verb(verbs, "commit", "Put the record in review in force.", _commit, '--by ann --reason "new sensor"')
+    _verb(verbs, "zero", "Set the two angles of the mount to zero. The load must hang still.", _request(), "--by ann")
+    commit = _verb(
+        verbs, "commit", "Put the record in review in force.", _request("record"), '--by ann --reason "new sensor"'
+    )
     commit.add_argument("--record", metavar="ID", help="id of the record (default: the one in review)")
-    rollback = _verb(verbs, "rollback", "Put an earlier record in force again.", _rollback, "--by ann")
+    rollback = _verb(verbs, "rollback", "Put an earlier record in force again.", _request("to"), "--by ann")
     rollback.add_argument("--to", metavar="ID", help="id of the record (default: the parent of the present one)")
     mark = _verb(
         verbs,
         "mark",
         "Write a mark into the recording. The quota deletes the time around it last.",
-        _mark,
+        _request("text"),
         '"sling slipped" --by ann',
     )
     mark.add_argument("text", metavar="TEXT", help="one line")
@@ -51,19 +57,19 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         verbs,
         "acknowledge",
         "Acknowledge an alert: who knows of it, recorded and sent to everybody. It ends no alert.",
-        _acknowledge,
+        _request("incident"),
         "--by ann",
     )
     acknowledge.add_argument(
         "incident", nargs="?", metavar="INCIDENT", help="id of the incident (default: all that nobody has acknowledged)"
     )
-    _verb(verbs, "cancel", "End the session; the old record stays in force.", _cancel, "--by ann")
+    _verb(verbs, "cancel", "End the session; the old record stays in force.", _request(), "--by ann")
     for name in ("recalibrate", "zero", "commit", "rollback", "mark", "acknowledge", "cancel"):
         add_address(verbs.choices[name])
 
 
 def _verb(
-    verbs: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, description: str, run: Any, example: str
+    verbs: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, description: str, run: Run, example: str
 ) -> argparse.ArgumentParser:
     summary = description[0].lower() + description.partition(".")[0][1:]
     verb = verbs.add_parser(
@@ -79,8 +85,8 @@ def _verb(
 def _recalibrate(arguments: argparse.Namespace) -> int:
     from gateway.cli.remote.follow import watch_session
 
-    client = _client(arguments)
-    try:
+    _require_name(arguments)
+    with gateway_client(arguments) as client:
         session_id = None
         if not arguments.follow:
             more = {"method": arguments.method, "housing_off_rope": arguments.housing_off_rope}
@@ -89,40 +95,17 @@ def _recalibrate(arguments: argparse.Namespace) -> int:
                 return code
             session_id = request["id"]
         return watch_session(client, session_id, sys.stdout)
-    finally:
-        client.close()
 
 
-def _zero(arguments: argparse.Namespace) -> int:
-    return _run_request(arguments, "zero", {})
+def _request(*fields: str) -> Run:
+    """Return what runs a verb: it sends the fields of its request, which are its arguments of these names."""
 
+    def run(arguments: argparse.Namespace) -> int:
+        _require_name(arguments)
+        with gateway_client(arguments) as client:
+            return _send(client, arguments.verb, arguments, {name: getattr(arguments, name) for name in fields})[0]
 
-def _commit(arguments: argparse.Namespace) -> int:
-    return _run_request(arguments, "commit", {"record": arguments.record})
-
-
-def _rollback(arguments: argparse.Namespace) -> int:
-    return _run_request(arguments, "rollback", {"to": arguments.to})
-
-
-def _mark(arguments: argparse.Namespace) -> int:
-    return _run_request(arguments, "mark", {"text": arguments.text})
-
-
-def _acknowledge(arguments: argparse.Namespace) -> int:
-    return _run_request(arguments, "acknowledge", {"incident": arguments.incident})
-
-
-def _cancel(arguments: argparse.Namespace) -> int:
-    return _run_request(arguments, "cancel", {})
-
-
-def _run_request(arguments: argparse.Namespace, verb: str, more: dict[str, Any]) -> int:
-    client = _client(arguments)
-    try:
-        return _send(client, verb, arguments, more)[0]
-    finally:
-        client.close()
+    return run
 
 
 def _send(
@@ -141,10 +124,8 @@ def _send(
     return 0 if reply.accepted else ANSWER_IS_NO, request
 
 
-def _client(arguments: argparse.Namespace) -> "GatewayClient":
-    from gateway.bus.client import GatewayClient
+def _require_name(arguments: argparse.Namespace) -> None:
     from gateway.errors import InputError
 
     if not arguments.by and not getattr(arguments, "follow", False):
         raise InputError("--by NAME is required: your name, for the record, its history and the audit")
-    return GatewayClient(connect_endpoint(arguments), arguments.gateway, client_credentials(arguments))

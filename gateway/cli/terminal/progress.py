@@ -1,11 +1,13 @@
-"""The progress of a long command, on stderr if that is a terminal: steps of unknown number, or a share with the time left."""
+"""The progress of a long command, on stderr if that is a terminal: steps of unknown number, or a share with the time left.
 
+CasADi drops a KeyboardInterrupt that is raised inside its functions, or returns None for it: Ctrl-C is kept for it meanwhile.
+"""
+
+import signal
 import sys
 import time
-from types import TracebackType
+from types import FrameType, TracebackType
 from typing import TextIO
-
-from gateway.cli.terminal.interrupt import DeferredInterrupt
 
 PROGRESS_BAR_CHARACTERS = 40
 """Width of the bar, characters. Basis: a choice; half of a terminal's line."""
@@ -15,6 +17,38 @@ REDRAW_S = 0.2
 """Basis: a choice; the bar moves for the eye, and writing costs nothing."""
 MIN_ESTIMATED_SHARE = 0.02
 """Share of the work from which the time left is told. Basis: a choice; the rate is then known to some per cent."""
+
+
+class DeferredInterrupt:
+    """Hold Ctrl-C back until the next `check`, or the end; a second Ctrl-C acts at once."""
+
+    def __init__(self) -> None:
+        self._is_pending = False
+        self._is_installed = False
+
+    def __enter__(self) -> "DeferredInterrupt":
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            signal.signal(signal.SIGINT, self._note)
+            self._is_installed = True
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._is_installed:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+        if error is None:
+            self.check()
+
+    def check(self) -> None:
+        """Raise `KeyboardInterrupt` where Ctrl-C was pressed."""
+        if self._is_pending:
+            raise KeyboardInterrupt
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        if self._is_pending:
+            signal.default_int_handler(number, frame)
+        self._is_pending = True
 
 
 class Progress:

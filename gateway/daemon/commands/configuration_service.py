@@ -11,14 +11,12 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gateway.atomic_io import write_durably
-from gateway.configuration.loading import ConfigurationError, load_text
-from gateway.configuration.proposal import CheckedProposal, check_proposal, text_hash
-from gateway.configuration.remote_keys import visible_part
-from gateway.configuration.service_configuration import require_sensor
+from gateway.configuration.loading import ConfigurationError, load_text, require_sensor
+from gateway.configuration.proposal import CheckedProposal, check_proposal, text_hash, visible_part
 from gateway.configuration.trial import ConfigurationTrial, Outcome, TrialJournal
 from gateway.daemon.commands.requests import RemoteRequest, RequestHandler
 from gateway.file_input import parse_toml
-from gateway.recalibration.audit import Audit
+from gateway.recalibration.journal import Audit
 from gateway.recalibration.requests import ApplyConfiguration, ProposeConfiguration, ReadConfiguration, Request
 
 log = logging.getLogger("plumbline.configuration")

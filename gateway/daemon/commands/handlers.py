@@ -14,9 +14,7 @@ from gateway.daemon.runtime.wall_clock import WallClockMonitor
 from gateway.daemon.storage.outbox_writer import OutboxWriter
 from gateway.messages import Mark
 from gateway.outbox.position import Position
-from gateway.pipeline.clock_state import MessageTime
-from gateway.pipeline.header import HeaderMaker
-from gateway.pipeline.outgoing_message import EncodedMessage, encode_message
+from gateway.pipeline.outgoing_message import EncodedMessage, HeaderMaker, MessageTime, encode_message
 from gateway.recalibration.request_answers import AnsweredRequests, RequestAnswer
 from gateway.recalibration.requests import FetchAlerts, FetchSchema, SetMark
 from gateway.topics import TOPICS, json_schema

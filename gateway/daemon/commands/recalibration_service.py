@@ -15,8 +15,7 @@ from gateway.pipeline.rate_limiter import RateLimiter
 from gateway.recalibration.interlock import LoadState
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.requests import Fetch, LoadSignal, Request
-from gateway.recalibration.session import Session, Timestamp
-from gateway.recalibration.session_message import make_session_message
+from gateway.recalibration.session import Session, Timestamp, make_session_message
 from gateway.recording.segments.calibration_files import CalibrationFiles
 
 SESSION_PERIOD_S = 0.5

@@ -16,7 +16,7 @@ from gateway.bus.session import open_gateway_session
 from gateway.calibration.correction import correction_for
 from gateway.calibration.store import find_record_in_force
 from gateway.configuration.bus_section import is_loopback
-from gateway.configuration.i2c_devices import I2cSection
+from gateway.configuration.device_sections import I2cSection
 from gateway.configuration.model import Configuration
 from gateway.configuration.relay_section import GpioRelay, NoRelay
 from gateway.daemon.doctor.check_result import CheckResult

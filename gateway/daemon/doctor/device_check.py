@@ -18,9 +18,8 @@ from devices.i2c.bus import BusOpener
 from devices.i2c.identity import FoundPart, probe_bus
 from devices.i2c.self_test import SelfTestResult, run_self_test
 from devices.usb_ports import SYSTEM_FOLDERS, PortFolders, find_usb_port, find_usb_ports
-from gateway.configuration.i2c_devices import I2cDevice, I2cSection
+from gateway.configuration.device_sections import I2cDevice, I2cSection, SerialSection
 from gateway.configuration.model import Configuration
-from gateway.configuration.serial_devices import SerialSection
 from gateway.daemon.doctor.check_result import CheckResult, Grade
 
 READING_S = 3.0

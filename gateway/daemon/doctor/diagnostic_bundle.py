@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from gateway import __version__
+from gateway.configuration.loading import SETTINGS
 from gateway.configuration.model import Configuration
-from gateway.configuration.service_configuration import SETTINGS
 from gateway.daemon.doctor.check_result import CheckResult
 from gateway.daemon.doctor.secret_filter import SecretFilter, secret_files
 from gateway.daemon.doctor.service_check import query_gateway

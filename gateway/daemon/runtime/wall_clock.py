@@ -3,7 +3,7 @@
 import ctypes
 
 from devices.host_clock import HostClock
-from gateway.pipeline.clock_state import ClockState
+from gateway.pipeline.outgoing_message import ClockState
 
 STEP_NS = 500_000_000
 """Change of the clock that is a step. Basis: a choice; ntpd slews differences below 128 ms, and a second is what a person

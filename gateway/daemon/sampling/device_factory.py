@@ -12,11 +12,19 @@ from devices.device import Device
 from devices.errors import DeviceError
 from gateway.configuration.device_plugins import PluginError, load_plugin
 from gateway.configuration.device_section import DeviceSection
-from gateway.configuration.device_sections import IioDevice, ReplayDevice, SimulatedDevice
-from gateway.configuration.i2c_devices import Ads1115Device, I2cDevice, I2cSection
+from gateway.configuration.device_sections import (
+    Ads1115Device,
+    AsppDevice,
+    I2cDevice,
+    I2cSection,
+    IioDevice,
+    NodeDevice,
+    ReplayDevice,
+    SimulatedDevice,
+    SingleAxisDevice,
+    WitMotionDevice,
+)
 from gateway.configuration.model import Configuration
-from gateway.configuration.serial_devices import AsppDevice, NodeDevice, WitMotionDevice
-from gateway.configuration.single_axis_device import SingleAxisDevice
 
 log = logging.getLogger("plumbline.device")
 BLOCK_S = 0.1

@@ -23,10 +23,9 @@ from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.signing_key import KEY_NAME, MISSING_EXTRA, KeyFileError, fingerprint, load_or_create_key
 from gateway.recording.format.header import RecordingHeader
 from gateway.recording.segments.calibration_files import CalibrationFiles
-from gateway.recording.segments.compaction import compact
+from gateway.recording.segments.compaction import compact, trim
 from gateway.recording.segments.events import EventIndex
 from gateway.recording.segments.recorder import Recorder, RecorderError
-from gateway.recording.segments.trimming import trim
 
 log = logging.getLogger("plumbline.recorder")
 MAX_WAITING_RECORDS = 4096

@@ -33,7 +33,7 @@ from gateway.recording.chain.statements import (
     parse_statement,
 )
 from gateway.recording.format.header import ORIGIN, segment_number
-from gateway.recording.reading.segment_index import read_index
+from gateway.recording.reading.recording_file import read_index
 
 
 class SegmentChain:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mcap.well_known import MessageEncoding, SchemaEncoding
 
-from gateway.recording.export.table_files import new_file
+from gateway.recording.export.tables import new_file
 from gateway.recording.format.mcap_writer import McapWriter
 from gateway.recording.reading.recording_file import Selection
 from gateway.recording.reading.sample_calibration import NEEDED_TOPICS, CalibratedBlock, CalibratedReader

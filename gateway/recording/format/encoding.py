@@ -3,8 +3,13 @@
 A field that is null is left out, so that viewers find plain numbers only. Each unit has a resolution well below the smallest
 uncertainty of what is measured in it; an uncertainty keeps two significant digits, so that it never becomes zero. Samples,
 from which every result can be computed again, and calibration records are exact.
+
+Schemas have the form that MCAP viewers can read. Lichtblick and older Foxglove ignore a topic whose schema has a `$ref`, and
+offer no field without a single `type`, which is how "a number or null" is written. References are replaced by their content, and
+a field that may be left out has the type of its values and is not required: every number can be plotted.
 """
 
+import json
 from dataclasses import fields, is_dataclass
 from functools import cache
 from math import isfinite
@@ -14,6 +19,7 @@ import msgspec
 import numpy as np
 
 from gateway.messages import Calibration, CalibrationSession, Log, Message, Samples
+from gateway.topics import TOPICS, adapter
 
 EXACT = (Samples, Calibration, CalibrationSession)
 DECIMALS = {
@@ -38,6 +44,8 @@ OTHER_DECIMALS = 3
 UNCERTAINTY_DIGITS = 2
 """Significant digits (GUM 7.2.6)."""
 _ENCODER = msgspec.json.Encoder()
+Schema = dict[str, Any]
+NULL = {"type": "null"}
 
 
 def encode_recorded(message: Message | Log) -> bytes:
@@ -88,3 +96,36 @@ def decimals_of(name: str) -> int:
         return -UNCERTAINTY_DIGITS
     units = [unit for unit in DECIMALS if name.endswith(unit)]
     return DECIMALS[max(units, key=len)] if units else OTHER_DECIMALS
+
+
+@cache
+def schema_bytes(topic: str) -> bytes:
+    """Return the schema of a topic for a recording."""
+    schema = adapter(topic).json_schema(mode="serialization")
+    definitions = schema.pop("$defs", {})
+    viewable = {"title": TOPICS[topic].schema_name, **_make_viewable(schema, definitions)}
+    return json.dumps(viewable, separators=(",", ":")).encode()
+
+
+def logged_topics() -> list[str]:
+    """Return the names of the topics that a recording contains."""
+    return [topic.name for topic in TOPICS.values() if topic.logged]
+
+
+def _make_viewable(schema: Schema, definitions: dict[str, Schema]) -> Schema:
+    """Return the schema without references, without the alternative null, and without titles, which repeat the names."""
+    schema = {key: value for key, value in schema.items() if key != "title" or isinstance(value, dict)}
+    if "$ref" in schema:
+        name = schema["$ref"].removeprefix("#/$defs/")
+        others = {key: value for key, value in schema.items() if key != "$ref"}
+        return _make_viewable({**definitions[name], **others}, definitions)
+    if NULL in schema.get("anyOf", ()):
+        (known,) = (option for option in schema["anyOf"] if option != NULL)
+        others = {key: value for key, value in schema.items() if key not in ("anyOf", "default")}
+        return _make_viewable({**known, **others}, definitions)
+    if schema.get("type") == "array":
+        return {**schema, "items": _make_viewable(schema["items"], definitions)}
+    if schema.get("type") == "object":
+        fields = schema.get("properties", {})
+        return {**schema, "properties": {name: _make_viewable(entry, definitions) for name, entry in fields.items()}}
+    return schema

@@ -2,21 +2,41 @@
 
 The `mcap` package defines the records. Its own writer serialises each field of a message by a call of its own, which costs more
 than everything else in recording; here a message is one `struct` and its payload.
+
+The summary section is made from the records before: by the writer, and again by the verification, from what is signed.
 """
 
 import struct
 import zlib
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 import zstandard
+from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, DataEnd, Header, Metadata, Schema
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
 from mcap.writer import MCAP0_MAGIC
 
-from gateway.recording.format.summary_section import SummarySection, serialise
+from gateway.recording.format.frames import FOOTER_BYTES
 
+FOOTER = struct.Struct("<BQQQ")
+"""Opcode, length, start of the summary and of the summary offsets: what the summary's checksum contains of the footer."""
 CHUNK_BYTES = 1024 * 1024
 """A chunk ends when it is longer than this. Basis: a sample takes 19 bytes at 125 Hz, and 32 in chunks of a second; a reader
 decompresses a whole chunk."""
@@ -29,12 +49,112 @@ MESSAGE_FIELDS_BYTES = MESSAGE.size - 9
 (MCAP)."""
 INDEX = struct.Struct("<BQHI")
 """Opcode, length, channel, bytes of the entries."""
-
 FAST = zstandard.ZstdCompressionParameters.from_level(1)
 """Compression of chunks of a second, which a higher level does not make smaller."""
 DENSE = zstandard.ZstdCompressionParameters.from_level(9, source_size=CHUNK_BYTES, min_match=7)
 """Compression of long chunks. Shorter matches are coincidences in the digits of noise, and cost more than the digits. Basis: a
 choice; lower levels leave larger segments, and higher ones take more of a small board's core."""
+
+
+class SummarySection:
+    """Takes the records of the data section in their order."""
+
+    def __init__(self) -> None:
+        self.schemas: list[Schema] = []
+        self.channels: list[Channel] = []
+        self._chunks: list[ChunkIndex] = []
+        self._attachments: list[AttachmentIndex] = []
+        self._metadata: list[MetadataIndex] = []
+        self._counts: Counter[int] = Counter()
+        """Number of messages by channel."""
+
+    @property
+    def chunk_count(self) -> int:
+        """Number of chunks."""
+        return len(self._chunks)
+
+    def add_metadata(self, record: Metadata, offset: int, length: int) -> None:
+        """Add the record of a length at a place."""
+        self._metadata.append(MetadataIndex(offset=offset, length=length, name=record.name))
+
+    def add_attachment(self, record: Attachment, offset: int, length: int) -> None:
+        """Add the record of a length at a place."""
+        self._attachments.append(
+            AttachmentIndex(
+                offset=offset,
+                length=length,
+                log_time=record.log_time,
+                create_time=record.create_time,
+                data_size=len(record.data),
+                name=record.name,
+                media_type=record.media_type,
+            )
+        )
+
+    def add_chunk(self, record: Chunk, offset: int, length: int) -> None:
+        """Add the record of a length at a place; its message indexes follow."""
+        self._chunks.append(
+            ChunkIndex(
+                message_start_time=record.message_start_time,
+                message_end_time=record.message_end_time,
+                chunk_start_offset=offset,
+                chunk_length=length,
+                message_index_offsets={},
+                message_index_length=0,
+                compression=record.compression,
+                compressed_size=len(record.data),
+                uncompressed_size=record.uncompressed_size,
+            )
+        )
+
+    def add_message_index(self, channel_id: int, count: int, offset: int, length: int) -> None:
+        """Add the index of the messages of a channel in the last chunk."""
+        chunk = self._chunks[-1]
+        chunk.message_index_offsets[channel_id] = offset
+        chunk.message_index_length += length
+        self._counts[channel_id] += count
+
+    def encode(self, start: int) -> bytes:
+        """Return the section, which starts at this place, and the footer."""
+        groups: tuple[tuple[Opcode, Sequence[McapRecord]], ...] = (
+            (Opcode.SCHEMA, self.schemas),
+            (Opcode.CHANNEL, self.channels),
+            (Opcode.STATISTICS, [self._statistics()]),
+            (Opcode.CHUNK_INDEX, self._chunks),
+            (Opcode.ATTACHMENT_INDEX, self._attachments),
+            (Opcode.METADATA_INDEX, self._metadata),
+        )
+        summary, offsets = b"", b""
+        for opcode, records in groups:
+            group = serialise(*records)
+            place = start + len(summary)
+            offsets += serialise(SummaryOffset(group_opcode=opcode, group_start=place, group_length=len(group)))
+            summary += group
+        offset_start = start + len(summary)
+        checked = summary + offsets + FOOTER.pack(Opcode.FOOTER, FOOTER_BYTES, start, offset_start)
+        return summary + offsets + serialise(Footer(start, offset_start, zlib.crc32(checked)))
+
+    def _statistics(self) -> Statistics:
+        return Statistics(
+            attachment_count=len(self._attachments),
+            channel_count=len(self.channels),
+            channel_message_counts=dict(self._counts),
+            chunk_count=len(self._chunks),
+            message_count=self._counts.total(),
+            message_end_time=max((index.message_end_time for index in self._chunks), default=0),
+            message_start_time=min((index.message_start_time for index in self._chunks), default=0),
+            metadata_count=len(self._metadata),
+            schema_count=len(self.schemas),
+        )
+
+
+def serialise(*records: McapRecord) -> bytes:
+    """Return records as bytes."""
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    data: bytes = builder.end()
+    return data
 
 
 class ByteSink(Protocol):

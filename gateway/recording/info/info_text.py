@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from gateway.recording.format.salvage import describe_losses
 from gateway.recording.info.recording_info import RecordingInfo
 from gateway.recording.reading.interval import zoned
-from gateway.recording.summary.alert_join import RecordedAlert
 from gateway.recording.summary.segment_summary import CalibrationState, RecordedPeak
+from gateway.recording.summary.summary_builder import RecordedAlert
 
 LABEL_WIDTH = 15
 """Characters of the first column. Definition: the longest label and a space."""

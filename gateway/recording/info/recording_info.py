@@ -10,8 +10,7 @@ from gateway.recording.format import header as names
 from gateway.recording.format.salvage import SalvageReport, sum_losses
 from gateway.recording.info.gaps import RecordingGap, SampleInfo, count_samples, describe_overlaps, join_gaps
 from gateway.recording.reading.interval import WHOLE_RECORDING, RecordingInterval
-from gateway.recording.reading.recording_file import Selection
-from gateway.recording.reading.segment_index import is_altered
+from gateway.recording.reading.recording_file import Selection, is_altered
 from gateway.recording.reading.timeline import (
     ReadSegment,
     ReportProgress,
@@ -20,7 +19,6 @@ from gateway.recording.reading.timeline import (
     ignore_progress,
     summarise_segment,
 )
-from gateway.recording.summary.alert_join import RecordedAlert, join_alerts, unknown_s
 from gateway.recording.summary.segment_summary import (
     CalibrationState,
     ClockChange,
@@ -32,6 +30,7 @@ from gateway.recording.summary.segment_summary import (
     TopicCount,
     calibration_key,
 )
+from gateway.recording.summary.summary_builder import RecordedAlert, join_alerts, unknown_s
 from gateway.topics import TOPICS
 
 

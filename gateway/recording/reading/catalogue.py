@@ -5,7 +5,7 @@ from pathlib import Path
 
 from devices.errors import RecordingError
 from gateway.recording.format.header import RECOVERED
-from gateway.recording.reading.segment_index import read_index
+from gateway.recording.reading.recording_file import read_index
 from gateway.recording.reading.timeline import Timeline, TimelineSegment
 
 

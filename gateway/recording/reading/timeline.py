@@ -21,10 +21,10 @@ from gateway.recording.reading.recording_file import (
     EVERYTHING,
     RecordedMessage,
     RecordingFile,
+    SegmentIndex,
     Selection,
     open_recording,
 )
-from gateway.recording.reading.segment_index import SegmentIndex
 from gateway.recording.summary.sample_summary import SampleSummary
 from gateway.recording.summary.segment_summary import SegmentSummary
 from gateway.recording.summary.summary_builder import SummaryBuilder

@@ -10,14 +10,12 @@ from gateway.calibration.correction import correction_for
 from gateway.calibration.drift.rest_monitor import RestDriftMonitor
 from gateway.calibration.record import CalibrationRecord
 from gateway.configuration.model import Configuration
-from gateway.pipeline.clock_state import MessageTime
 from gateway.pipeline.drift_monitor import DriftMonitor
-from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.incidents import Acknowledgement, IncidentRegister
-from gateway.pipeline.outgoing_message import OutgoingMessage
+from gateway.pipeline.outgoing_message import HeaderMaker, MessageTime, OutgoingMessage
 from gateway.pipeline.pipeline import Pipeline, PipelineCalibration
-from gateway.recording.reading.correction_in_force import recorded_configuration, recorded_correction
 from gateway.recording.reading.recording_file import Selection
+from gateway.recording.reading.sample_calibration import recorded_configuration, recorded_correction
 from gateway.recording.reading.timeline import Timeline
 from gateway.recording.replay.replay_steps import ReplayStep, StepMessage
 from gateway.topics import TOPIC_OF

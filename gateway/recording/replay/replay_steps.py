@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from devices.block import SampleBlock
 from gateway import messages
-from gateway.pipeline.clock_state import ClockState
+from gateway.pipeline.outgoing_message import ClockState
 from gateway.recording.reading.recording_file import EVERYTHING, RecordedMessage, RecordingFile, Selection
 from gateway.recording.reading.timeline import (
     SAMPLES,

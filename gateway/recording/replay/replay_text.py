@@ -8,8 +8,8 @@ from gateway import messages
 from gateway.recording.reading.interval import zoned
 from gateway.recording.replay.replay_comparison import AFTER_START
 from gateway.recording.replay.replay_run import ReplayResult
-from gateway.recording.summary.alert_join import RecordedAlert, join_alerts, unknown_s
 from gateway.recording.summary.segment_summary import RecordedPeak, SegmentSummary
+from gateway.recording.summary.summary_builder import RecordedAlert, join_alerts, unknown_s
 
 SAME_BEGIN_NS = 5_000_000_000
 """Alerts of one rule that begin within this time of each other are the same one. Basis: a choice; longer than the hold time that

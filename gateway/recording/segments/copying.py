@@ -1,12 +1,19 @@
-"""Copying of recordings record by record, whatever is readable of them, with a filter."""
+"""Copying of recordings record by record, whatever is readable of them, with a filter; recovery of a complete file by it."""
 
+import json
+import os
 from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
 from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metadata, Schema
 
+from devices.errors import RecordingError
+from gateway.atomic_io import replace_file
 from gateway.recording.chain.statements import DELETIONS, SIGNATURE
-from gateway.recording.format.mcap_writer import McapWriter
-from gateway.recording.format.salvage import SalvageReport
+from gateway.recording.format.header import ORIGIN, RECOVERED
+from gateway.recording.format.mcap_writer import DENSE, McapWriter
+from gateway.recording.format.salvage import SalvageReport, is_damaged, open_mcap, read_records
 from gateway.recording.reading.recording_file import RecordedMessage
 from gateway.recording.summary.segment_summary import SUMMARY
 
@@ -113,3 +120,55 @@ class RecordCopier:
         if key not in self._schema_ids:
             self._schema_ids[key] = self._writer.register_schema(schema.name, schema.encoding, schema.data)
         return self._schema_ids[key]
+
+
+class NothingRecordedError(RecordingError):
+    """A recording was begun and ended before its first message: nothing was lost, and nothing can be recovered."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecoveryResult:
+    """The number of messages that were recovered, and the losses."""
+
+    messages: int
+    losses: SalvageReport
+
+
+def recovered_path(path: Path) -> Path:
+    """Return the name of a recovered copy beside its source."""
+    return path.with_name(f"{path.name.removesuffix('.mcap')}.recovered.mcap")
+
+
+def recover(path: Path | str, out: Path | str) -> RecoveryResult:
+    """Write everything readable of a recording into the new file `out`, indexed and closed properly.
+
+    The source does not change, and `out` appears completely or not at all. Raises `RecordingError` where the source has no
+    message, `out` exists already, or it cannot be written.
+    """
+    path, out = Path(path), Path(out)
+    open_mcap(path).close()
+    if out.exists():
+        raise RecordingError(f"{out}: exists already; choose another name")
+    losses = SalvageReport()
+    try:
+        with replace_file(out) as descriptor, os.fdopen(descriptor, "wb", closefd=False) as file:
+            messages = _copy(path, McapWriter(file, DENSE), losses)
+    except OSError as error:
+        raise RecordingError(f"{out}: cannot be written: {error.strerror or error}; choose another place") from error
+    return RecoveryResult(messages, losses)
+
+
+def _copy(path: Path, writer: McapWriter, losses: SalvageReport) -> int:
+    copier = RecordCopier(writer, losses)
+    with open_mcap(path) as source:
+        copier.copy(read_records(source, losses))
+    if not copier.messages:
+        if ORIGIN in copier.metadata and not is_damaged(losses):
+            raise NothingRecordedError(
+                f"{path}: was begun, and the gateway ended before its first message; nothing is lost"
+            )
+        raise RecordingError(f"{path}: contains no readable message; there is nothing to recover")
+    lost = {name: json.dumps(value) for name, value in asdict(losses).items()}
+    writer.add_metadata(RECOVERED, {"from": path.name, **lost})
+    writer.finish()
+    return copier.messages

@@ -14,10 +14,9 @@ from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.statements import DELETIONS, SIGNATURE
 from gateway.recording.format import header as names
-from gateway.recording.format.encoding import encode_recorded
+from gateway.recording.format.encoding import encode_recorded, logged_topics, schema_bytes
 from gateway.recording.format.header import RecordingHeader, device_metadata
 from gateway.recording.format.mcap_writer import McapWriter
-from gateway.recording.format.schemas import logged_topics, schema_bytes
 from gateway.recording.segments.calibration_files import AttachedFile
 from gateway.recording.segments.events import uncompacted_marker
 from gateway.recording.summary.segment_summary import SUMMARY, SUMMARY_MEDIA_TYPE, encode_summary

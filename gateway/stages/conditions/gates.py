@@ -11,8 +11,7 @@ import numpy as np
 
 from gateway.messages import MotionState
 from gateway.numerics.array import Array
-from gateway.stages.conditions.window import Bin, ConditionWindow
-from gateway.stages.conditions.window_features import STILL_FLOOR_G, WindowFeatures
+from gateway.stages.conditions.window import STILL_FLOOR_G, Bin, ConditionWindow, WindowFeatures
 
 ZERO_RATE_RAD_S = np.radians(2.0)
 """Largest reading of a usual gyroscope at rest. Basis: a choice; zero-rate outputs are compensated at rest, and a hand turns a

@@ -6,8 +6,7 @@ import numpy as np
 
 from gateway.messages import Cause, MotionState, Verdict
 from gateway.stages.conditions.gates import MIN_VERDICT_BINS, MotionContext, evaluate_gates
-from gateway.stages.conditions.window import ConditionWindow
-from gateway.stages.conditions.window_features import WindowFeatures
+from gateway.stages.conditions.window import ConditionWindow, WindowFeatures
 
 Decision = tuple[Verdict, Cause | None, tuple[str, ...]]
 """Verdict, cause and reasons."""

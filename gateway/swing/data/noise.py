@@ -5,8 +5,7 @@ from math import comb
 import numpy as np
 
 from gateway.numerics.array import Array
-from gateway.numerics.quantisation import smallest_steps
-from gateway.numerics.robust import robust_sigma
+from gateway.numerics.stats import robust_sigma, smallest_steps
 
 DIFFERENCE_ORDER = 6
 """Order of the differences that remove a swing. Basis: a swing of 2 s sampled at 10 Hz leaves less than a tenth of a common

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.numerics.array import Array
-from gateway.numerics.runs import true_runs
+from gateway.numerics.stats import true_runs
 from gateway.swing.data.bins import validated_samples
 from gateway.swing.detection.periodicity import (
     Series,

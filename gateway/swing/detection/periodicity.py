@@ -7,7 +7,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from gateway.numerics.array import Array
-from gateway.numerics.quantisation import smallest_steps
+from gateway.numerics.stats import smallest_steps
 from gateway.swing.data.noise import effective_noise_g
 
 N_HARMONICS = 4

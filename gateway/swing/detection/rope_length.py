@@ -7,7 +7,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from devices.pendulum.small_swing import period_ratio, small_swing_length_m
 from gateway.numerics.array import Array
-from gateway.numerics.robust import robust_sigma
+from gateway.numerics.stats import robust_sigma
 from gateway.swing.detection.free_swing import SAMPLES_PER_PERIOD, find_free_swing
 from gateway.swing.detection.periodicity import Series, fit_windows, harmonic_basis, resample
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from gateway.numerics.array import Array
-from gateway.numerics.runs import true_runs
+from gateway.numerics.stats import true_runs
 from gateway.swing.estimate import DETECTION_SIGMA, MIN_HOIST_M_S, SwingEstimate, SwingPeak
 from gateway.swing.estimation.robust_fit import FitResult
 from gateway.swing.model.motion import N_BASE_PARAMETERS, N_STATES

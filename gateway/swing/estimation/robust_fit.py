@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.numerics.array import Array
-from gateway.numerics.robust import robust_sigma
+from gateway.numerics.stats import robust_sigma
 from gateway.swing.data.bins import Bins
 from gateway.swing.fit.gauss_newton import SwingFit, iterate, linearise, maximum_a_posteriori, reweight
 from gateway.swing.fit.priors import Prior, SensorModel

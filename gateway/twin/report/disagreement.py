@@ -4,9 +4,8 @@ import numpy as np
 from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 
-from gateway.documents.figures import Figure
+from gateway.documents.figures import AFTER, BEFORE, SHADE, Figure
 from gateway.documents.format import format_number
-from gateway.documents.palette import AFTER, BEFORE, SHADE
 from gateway.documents.plots import add_legend, add_panels, plot_curve, render_svg
 from gateway.twin.reconcile.output.result import Curves, Disagreement, Reconciliation
 from gateway.twin.report.data_parts import held_out_name

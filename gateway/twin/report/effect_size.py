@@ -4,8 +4,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from gateway.documents.format import format_with_interval
-from gateway.documents.text import human_name
+from gateway.documents.format import format_with_interval, human_name
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Value
 from gateway.twin.reconcile.output.estimates import Estimate, NamedEffect

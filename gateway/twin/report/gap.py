@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
-from gateway.documents.figures import Figure
-from gateway.documents.format import format_number
-from gateway.documents.palette import AFTER, INK, MEASURED
+from gateway.documents.figures import AFTER, INK, MEASURED, Figure
+from gateway.documents.format import format_number, human_name
 from gateway.documents.plots import add_legend, label_decades, render_svg
-from gateway.documents.text import human_name
 from gateway.twin.reconcile.output.result import Gap, Reconciliation, Step
 from gateway.twin.report.formatting import format_noise_ratio
 from gateway.twin.report.gap_table import part_rows

@@ -5,11 +5,9 @@ from dataclasses import dataclass
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
-from gateway.documents.figures import CURVE_POINTS, Figure
-from gateway.documents.format import format_time_span
-from gateway.documents.palette import AFTER, BEFORE, EVENT, INK, LINE, MEASURED
+from gateway.documents.figures import AFTER, BEFORE, CURVE_POINTS, EVENT, INK, LINE, MEASURED, Figure
+from gateway.documents.format import format_time_span, human_name, join_names
 from gateway.documents.plots import add_legend, add_panels, plot_curve, render_svg
-from gateway.documents.text import human_name, join_names
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 from gateway.twin.reconcile.output.estimates import NamedEffect
 from gateway.twin.reconcile.output.result import Curves, Reconciliation

@@ -4,8 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 
-from gateway.documents.figures import Figure
-from gateway.documents.palette import AFTER, BEFORE, INK
+from gateway.documents.figures import AFTER, BEFORE, INK, Figure
 from gateway.documents.plots import add_legend, add_panels, label_decades, plot_curve, render_svg
 from gateway.twin.reconcile.output.result import Curves, Peak, Reconciliation, Residual, Spectrum
 from gateway.twin.report.disagreement import residual_sigma

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.documents.format import format_number, format_time_span
-from gateway.documents.text import as_sentence, human_name, join_names
+from gateway.documents.format import as_sentence, format_number, format_time_span, human_name, join_names
 from gateway.twin.effects import EFFECTS
 from gateway.twin.reconcile.output.estimates import Law, NamedEffect
 from gateway.twin.reconcile.output.result import Equivalent, Reconciliation

@@ -7,8 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from devices.simulated.accelerometer import MAX_COUNT, Accelerometer, Ambient, no_errors, typical_errors
-from devices.simulated.factory import factory_calibration
+from devices.simulated.accelerometer import (
+    MAX_COUNT,
+    Accelerometer,
+    Ambient,
+    factory_calibration,
+    no_errors,
+    typical_errors,
+)
 
 
 def test_a_perfect_part_reads_its_sensitivity() -> None:

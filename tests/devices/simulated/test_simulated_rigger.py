@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from devices.simulated.device import REST_S, SimulatedCrane
 from devices.simulated.rigger import PLACEMENT_RAD, SHAKE_G, TURN_S, Rigger
-from tests.devices.simulated.fake_clock import FakeClock
+from tests.clocks import SleeplessClock
 
 FACES = [(1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (0.0, 0.0, -1.0), (0.6, 0.0, 0.8)]
 
@@ -36,7 +36,7 @@ def test_the_turn_is_continuous_even_to_the_opposite_face(rigger: Rigger) -> Non
 
 
 def test_the_load_hangs_still_after_the_housing_was_hung_back() -> None:
-    clock = FakeClock()
+    clock = SleeplessClock()
     crane = SimulatedCrane(odr_hz=100.0, block_samples=10, length_m=12.0, position_m=9.0, clock=clock)
     crane.open()
     crane.turn_housing((1.0, 0.0, 0.0))

@@ -15,34 +15,19 @@ from devices.recording import Recording
 from devices.tables.layout import NATIVE, TableLayout
 from devices.tables.native import read_table
 from devices.tables.replay import Replay, table_info
+from tests.clocks import START_NS, SleeplessClock
 from tests.values import present
 
 REAL = Path(__file__).parents[2] / "data" / "real"
 SIX_POSITION = TableLayout(axes=("acc_x", "acc_y", "acc_z"), unit="counts", rate_hz=204.8, units_per_g=2048)
 PHONE = TableLayout(time=1, axes=(2, 3, 4), unit="m/s2", delimiter="\t")
 INFO = DeviceInfo(kind="replay", device_id="recording-test", unit="g", odr_hz=50, units_per_g=1)
-START_NS = 1_700_000_000_000_000_000
-
-
-class SteppedClock:
-    """Time passes in sleep alone."""
-
-    def __init__(self) -> None:
-        self.time_ns = START_NS
-        self.slept_s: list[float] = []
-
-    def now_ns(self) -> int:
-        return self.time_ns
-
-    def sleep_s(self, seconds: float) -> None:
-        self.slept_s.append(seconds)
-        self.time_ns += round(seconds * 1e9)
 
 
 def replay_table(path: Path, layout: TableLayout = NATIVE, *, speed: float = 1.0, block_samples: int = 32) -> Replay:
     recording = read_table(path, layout)
     info = table_info(path, recording, units_per_g=layout.units_per_g, housing_frame=layout.housing_frame)
-    return Replay([recording], info, clock=SteppedClock(), speed=speed, block_samples=block_samples)
+    return Replay([recording], info, clock=SleeplessClock(), speed=speed, block_samples=block_samples)
 
 
 def recording_at(time_s: list[float], **facts: Any) -> Recording:
@@ -72,7 +57,7 @@ def play(device: Device) -> list[SampleBlock]:
 
 
 def test_a_replay_at_full_speed_returns_complete_blocks() -> None:
-    clock = SteppedClock()
+    clock = SleeplessClock()
     for speed in (0, math.inf):
         device = Replay([recording_at(even(70))], INFO, clock=clock, speed=speed, block_samples=32)
         assert device.open() is INFO
@@ -86,20 +71,20 @@ def test_a_replay_at_full_speed_returns_complete_blocks() -> None:
 
 @pytest.mark.parametrize("speed", [0.5, 1, 8])
 def test_blocks_come_when_their_last_sample_is_due(speed: float) -> None:
-    clock = SteppedClock()
+    clock = SleeplessClock()
     device = Replay([recording_at(even(40))], INFO, clock=clock, speed=speed, block_samples=10)
     device.open()
     for number in range(1, 5):
         while device.read() is None:
             pass
-        assert clock.time_ns - START_NS == pytest.approx((10 * number - 1) * 20e6 / speed, abs=2)
+        assert clock.ns - START_NS == pytest.approx((10 * number - 1) * 20e6 / speed, abs=2)
     assert max(clock.slept_s) <= 0.5
     with pytest.raises(EndOfRecording):
         device.read()
 
 
 def test_read_waits_through_a_long_gap_in_half_seconds() -> None:
-    clock = SteppedClock()
+    clock = SleeplessClock()
     device = Replay([recording_at([0, 0.02, 3.0, 3.02])], INFO, clock=clock, block_samples=2)
     device.open()
     reads = [device.read() for _ in range(7)]
@@ -107,10 +92,10 @@ def test_read_waits_through_a_long_gap_in_half_seconds() -> None:
 
 
 def test_late_blocks_are_returned_at_once() -> None:
-    clock = SteppedClock()
+    clock = SleeplessClock()
     device = Replay([recording_at(even(100))], INFO, clock=clock, block_samples=10)
     device.open()
-    clock.time_ns += 1_000_000_000
+    clock.ns += 1_000_000_000
     assert [len(present(device.read())) for _ in range(5)] == [10] * 5
     assert clock.slept_s == []
 
@@ -123,7 +108,7 @@ def test_gaps_are_between_blocks_and_counted() -> None:
     device = Replay(
         [recording_at(even(20), lost_before=lost, unusable_before=unusable)],
         INFO,
-        clock=SteppedClock(),
+        clock=SleeplessClock(),
         speed=0,
         block_samples=6,
     )
@@ -134,7 +119,7 @@ def test_gaps_are_between_blocks_and_counted() -> None:
 
 def test_a_gap_of_unusable_rows_separates_blocks() -> None:
     time_s = [*even(5), *(0.2 + time for time in even(5))]
-    device = Replay([recording_at(time_s)], INFO, clock=SteppedClock(), speed=0)
+    device = Replay([recording_at(time_s)], INFO, clock=SleeplessClock(), speed=0)
     device.open()
     assert [len(block) for block in play(device)] == [5, 5]
 
@@ -142,7 +127,7 @@ def test_a_gap_of_unusable_rows_separates_blocks() -> None:
 def test_counts_are_integers() -> None:
     raw = np.array([[2**31 - 1, -(2**31) + 1, 0], [1, -2, 3]], dtype=float)
     device = Replay(
-        [recording_at([0, 1], raw=raw, unit="counts")], replace(INFO, unit="counts"), clock=SteppedClock(), speed=0
+        [recording_at([0, 1], raw=raw, unit="counts")], replace(INFO, unit="counts"), clock=SleeplessClock(), speed=0
     )
     device.open()
     block = present(device.read())
@@ -153,7 +138,7 @@ def test_counts_are_integers() -> None:
 def test_the_temperature_of_a_block_is_the_mean_of_the_known_ones() -> None:
     temperature = np.array([20, np.nan, 22, np.nan, np.nan, np.nan])
     recording = recording_at(even(6), temperature_c=temperature)
-    device = Replay([recording], INFO, clock=SteppedClock(), speed=0, block_samples=3)
+    device = Replay([recording], INFO, clock=SleeplessClock(), speed=0, block_samples=3)
     device.open()
     assert [block.temperature_c for block in play(device)] == [21, None]
 
@@ -171,7 +156,7 @@ def test_parts_are_played_as_the_whole_recording(cuts: tuple[int, ...]) -> None:
         part.lost_before[0] = lost[begin]
     played = []
     for recordings in ([whole], [replace(part, repeated=1 if place < 3 else 0) for place, part in enumerate(parts)]):
-        device = Replay(recordings, INFO, clock=SteppedClock(), speed=0)
+        device = Replay(recordings, INFO, clock=SleeplessClock(), speed=0)
         device.open()
         played.append(play(device))
     assert [len(block) for block in played[0]] == [len(block) for block in played[1]]
@@ -183,7 +168,7 @@ def test_parts_are_played_as_the_whole_recording(cuts: tuple[int, ...]) -> None:
 
 def test_rows_left_out_are_counted_once_however_often_a_replay_begins() -> None:
     parts = [recording_at(even(3), repeated=1), recording_at([1 + time for time in even(3)], repeated=2)]
-    device = Replay(parts, INFO, clock=SteppedClock(), speed=0)
+    device = Replay(parts, INFO, clock=SleeplessClock(), speed=0)
     for _ in range(2):
         device.open()
         play(device)
@@ -193,20 +178,20 @@ def test_rows_left_out_are_counted_once_however_often_a_replay_begins() -> None:
 def test_absolute_times_are_kept_to_the_nanosecond() -> None:
     offsets_ns = np.array([0, 1, 3, 40_000_000_123_456, 86_400_000_000_001])
     recording = recording_at((offsets_ns / 1e9).tolist(), origin_ns=1_600_000_000_123_456_789)
-    device = Replay([recording], INFO, clock=SteppedClock(), speed=0)
+    device = Replay([recording], INFO, clock=SleeplessClock(), speed=0)
     device.open()
     time_ns = np.concatenate([block.time_ns for block in play(device)])
     np.testing.assert_array_equal(time_ns, 1_600_000_000_123_456_789 + offsets_ns)
 
 
 def test_a_replay_restarts_at_open_and_ends_at_close() -> None:
-    clock = SteppedClock()
+    clock = SleeplessClock()
     device = Replay([recording_at(even(3))], INFO, clock=clock, speed=0)
     device.open()
     assert len(play(device)) == 1
     device.close()
     device.close()
-    clock.time_ns += 5_000_000_000
+    clock.ns += 5_000_000_000
     device.open()
     assert present(device.read()).time_ns[0] == START_NS + 5_000_000_000
     device.close()
@@ -217,7 +202,7 @@ def test_a_replay_restarts_at_open_and_ends_at_close() -> None:
 @pytest.mark.parametrize("wrong", [{"speed": -1}, {"speed": math.nan}, {"block_samples": 0}])
 def test_impossible_settings_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match="impossible: give"):
-        Replay([recording_at(even(3))], INFO, clock=SteppedClock(), **wrong)
+        Replay([recording_at(even(3))], INFO, clock=SleeplessClock(), **wrong)
 
 
 @pytest.mark.parametrize("time_s", [[0], [0, 1, 1], [0, 2, 1], [0, 1e-10]])

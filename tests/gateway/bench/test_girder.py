@@ -12,8 +12,14 @@ import numpy as np
 import pytest
 
 from devices.block import DeviceInfo
-from gateway.bench.girder.beam import Girder, deflection_under_load_m, end_rotation_under_load_rad
-from gateway.bench.girder.deflection import EndRotation, girder_deflection, inward_tilt_rad
+from gateway.bench.girder.deflection import (
+    EndRotation,
+    Girder,
+    deflection_under_load_m,
+    end_rotation_under_load_rad,
+    girder_deflection,
+    inward_tilt_rad,
+)
 from gateway.bench.girder.live_deflection import LiveDeflection
 from gateway.bus.client import GatewayClient
 from gateway.cli.fleet.fleet_deflection import show_deflection

@@ -25,8 +25,7 @@ from gateway.calibration.record import CalibrationError, CalibrationRecord, NotD
 from gateway.calibration.record_factory import add_content_hash, make_record
 from gateway.calibration.thermal_model import thermal_model
 from gateway.errors import InputError
-from gateway.pipeline.force_stage import ForceStage
-from gateway.pipeline.temperature_filter import TIME_CONSTANT_S
+from gateway.pipeline.force_stage import TIME_CONSTANT_S, ForceStage
 from gateway.stages.lowpass import LowPass
 from tests.gateway.bench.thermal_sensors import SENSORS, planted, ramps
 from tests.values import present

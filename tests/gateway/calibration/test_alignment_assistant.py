@@ -6,8 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.calibration.alignment.assistant import MIN_WINDOW_TILTS, AlignmentAssistant, AlignmentReadout
-from gateway.calibration.alignment.screw_advice import ScrewMechanics
+from gateway.calibration.alignment.assistant import (
+    MIN_WINDOW_TILTS,
+    AlignmentAssistant,
+    AlignmentReadout,
+    ScrewMechanics,
+)
 from gateway.messages import Tilt
 
 TILT = Tilt(

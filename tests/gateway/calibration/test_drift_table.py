@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from gateway.calibration.drift.change import reading_error_g, tilt_error_rad
-from gateway.calibration.drift.drift_table import DriftRow, drift_table
-from gateway.calibration.drift.fleet_drift import fleet_drift
+from gateway.calibration.drift.fleet_drift import DriftRow, drift_table, fleet_drift
 from gateway.calibration.methods.six_position import fit_six_positions
 from gateway.calibration.poses.faces import find_face
 from gateway.calibration.poses.pose import Pose

@@ -10,8 +10,7 @@ import pytest
 from gateway.calibration.pose_plans import make_procedure
 from gateway.calibration.pose_procedure import PoseProcedure
 from gateway.calibration.poses.faces import FACE_DIRECTIONS
-from gateway.calibration.poses.mean_uncertainty import correlation_factor, quantisation_u
-from gateway.calibration.poses.pose import Face, NominalSensitivity, RawReadings
+from gateway.calibration.poses.pose import Face, NominalSensitivity, RawReadings, correlation_factor, quantisation_u
 from gateway.calibration.poses.pose_finder import READINGS_PER_POSE, PoseFinder
 from gateway.calibration.record import CalibrationError
 from gateway.numerics.array import Array

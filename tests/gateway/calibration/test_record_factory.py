@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from devices.simulated.accelerometer import Accelerometer, no_errors
-from devices.simulated.factory import factory_calibration
+from devices.simulated.accelerometer import Accelerometer, factory_calibration, no_errors
 from gateway.calibration.methods.calibration_fit import CalibrationFit
 from gateway.calibration.methods.six_position import fit_six_positions
 from gateway.calibration.poses.faces import FACE_DIRECTIONS

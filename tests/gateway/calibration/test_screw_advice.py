@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gateway.calibration.alignment.screw_advice import Screw, ScrewMechanics, advise
+from gateway.calibration.alignment.assistant import Screw, ScrewMechanics, advise
 
 
 def test_the_larger_angle_comes_first() -> None:

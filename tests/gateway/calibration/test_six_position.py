@@ -8,11 +8,21 @@ import numpy as np
 import pytest
 
 from gateway.calibration.methods.calibration_fit import FitWarning, WarningKind
-from gateway.calibration.methods.face_outliers import find_changed_readings
 from gateway.calibration.methods.non_linearity import find_non_linearity
-from gateway.calibration.methods.six_position import PLACEMENT_U_DEG, apply_extremes, find_extremes, fit_six_positions
-from gateway.calibration.poses.face_angles import without_tilted_poses
-from gateway.calibration.poses.faces import FACE_DIRECTIONS, FACES, candidate_directions, find_face
+from gateway.calibration.methods.six_position import (
+    PLACEMENT_U_DEG,
+    apply_extremes,
+    find_changed_readings,
+    find_extremes,
+    fit_six_positions,
+)
+from gateway.calibration.poses.faces import (
+    FACE_DIRECTIONS,
+    FACES,
+    candidate_directions,
+    find_face,
+    without_tilted_poses,
+)
 from gateway.calibration.poses.pose import Face, Pose
 from gateway.calibration.record import NotDeterminedError
 from gateway.numerics.array import Array

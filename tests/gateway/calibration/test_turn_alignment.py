@@ -5,16 +5,18 @@ import math
 import numpy as np
 import pytest
 
-from gateway.calibration.alignment.turn import Turn, fit_turn, shaft_axis
 from gateway.calibration.alignment.turn_advice import (
     OWN_SCREWS,
     AligningUnit,
+    Turn,
     advise_after_turn,
     alignment_precision_error_rad,
     calibration_error_rad,
+    fit_turn,
+    shaft_axis,
     total_alignment_error_rad,
 )
-from gateway.calibration.alignment.turn_monitor import TurnMonitor, TurnReadout, sensor_force_g
+from gateway.calibration.alignment.turn_assistant import TurnMonitor, TurnReadout, sensor_force_g
 from gateway.numerics.array import Array
 from tests.values import present
 

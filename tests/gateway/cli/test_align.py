@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from gateway.bus.client import GatewayClient
-from gateway.calibration.alignment.screw_advice import ScrewMechanics
+from gateway.calibration.alignment.assistant import ScrewMechanics
 from gateway.cli.remote import remote_align as aligning
 from gateway.cli.remote.remote_align import SILENCE_TEXT, show_advice
 from gateway.messages import Tilt

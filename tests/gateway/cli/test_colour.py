@@ -4,7 +4,7 @@ import io
 
 import pytest
 
-from gateway.cli.terminal.status_line import paint
+from gateway.cli.terminal.output import paint
 from tests.gateway.cli.terminal import TerminalText
 
 

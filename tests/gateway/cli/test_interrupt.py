@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from gateway.cli.terminal.interrupt import DeferredInterrupt
+from gateway.cli.terminal.progress import DeferredInterrupt
 
 
 @pytest.fixture(autouse=True)

@@ -6,8 +6,7 @@ import pytest
 
 from gateway.configuration.loading import ConfigurationError
 from gateway.configuration.model import Configuration
-from gateway.configuration.proposal import Table, check_proposal
-from gateway.configuration.remote_keys import REMOTE_KEYS, visible_part
+from gateway.configuration.proposal import REMOTE_KEYS, Table, check_proposal, visible_part
 
 FILE = """\
 # the yard crane

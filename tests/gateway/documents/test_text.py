@@ -1,6 +1,6 @@
 """Names and sentences as a document prints them."""
 
-from gateway.documents.text import as_sentence, human_name, join_names, printable_text
+from gateway.documents.format import as_sentence, human_name, join_names, printable_text
 
 
 def test_names_are_joined_as_words() -> None:

@@ -8,11 +8,9 @@ from typing import Any
 import pytest
 
 from gateway.errors import InputError
-from gateway.fleet.expected_gateways import read_expected
 from gateway.fleet.gateway_status import FleetWord, GatewayStatus, SwingReading, missing_gateway
-from gateway.fleet.report import FleetQuery, FleetReport, make_report
-from gateway.fleet.selection import SORTS, ListFilter, NamePatterns, parse_levels, parse_states
-from gateway.fleet.table import format_age
+from gateway.fleet.report import FleetQuery, FleetReport, format_age, make_report
+from gateway.fleet.selection import SORTS, ListFilter, NamePatterns, parse_levels, parse_states, read_expected
 
 NOW = datetime(2026, 11, 22, 12, tzinfo=UTC)
 

@@ -14,8 +14,8 @@ from gateway.incident.event_table import MAX_SHOWN_EVENTS, event_table
 from gateway.incident.evidence import IncidentEvidence
 from gateway.incident.incident_selection import IncidentWindow
 from gateway.messages import NO_SESSION, Calibration, ClockOffset, FoxgloveTime, Health, Log, Mark
+from gateway.recording.reading.recording_file import SegmentIndex
 from gateway.recording.reading.sample_calibration import CalibratedBlock
-from gateway.recording.reading.segment_index import SegmentIndex
 from gateway.recording.reading.timeline import TimelineSegment
 
 ORIGIN_NS = 1_767_225_600_000_000_000

@@ -24,7 +24,8 @@ from gateway.recording.reading.interval import iso_utc, parse_recording_time
 from gateway.recording.reading.samples import read_samples
 from gateway.recording.segments.copying import RecordCopier
 from tests.gateway.incident.conftest import MakeReport
-from tests.gateway.recorded_crane import BOOT_ID, LIMITS, SEGMENT_S, START_S, RecordedCrane
+from tests.gateway.recorded_crane import LIMITS, SEGMENT_S, START_S, RecordedCrane
+from tests.gateway.recording.recorded_crane import BOOT_ID
 from tests.values import present
 
 pytestmark = pytest.mark.slow

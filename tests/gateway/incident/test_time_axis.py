@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gateway.incident.course_builder import CourseBuilder
-from gateway.incident.time_axis import ReportClock, tick_label, tick_times
+from gateway.incident.timeline_figure import ReportClock, tick_label, tick_times
 
 ORIGIN_NS = 1_767_225_607_130_000_123
 """2026-01-01 00:00:07.130 UTC."""

@@ -7,7 +7,7 @@ import pytest
 
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from gateway.errors import InputError
-from gateway.measurement.rig_of_recording import read_rig_of_recording
+from gateway.measurement.rig_file import read_rig_of_recording
 from gateway.measurement.source import read_source
 
 LENGTH_M, POSITION_M = 3.0, 1.0

@@ -10,9 +10,10 @@ from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
 from gateway.daemon.sampling.device_factory import make_device
 from gateway.messages import Alert
-from gateway.pipeline.header import HeaderMaker
+from gateway.pipeline.outgoing_message import HeaderMaker
 from gateway.pipeline.pipeline import Pipeline
-from tests.gateway.pipeline.test_pipeline import CLOCK, Clock
+from tests.clocks import SleeplessClock
+from tests.gateway.pipeline.test_pipeline import CLOCK
 
 TRIP_DEG = 6.0
 ROUND_S = 110.0
@@ -30,7 +31,7 @@ CAPTIONS = [
 
 @pytest.mark.slow
 def test_the_demonstration_is_calm_then_trips_before_the_limit_then_clears(caplog: pytest.LogCaptureFixture) -> None:
-    clock, configuration = Clock(), validate({}, "test")
+    clock, configuration = SleeplessClock(), validate({}, "test")
     start_ns = clock.now_ns()
     device = make_device(configuration, clock)
     assert isinstance(device, SimulatedCrane)

@@ -19,26 +19,13 @@ from gateway.configuration.loading import validate
 from gateway.messages import NO_SESSION
 from gateway.packing import unpack
 from gateway.pipeline.alert_rules import ALERT_RULES
-from gateway.pipeline.clock_state import ClockState, MessageTime
-from gateway.pipeline.header import HeaderMaker
-from gateway.pipeline.outgoing_message import OutgoingMessage
+from gateway.pipeline.outgoing_message import ClockState, HeaderMaker, MessageTime, OutgoingMessage
 from gateway.pipeline.pipeline import Pipeline
+from tests.clocks import SleeplessClock
 from tests.values import present
 
 LENGTH_M, POSITION_M, RATE_HZ = 8.0, 5.0, 100.0
 CLOCK = ClockState("synchronised", 3_600_000_000_000)
-
-
-class Clock:
-    """Time that passes as fast as it is slept."""
-
-    now = 1_767_225_600_000_000_000
-
-    def now_ns(self) -> int:
-        return self.now
-
-    def sleep_s(self, seconds: float) -> None:
-        self.now += max(0, round(seconds * 1e9))
 
 
 class Run:
@@ -50,7 +37,7 @@ class Run:
             block_samples=block_samples,
             length_m=LENGTH_M,
             position_m=POSITION_M,
-            clock=Clock(),
+            clock=SleeplessClock(),
             crane=crane,
         )
         self.info = self.device.open()

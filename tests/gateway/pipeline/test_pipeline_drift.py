@@ -12,9 +12,8 @@ from gateway.calibration.drift.rest_monitor import HOLD_HOURS, NS_PER_HOUR, Rest
 from gateway.calibration.record import CalibrationRecord, content_hash
 from gateway.configuration.loading import validate
 from gateway.messages import CALIBRATION_RULE, NO_SESSION, ActiveAlert, Alert
-from gateway.pipeline.clock_state import ClockState
 from gateway.pipeline.drift_monitor import DRIFTED, DriftMonitor
-from gateway.pipeline.header import HeaderMaker
+from gateway.pipeline.outgoing_message import ClockState, HeaderMaker
 from gateway.pipeline.pipeline import Pipeline
 from tests.values import present
 

@@ -12,9 +12,8 @@ from gateway.calibration.correction import Correction
 from gateway.configuration.loading import validate
 from gateway.messages import Swing, Tilt
 from gateway.pipeline.alert_rules import Evaluation, lean_reading
-from gateway.pipeline.clock_state import ClockState, MessageTime
-from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.motion_stage import MotionStage
+from gateway.pipeline.outgoing_message import ClockState, HeaderMaker, MessageTime
 from gateway.pipeline.pipeline import Pipeline
 from tests.values import present
 

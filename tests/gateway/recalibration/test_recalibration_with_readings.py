@@ -16,8 +16,7 @@ from gateway.calibration.record import CalibrationRecord
 from gateway.numerics.array import Array
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.requests import VERBS
-from gateway.recalibration.session import Session, Timestamp
-from gateway.recalibration.session_message import make_session_message
+from gateway.recalibration.session import Session, Timestamp, make_session_message
 
 RATE_HZ, BLOCK = 125.0, 25
 START_NS = 1_767_225_600_000_000_000

@@ -25,8 +25,8 @@ from mcap.records import (
 from mcap.writer import MCAP0_MAGIC
 
 from gateway.recording.format.header import ORIGIN
-from gateway.recording.format.summary_section import serialise
-from gateway.recording.reading.segment_index import read_index
+from gateway.recording.format.mcap_writer import serialise
+from gateway.recording.reading.recording_file import read_index
 from gateway.recording.summary.segment_summary import SUMMARY
 
 HEAD = struct.Struct("<BQ")

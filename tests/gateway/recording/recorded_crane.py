@@ -1,12 +1,11 @@
 """A recording of the simulated crane by the gateway's own pipeline and recorder, as fast as it is computed."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from devices.block import DeviceInfo, SampleBlock
-from devices.host_clock import HostClock
 from devices.simulated.device import SimulatedCrane
 from gateway import __version__
 from gateway.calibration.correction import Correction, correction_for
@@ -16,33 +15,18 @@ from gateway.configuration.model import Configuration
 from gateway.configuration.render import to_toml
 from gateway.messages import ClockOffset
 from gateway.packing import pack
-from gateway.pipeline.clock_state import ClockState, MessageTime
 from gateway.pipeline.drift_monitor import DriftMonitor
-from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.incidents import IncidentRegister
-from gateway.pipeline.outgoing_message import OutgoingMessage, encode_message
+from gateway.pipeline.outgoing_message import ClockState, HeaderMaker, MessageTime, OutgoingMessage, encode_message
 from gateway.pipeline.pipeline import Pipeline
+from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.format.header import RecordingHeader
 from gateway.recording.segments.recorder import Recorder
+from tests.clocks import START_NS, SleeplessClock
 
-START_NS = 1_767_225_600_000_000_000
-"""2026-01-01 00:00:00 UTC."""
 BOOT_ID = "b00t"
 CLOCK = ClockState("synchronised", 250_000_000)
 SECOND_NS = 1_000_000_000
-
-
-class SleeplessClock(HostClock):
-    """Time that passes as fast as it is slept."""
-
-    def __init__(self) -> None:
-        self.now = START_NS
-
-    def now_ns(self) -> int:
-        return self.now
-
-    def sleep_s(self, seconds: float) -> None:
-        self.now += max(0, round(seconds * 1e9))
 
 
 @dataclass
@@ -52,6 +36,12 @@ class RecordedCrane:
     folder: Path
     segment_s: float = 20.0
     settings: Mapping[str, Any] | None = None
+    device: SimulatedCrane = field(
+        default_factory=lambda: SimulatedCrane(
+            odr_hz=100, block_samples=10, length_m=12.0, position_m=9.0, clock=SleeplessClock()
+        )
+    )
+    chain: SegmentChain | None = None
 
     def __post_init__(self) -> None:
         self.configuration: Configuration = validate(
@@ -64,15 +54,14 @@ class RecordedCrane:
             },
             "test",
         )
-        self.device = SimulatedCrane(
-            odr_hz=100, block_samples=10, length_m=12.0, position_m=9.0, clock=SleeplessClock()
-        )
         self.info: DeviceInfo = self.device.open()
         section = self.configuration.gateway
         header = RecordingHeader(
             __version__, section.site, section.crane, section.sensor, BOOT_ID, to_toml(self.configuration)
         )
-        self.recorder = Recorder(self.folder, header, segment_s=self.segment_s, fsync_s=1.0, quota_mb=1000.0)
+        self.recorder = Recorder(
+            self.folder, header, segment_s=self.segment_s, fsync_s=1.0, quota_mb=1000.0, chain=self.chain
+        )
         self.headers = HeaderMaker()
         self.incidents = IncidentRegister(BOOT_ID)
         self.pipeline = self.make_pipeline()
@@ -105,10 +94,19 @@ class RecordedCrane:
         now_ns = self.newest_ns = int(block.time_ns[-1])
         if now_ns >= self.next_second_ns:
             self.next_second_ns = now_ns + SECOND_NS
-            head = self.headers.make("clock", MessageTime(now_ns, CLOCK), None)
-            clock = ClockOffset(**head, log_time_ns=now_ns, wall_offset_ns=CLOCK.wall_offset_ns, stepped=False)
-            self.write(OutgoingMessage("clock", now_ns, clock))
+            for message in self.second_messages(MessageTime(now_ns, CLOCK)):
+                self.write(message)
         self.recorder.tick(now_ns)
+
+    def second_messages(self, now: MessageTime) -> Iterator[OutgoingMessage]:
+        """Yield the messages that come once a second."""
+        clock = ClockOffset(
+            **self.headers.make("clock", now, None),
+            log_time_ns=now.log_time_ns,
+            wall_offset_ns=CLOCK.wall_offset_ns,
+            stepped=False,
+        )
+        yield OutgoingMessage("clock", now.log_time_ns, clock)
 
     def samples_message(self, block: SampleBlock) -> OutgoingMessage:
         """Return the message of a block without anything that follows from it."""

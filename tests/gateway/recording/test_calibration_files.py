@@ -17,8 +17,8 @@ from gateway.calibration.record import CalibrationRecord, content_hash
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.segments.calibration_files import CalibrationFiles, calibration_files
+from gateway.recording.segments.copying import recover
 from gateway.recording.segments.recorder import RecorderError
-from gateway.recording.segments.recovery import recover
 from tests.gateway.recording.conftest import MakeRecorder
 from tests.gateway.recording.recorded_files import record_blocks, segments, summarise
 from tests.values import present

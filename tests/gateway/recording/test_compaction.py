@@ -14,8 +14,8 @@ from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.format.mcap_writer import McapWriter
 from gateway.recording.reading.recording_file import RecordedMessage, open_recording
 from gateway.recording.segments.compaction import CompactionError, compact
+from gateway.recording.segments.copying import recover, recovered_path
 from gateway.recording.segments.events import uncompacted_marker
-from gateway.recording.segments.recovery import recover, recovered_path
 from tests.gateway.recording.conftest import MakeRecorder
 
 NOISE_COUNTS, BLOCK, SECONDS = 143, 32, 30

@@ -16,7 +16,7 @@ from gateway.recording.chain.signing_key import load_or_create_key
 from gateway.recording.chain.statements import MAX_RUNS, SIGNATURE, parse_deletions, parse_statement
 from gateway.recording.format.mcap_writer import DENSE, McapWriter
 from gateway.recording.format.salvage import SalvageReport, open_mcap, read_records
-from gateway.recording.reading.segment_index import read_index
+from gateway.recording.reading.recording_file import read_index
 from gateway.recording.segments.compaction import HashingFile
 from gateway.recording.segments.copying import RecordCopier
 from gateway.recording.segments.events import marker_path

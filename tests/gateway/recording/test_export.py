@@ -21,7 +21,8 @@ from gateway.recording.reading.interval import RecordingInterval
 from gateway.recording.reading.recording_file import EVERYTHING
 from gateway.recording.reading.sample_calibration import CalibratedReader
 from gateway.recording.reading.samples import read_samples
-from tests.gateway.recording.recorded_crane import CLOCK, START_NS, RecordedCrane
+from tests.clocks import START_NS
+from tests.gateway.recording.recorded_crane import CLOCK, RecordedCrane
 from tests.values import present
 
 SECONDS = 45

@@ -20,10 +20,9 @@ from mcap.writer import MCAP0_MAGIC
 
 from devices.errors import RecordingError
 from gateway.recording.format.frames import MAX_CHUNK_BYTES, RECORD_HEAD, ChunkError, ChunkReader
-from gateway.recording.format.mcap_writer import McapWriter
+from gateway.recording.format.mcap_writer import McapWriter, serialise
 from gateway.recording.format.salvage import SalvageReport, open_mcap, read_records
-from gateway.recording.format.summary_section import serialise
-from gateway.recording.segments.recovery import recover
+from gateway.recording.segments.copying import recover
 
 ROOT = Path(__file__).parents[3]
 MEMORY_BYTES = 1_500_000_000

@@ -15,7 +15,7 @@ from gateway.recording.info.info_text import info_text
 from gateway.recording.info.recording_info import TopicInfo, summarise_timeline
 from gateway.recording.reading.catalogue import open_timeline
 from gateway.recording.reading.interval import RecordingInterval, parse_recording_time
-from gateway.recording.segments.recovery import recover
+from gateway.recording.segments.copying import recover
 from gateway.recording.summary.segment_summary import RecordedPeak
 from tests.gateway.recording.conftest import MakeRecorder
 from tests.gateway.recording.recorded_crane import RecordedCrane

@@ -14,7 +14,7 @@ from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.info.info_text import info_text
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.reading.samples import read_samples
-from gateway.recording.segments.recovery import recover, recovered_path
+from gateway.recording.segments.copying import recover, recovered_path
 from tests.gateway.recording.conftest import MakeRecorder
 from tests.gateway.recording.recorded_files import summarise
 from tests.values import present

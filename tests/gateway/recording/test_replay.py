@@ -16,15 +16,15 @@ from gateway.calibration.record import CalibrationRecord, content_hash
 from gateway.cli.main import main
 from gateway.configuration.render import to_toml
 from gateway.messages import NO_SESSION, Motion
-from gateway.pipeline.clock_state import MessageTime
 from gateway.pipeline.incidents import Acknowledgement
-from gateway.pipeline.outgoing_message import OutgoingMessage
+from gateway.pipeline.outgoing_message import MessageTime, OutgoingMessage
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.reading.samples import read_samples
 from gateway.recording.replay import replay_run as replay_result
 from gateway.recording.replay.replay_steps import RECOMPUTED_PATHS
-from tests.gateway.recording.recorded_crane import CLOCK, START_NS, RecordedCrane
+from tests.clocks import START_NS
+from tests.gateway.recording.recorded_crane import CLOCK, RecordedCrane
 
 SUSPENSION = "SUSPENDED: the sensor is being recalibrated (six_position, by ann)"
 

@@ -6,7 +6,7 @@ import pytest
 
 from gateway.recording.format import mcap_writer
 from gateway.recording.reading.recording_file import open_recording
-from gateway.recording.segments.recovery import recover
+from gateway.recording.segments.copying import recover
 from tests.benchmarks.survival import campaign, content, record, specimen
 
 

@@ -14,11 +14,10 @@ from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.format.header import RecordingHeader
 from gateway.recording.reading.catalogue import open_timeline, open_timelines
 from gateway.recording.reading.interval import RecordingInterval, parse_recording_time
-from gateway.recording.reading.recording_file import EVERYTHING, Selection
-from gateway.recording.reading.segment_index import read_index
+from gateway.recording.reading.recording_file import EVERYTHING, Selection, read_index
 from gateway.recording.reading.timeline import Timeline, summarise_segment
+from gateway.recording.segments.copying import recover
 from gateway.recording.segments.recorder import Recorder
-from gateway.recording.segments.recovery import recover
 
 BLOCK_NS = 32_000_000
 """A block of 32 samples at 1 kHz."""

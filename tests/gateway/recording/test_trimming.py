@@ -17,10 +17,9 @@ from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.signing_key import load_or_create_key
 from gateway.recording.format.header import RecordingHeader
 from gateway.recording.reading.samples import read_samples
-from gateway.recording.segments.compaction import compact
+from gateway.recording.segments.compaction import compact, trim
 from gateway.recording.segments.events import EventIndex, is_trimmed
 from gateway.recording.segments.recorder import Recorder
-from gateway.recording.segments.trimming import trim
 
 SECOND_NS = 1_000_000_000
 PRE_S, POST_S, EVENT_S = 10, 15, 45

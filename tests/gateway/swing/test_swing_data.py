@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from gateway.numerics.quantisation import smallest_steps
+from gateway.numerics.stats import smallest_steps
 from gateway.swing.data.bins import bin_samples, concatenate, merge
 from gateway.swing.data.input_checks import find_fault, find_fault_in_means, lacks_gravity
 from gateway.swing.data.noise import effective_noise_g, measured_noise_g

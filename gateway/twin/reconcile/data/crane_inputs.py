@@ -12,7 +12,7 @@ from gateway.measurement.source import Source
 from gateway.motion.history import MotionHistory
 from gateway.motion.hypotheses import IS_DRIVEN, IS_HOISTING
 from gateway.motion.smoother import smooth_motion
-from gateway.numerics.runs import true_runs
+from gateway.numerics.stats import true_runs
 from gateway.swing.rig import MountedHousing
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.crane_input import CraneInput, CraneMotion, MotionCorrection, SineSeries

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from gateway.errors import InputError
 from gateway.measurement.source import Source
-from gateway.numerics.robust import robust_sigma
-from gateway.numerics.runs import true_runs
+from gateway.numerics.stats import robust_sigma, true_runs
 from gateway.swing.data.input_checks import WITHOUT_GRAVITY, lacks_gravity
 from gateway.twin.model import Model, TwinRig
 from gateway.twin.reconcile.data.artefact_detectors import (

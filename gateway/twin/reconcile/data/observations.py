@@ -6,10 +6,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.numerics.quantisation import smallest_steps
-from gateway.numerics.robust import robust_sigma
 from gateway.numerics.spikes import MIN_SPIKE_SIGMA
-from gateway.numerics.stats import normal_quantile
+from gateway.numerics.stats import normal_quantile, robust_sigma, smallest_steps
 from gateway.twin.reconcile.data.swing_amplitude import (
     LARGE_AMPLITUDE_RAD,
     estimate_amplitude_rad,

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.measurement.source import Source
-from gateway.numerics.robust import robust_sigma
+from gateway.numerics.stats import robust_sigma
 from gateway.twin.model import DEFAULT_NOISE_G, Model
 from gateway.twin.reconcile.data.artefact_detectors import detect_quantisation_step
 

@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from gateway.numerics.runs import true_runs
+from gateway.numerics.stats import true_runs
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.data.recordings import Recordings, selection_part, test_part
 from gateway.twin.reconcile.output.result import DataPart

@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.numerics.runs import true_runs
 from gateway.numerics.spectrum import periodogram
+from gateway.numerics.stats import true_runs
 from gateway.twin.reconcile.output.result import Disagreement
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from devices.clock import Clock
 from devices.device import Device
 from devices.i2c.chips import CHIPS
 from devices.i2c.fifo_accelerometer import FifoAccelerometer
-from gateway.configuration.i2c_devices import I2cDevice
+from gateway.configuration.device_sections import I2cDevice
 from gateway.configuration.loading import validate
 from gateway.configuration.model import Configuration
 from gateway.daemon.doctor.check_result import CheckResult

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from devices.block import RadioStatus, SampleBlock
-from gateway.configuration.serial_devices import NodeDevice
+from gateway.configuration.device_sections import NodeDevice
 from gateway.daemon.doctor.check_result import CheckResult
 from gateway.daemon.doctor.device_check import examine_ports, examine_radio
 from tests.devices.usb_tree import UsbTree

@@ -1,6 +1,7 @@
-"""The options `--from`, `--to` and `--last`, which select an interval of a recording, and `--local`."""
+"""The options that commands on recordings share: which recordings, which interval, which time zone, JSON."""
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.cli.options.argument_types import duration_s, recording_time
@@ -55,3 +56,17 @@ def in_zone(time: "RecordingTime | None", is_local: bool) -> "RecordingTime | No
     from gateway.recording.reading.interval import parse_recording_time
 
     return None if time is None else parse_recording_time(time.text, is_local=is_local)
+
+
+def add_paths(verb: argparse.ArgumentParser) -> None:
+    """Add the recordings, as `paths`."""
+    verb.add_argument(
+        "paths", type=Path, nargs="+", metavar="PATH", help=".mcap files written by the gateway, and folders of them"
+    )
+
+
+def add_selection(verb: argparse.ArgumentParser) -> None:
+    """Add the recordings and the interval of them; `gateway.cli.options.recording_options.interval` returns it."""
+    add_paths(verb)
+    add_interval(verb)
+    add_local(verb)
