@@ -1,7 +1,7 @@
 """The sections of the configuration: keys, units, defaults and limits."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
@@ -60,11 +60,21 @@ MAX_ABOVE_LOAD_SHARE = 1.2
 """Largest distance above the load over the rope's length. Basis: the length is a belief that may be a fifth too short."""
 
 
+MountedOn = Literal["rope", "converging_ropes", "spreader"]
+"""What carries the housing: a rope that hangs alone or beside parallel ones, one of several ropes that converge, or the spreader
+under them, which does not turn with its ropes."""
+
+
 class HousingSection(Section):
     """Position of the housing on the rope, by one of the two keys."""
 
     position_m: float | None = Field(None, ge=0, description="from the pivot, along the rope")
     above_load_m: float | None = Field(None, ge=0, description="distance to the load's centre; constant while hoisting")
+    mounted_on: MountedOn | None = Field(
+        None,
+        description="rope, converging_ropes (one of several that come together above a spreader) or spreader; "
+        "not stated: found from the readings near the load, a rope elsewhere",
+    )
     mount_u_deg: float = Field(
         ALIGNED_MOUNT_U_DEG,
         ge=0,
@@ -77,6 +87,8 @@ class HousingSection(Section):
     def _check_single_position(self) -> Self:
         if self.position_m is not None and self.above_load_m is not None:
             raise ValueError("position_m and above_load_m both state the position of the housing; keep one")
+        if self.mounted_on in ("converging_ropes", "spreader") and self.above_load_m is None:
+            raise ValueError(f"mounted_on = {self.mounted_on} wants above_load_m, the distance to the load's centre")
         return self
 
 

@@ -143,6 +143,8 @@ class MotionMonitor:
 
     def _is_blind_at_load(self) -> bool:
         above_m = self._rig.above_load_m
+        if self._rig.mounted_on == "spreader":
+            return False  # it reads the direction of the ropes' force across them
         if above_m is None or above_m >= SHORTEST_DISTANCE * self._rig.length_m:
             return False
         return math.hypot(self._rig.zero_g_offset_u_g[2], self._rig.scale_u[2]) > LARGEST_AXIAL_U_G

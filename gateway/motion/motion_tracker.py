@@ -12,13 +12,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.configuration.model import MountedOn
 from gateway.motion.bin_noise import BinNoise
 from gateway.motion.binning import BinGroups, Binning, ForceBin
 from gateway.motion.candidate import MotionCandidate
 from gateway.motion.estimate import MotionEstimate, PeakEstimate
 from gateway.motion.fast_oscillation import FastOscillationDetector
 from gateway.motion.gyro_reading import GyroPrior
-from gateway.motion.initial_state import Constants, constants_of
+from gateway.motion.initial_state import constants_of
 from gateway.motion.motion_filter import MotionFilter
 from gateway.motion.rope_model import RopeModel
 from gateway.motion.state_estimate import Angle, Described, describe, swing_phase
@@ -148,19 +149,14 @@ class MotionTracker:
                 candidate.filter.widen(GYRO_BIAS, u_rad_s)
 
     def _new_candidates(self) -> list[MotionCandidate]:
-        reach_m = max(SPREADER_REACH_M, SPREADER_REACH * self._rig.length_m)
-        above_m = self._rig.above_load_m
-        candidates = [self._new_candidate("rope", self._constants)]
-        if above_m is not None and above_m <= CONVERGING_REACH * self._rig.length_m:
-            shift_m, u_m = CONVERGING * self._rig.length_m, CONVERGING_U * self._rig.length_m
-            place_u_m = math.hypot(self._constants.place_u_m, u_m)
-            converging = replace(self._constants, place_m=self._constants.place_m - shift_m, place_u_m=place_u_m)
-            candidates.append(self._new_candidate("converging ropes", converging))
-        if above_m is not None and above_m <= reach_m:
-            candidates.append(self._new_candidate("spreader", self._constants, on_spreader=True))
-        return candidates
+        return [self._new_candidate(mounted_on) for mounted_on in possible_structures(self._rig)]
 
-    def _new_candidate(self, name: str, constants: Constants, *, on_spreader: bool = False) -> MotionCandidate:
+    def _new_candidate(self, mounted_on: MountedOn) -> MotionCandidate:
+        constants, on_spreader = self._constants, mounted_on == "spreader"
+        if mounted_on == "converging_ropes":
+            shift_m, u_m = CONVERGING * self._rig.length_m, CONVERGING_U * self._rig.length_m
+            place_u_m = math.hypot(constants.place_u_m, u_m)
+            constants = replace(constants, place_m=constants.place_m - shift_m, place_u_m=place_u_m)
         model = RopeModel(
             self._rig.gravity_m_s2,
             self._rig.length_m,
@@ -169,7 +165,7 @@ class MotionTracker:
             n_states=N_STATES + (0 if self._gyro is None else N_GYRO_STATES),
         )
         motion_filter = MotionFilter(model, constants, self._gyro)
-        candidate = MotionCandidate(motion_filter, self.bin_s, self._rig.small_swing_period_s, self._gyro, name)
+        candidate = MotionCandidate(motion_filter, self.bin_s, self._rig.small_swing_period_s, self._gyro, mounted_on)
         candidate.history = StepHistory() if self._keeps_steps else None
         return candidate
 
@@ -274,3 +270,15 @@ class MotionTracker:
             return None
         time_s, angle_rad, u_rad = max(self._angles, key=lambda one: one[1])
         return PeakEstimate(angle_rad=angle_rad, u_rad=u_rad, in_s=time_s - now_s)
+
+
+def possible_structures(rig: MountedHousing) -> list[MountedOn]:
+    """Return what may carry the housing: what is stated, or all that its distance above the load allows."""
+    if rig.mounted_on is not None:
+        return [rig.mounted_on]
+    found: list[MountedOn] = ["rope"]
+    if rig.above_load_m is not None and rig.above_load_m <= CONVERGING_REACH * rig.length_m:
+        found.append("converging_ropes")
+    if rig.above_load_m is not None and rig.above_load_m <= max(SPREADER_REACH_M, SPREADER_REACH * rig.length_m):
+        found.append("spreader")
+    return found

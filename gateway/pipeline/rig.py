@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from gateway.calibration.correction import Correction
-from gateway.configuration.model import Configuration
+from gateway.configuration.model import Configuration, MountedOn
 from gateway.numerics.array import Array
 from gateway.swing.model.mount import rotation
 from gateway.swing.rig import NOMINAL_LENGTH_U_REL, MountedHousing
@@ -73,6 +73,7 @@ class RigHousing(RigTable):
 
     position_m: NotNegative | None = None
     above_load_m: NotNegative | None = None
+    mounted_on: MountedOn | None = None
     position_u_m: NotNegative | None = None
     beside_u_m: NotNegative = BESIDE_U_M
     mount_deg: Annotated[list[MountAngle], Field(min_length=2, max_length=2)] = [0.0, 0.0]
@@ -112,6 +113,10 @@ class Rig(RigTable):
         position_m, length_m = self.housing.position_m, self.rope.length_m
         if (position_m is None) == (self.housing.above_load_m is None):
             raise ValueError("[housing] wants either position_m or above_load_m")
+        if self.housing.mounted_on in ("converging_ropes", "spreader") and position_m is not None:
+            raise ValueError(
+                f"[housing] mounted_on = {self.housing.mounted_on} wants above_load_m in place of position_m"
+            )
         # The nominal length may be outdated by hoisting, whereas the position of the housing was measured.
         if position_m is not None and position_m > MAX_RHO * length_m:
             raise ValueError(f"housing.position_m {position_m:g} is far beyond rope.length_m {length_m:g}")
@@ -127,6 +132,7 @@ class Rig(RigTable):
             length_u_rel=self.rope.length_u_rel,
             position_m=self.housing.position_m,
             above_load_m=self.housing.above_load_m,
+            mounted_on=self.housing.mounted_on,
             position_u_m=default_m if position_u_m is None else position_u_m,
             beside_u_m=self.housing.beside_u_m,
             mount_u_rad=None if mount_u_deg is None else math.radians(mount_u_deg),
@@ -167,6 +173,7 @@ def configured_housing(
         housing=RigHousing(
             position_m=configuration.housing_position_m if above_m is None else None,
             above_load_m=above_m,
+            mounted_on=configuration.housing.mounted_on,
             beside_u_m=0.0,
             mount_u_deg=0.0,  # a gateway zeroes the mount
         ),

@@ -99,6 +99,8 @@ def test_a_person_sets_up_a_gateway_on_a_terminal(dev: Path, tmp_path: Path) -> 
     person.answer("Distance of the housing above the load's centre, m:", "80")
     person.expect("is more than rope.length_m")
     person.answer("Distance of the housing above the load's centre, m:", "2.5")
+    person.answer("What carries the housing", "a hook")
+    person.answer("What carries the housing", "none")
     person.answer("Latitude of the site", "52.2")
     person.answer("Trip level, degrees [6]:", "5")
     person.answer("Warning level, degrees [3.33]:", "9")

@@ -2,12 +2,13 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from devices.host_clock import HostClock
 from gateway.configuration.answers import Answers
 from gateway.configuration.device_sections import DEVICE_SECTIONS
 from gateway.configuration.loading import ConfigurationError
+from gateway.configuration.model import MountedOn
 from gateway.daemon.sampling.device_search import FoundSensor, SearchProblem, search_sensors
 from gateway.errors import InputError
 from gateway.languages import LANGUAGES
@@ -106,7 +107,17 @@ def _ask_rope(answers: Answers, ask: Ask) -> None:
     print("\nRope: as measured with a tape; the period that the gateway measures takes precedence.")
     _ask_key(answers, "rope.length_m", "Length from the pivot to the load's centre, m", None, ask)
     _ask_key(answers, "housing.above_load_m", "Distance of the housing above the load's centre, m", None, ask)
+    _ask_mounted_on(answers, ask)
     _ask_key(answers, "site.latitude_deg", "Latitude of the site, for its gravity, degrees", "50", ask)
+
+
+def _ask_mounted_on(answers: Answers, ask: Ask) -> None:
+    def take(text: str) -> None:
+        if text != NONE:
+            answers.set(housing__mounted_on=text)
+
+    possible = ", ".join(get_args(MountedOn))
+    _repeat(f"What carries the housing ({possible}); {NONE}: found from the readings", NONE, take, ask)
 
 
 def _ask_limits(answers: Answers, ask: Ask) -> None:

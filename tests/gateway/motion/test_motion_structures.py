@@ -1,10 +1,12 @@
 """Structures of the crane that are told apart or followed: a housing on a spreader, and a base that never rests."""
 
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
 
+from gateway.configuration.model import MountedOn
 from gateway.motion.motion_tracker import MotionTracker
 from gateway.numerics.array import Array
 from gateway.swing.rig import MountedHousing
@@ -50,17 +52,39 @@ def near_the_load(*, tilt: float | None) -> Recording:
 def test_housing_on_a_spreader_is_told_from_one_on_a_rope(tilt: float | None, name: str) -> None:
     recording = near_the_load(tilt=tilt)
     tracker = new_tracker(recording.rig)
-    assert names(tracker) == {"rope", "converging ropes", "spreader"}
+    assert names(tracker) == {"rope", "converging_ropes", "spreader"}
 
     estimates = list(follow(recording, tracker))
 
     assert name in names(tracker)
-    assert names(tracker) - {"converging ropes"} == {name}
+    assert names(tracker) - {"converging_ropes"} == {name}
     assert np.abs(normalised_errors(recording, [e for e in estimates if e.time_s > 15.0])).max() < 4
 
 
 def test_only_a_housing_near_the_load_may_be_on_a_spreader() -> None:
     assert names(new_tracker(swing(duration_s=1.0, rho=0.5).rig)) == {"rope"}
+
+
+@pytest.mark.parametrize("mounted_on", get_args(MountedOn))
+@pytest.mark.parametrize("rho", [0.5, 0.99])
+def test_what_is_stated_to_carry_the_housing_is_not_asked(mounted_on: MountedOn, rho: float) -> None:
+    rig = replace(swing(duration_s=1.0, rho=rho).rig, mounted_on=mounted_on)
+    assert names(new_tracker(rig)) == {mounted_on}
+
+
+def test_a_housing_on_a_spreader_has_its_place_from_the_load() -> None:
+    with pytest.raises(ValueError, match="spreader has its place from the load"):
+        MountedHousing(length_m=10.0, position_m=9.0, mounted_on="spreader")
+
+
+def test_a_stated_spreader_is_followed_where_it_would_not_be_looked_for() -> None:
+    """A head block that holds the housing 2 m above the middle of the load, on a rope of 10 m."""
+    recording = near_the_load(tilt=0.15)
+    stated = replace(recording, rig=replace(recording.rig, above_load_m=2.0, mounted_on="spreader"))
+
+    estimates = list(follow(stated, new_tracker(stated.rig)))
+
+    assert np.abs(normalised_errors(stated, [e for e in estimates if e.time_s > 15.0])).max() < 4
 
 
 def test_housing_on_the_spreader_of_a_container_crane_is_recognised() -> None:
