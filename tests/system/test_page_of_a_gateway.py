@@ -13,6 +13,7 @@ from urllib.request import urlopen
 import pytest
 from playwright.sync_api import Browser, expect
 
+from tests.page_sound import LOST_HZ, turn_sound_on, wait_for_tone
 from tests.ports import unused_port
 from tests.system.bus_query import KEY
 from tests.system.conftest import JoinBus, RunningGateway, StartGateway
@@ -40,8 +41,10 @@ def test_the_angle_moves_on_the_page(start_gateway: StartGateway, join_bus: Join
     expect(page.locator("body")).to_contain_text("simulated-1")
     with urlopen(f"http://127.0.0.1:{gateway.page_port}/healthz", timeout=PATIENCE_S) as answer:
         assert answer.status == HEALTHY
+    turn_sound_on(page)
     gateway.process.kill()
     expect(page.locator("#word")).to_have_text(re.compile("NO DATA|STALE|NO CONTACT"))
+    wait_for_tone(page, LOST_HZ)
     assert errors == []
     page.close()
 

@@ -25,6 +25,8 @@ const TREND_S = 1;
 const URGENT = new Set(["TRIP", "WARN", "STALE", "NO DATA", "SUSPENDED"]);
 const ANNOUNCE_S = 10; // shortest time between two announcements that ask for no action
 const GONE = new Set(["STALE", "NO DATA"]);
+const UNMONITORED = new Set([...GONE, "SUSPENDED"]);
+const UNKNOWN_SOUNDS_S = 2; // a shorter gap in what is known asks for nothing
 const SCREENS = {"#alerts": "alerts", "#service": "service"};
 const LEAN_SHOWN_DEG = 0.05; // a smaller lean is shown as 0.0°, which has no direction
 const LEAN_SIGNIFICANT = 2; // standard uncertainties from which a lean has a direction
@@ -48,6 +50,7 @@ let state = null;
 let trendS = 0;
 let announced = null;
 let announcedS = -Infinity;
+let knownS = nowS(); // when the angle was last known, or never
 
 const link = new Link(
   (history) => trend.replace(history.points),
@@ -74,12 +77,12 @@ function show() {
     if (state !== null) followLanguage(state.page.language);
     const verdict = verdictNow();
     showVerdict(verdict);
+    const alarms = standing(state?.topics.alert);
+    sound.update([...unacknowledged(alarms), ...lossOfView(verdict)]);
     if (state === null) return;
     const waitedS = nowS() - link.arrivedS;
     const gone = GONE.has(verdict.word);
-    const alarms = gone ? [] : standing(state.topics.alert);
-    sound.update(alarms.filter((one) => !one.acknowledged_by).map((one) => ({key: one.incident ?? one.rule, level: one.level})));
-    acknowledger.show(alarms);
+    acknowledger.show(gone ? [] : alarms);
     person.show(state.page.names);
     showSwing(gone ? {} : state.topics, verdict, waitedS);
     showFacts(state, waitedS);
@@ -98,6 +101,16 @@ function show() {
     showVerdict({...LOST, word: "UNKNOWN", colour: "grey", shape: "question", sentence: text("page_fault", {reason}), also: []});
     throw error;
   }
+}
+
+const unacknowledged = (alarms) =>
+  alarms.filter((one) => !one.acknowledged_by).map((one) => ({key: one.incident ?? one.rule, level: one.level}));
+
+// Return the alarm that nobody watches the swing: no gateway, no samples, suspended, or an angle that is not known any more.
+function lossOfView(verdict) {
+  if (verdict.word !== "UNKNOWN" || !state?.last_good) knownS = nowS();
+  const lost = UNMONITORED.has(verdict.word) || nowS() - knownS > UNKNOWN_SOUNDS_S;
+  return lost ? [{key: "view", level: "lost"}] : [];
 }
 
 // A recalibration takes precedence over the chosen screen.

@@ -1,11 +1,15 @@
-// The alarm tone: two tones for a warning, a fast series for the limit, until somebody acknowledges the alarm, the operator silences
-// it on this screen, or it ends.
+// The alarm tone: a fast series for the limit, one long low tone where the swing is not monitored, two tones for a warning; until
+// somebody acknowledges the alarm, the operator silences it on this screen, or it ends. Losing the gateway ends none.
 // A browser plays sound only after somebody has touched the page, so the button says whether the tone can be heard.
 
 import {text} from "./texts.js";
 
-const PATTERNS = {warn: {everyS: 4, tones_hz: [660, 550], lengthS: 0.25}, trip: {everyS: 1.5, tones_hz: [880, 880, 880], lengthS: 0.15}};
-const RANK = {warn: 1, trip: 2};
+const PATTERNS = {
+  warn: {everyS: 4, tones_hz: [660, 550], lengthS: 0.25},
+  lost: {everyS: 2.5, tones_hz: [370], lengthS: 0.8},
+  trip: {everyS: 1.5, tones_hz: [880, 880, 880], lengthS: 0.15},
+};
+const RANK = {warn: 1, lost: 2, trip: 3};
 const LOUDNESS = 0.35;
 const RAMP_S = 0.01; // avoids clicks
 
@@ -45,11 +49,14 @@ export class Sound {
     return highest;
   }
 
+  // The first press turns the sound on, whatever stands: a new context may run at once.
   press() {
+    if (this.context?.state === "running") {
+      this.silenced = new Map(this.alarms);
+      return;
+    }
     this.context ??= new AudioContext();
-    const audible = this.context.state === "running";
-    if (audible) this.silenced = new Map(this.alarms);
-    else this.context.resume();
+    this.context.resume();
   }
 
   play({everyS, tones_hz, lengthS}) {

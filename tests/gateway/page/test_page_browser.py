@@ -9,6 +9,7 @@ from playwright.sync_api import Browser, Page, expect
 from gateway.motion.estimate import MotionEstimate, PeakEstimate
 from gateway.units import degrees
 from tests.gateway.page.conftest import FakeGateway, PageUnderTest
+from tests.page_sound import LIMIT_HZ, LOST_HZ, turn_sound_on, wait_for_tone
 
 pytestmark = pytest.mark.slow
 
@@ -187,6 +188,40 @@ def test_only_a_correct_state_is_calm(gateway: FakeGateway, page: PageUnderTest,
     screen.shows("DISTURBED", "zigzag")
     screen.text("#fact-condition dd", "disturbed, not trusted")
     assert screen.errors == []
+
+
+def test_losing_the_gateway_ends_no_tone_and_is_an_alarm_itself(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser
+) -> None:
+    gateway.scene.level = "trip"
+    screen = Screen(browser, page.url)
+    screen.shows("LIMIT", "octagon")
+    turn_sound_on(screen.page)
+    wait_for_tone(screen.page, LIMIT_HZ)
+    gateway.speaking.clear()
+    screen.shows("STALE", "hourglass")
+    wait_for_tone(screen.page, LIMIT_HZ)
+
+    gateway.scene.level = "normal"
+    gateway.speaking.set()
+    screen.shows("OK", "circle")
+    page.process.kill()
+    screen.shows("STALE", "hourglass")
+    wait_for_tone(screen.page, LOST_HZ)
+    screen.page.locator("#sound").click()
+    expect(screen.page.locator("#sound")).to_have_attribute("data-state", "on")  # silenced by a person
+
+
+def test_an_angle_that_is_not_known_any_more_sounds(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser
+) -> None:
+    screen = Screen(browser, page.url)
+    screen.shows("OK", "circle")
+    turn_sound_on(screen.page)
+    gateway.scene.motion_reasons = ["too short a stretch"]
+    gateway.scene.swinging = gateway.scene.coverage95_deg = None
+    screen.shows("NOT KNOWN", "question")
+    wait_for_tone(screen.page, LOST_HZ)
 
 
 def test_the_page_shows_the_loss_and_return_of_its_server(
