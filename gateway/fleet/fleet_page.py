@@ -107,6 +107,7 @@ def _card(status: GatewayStatus) -> dict[str, Any]:
         "shape": style.shape,
         "reasons": status.reasons,
         "swing": None if status.swing is None else asdict(status.swing),
+        "source": status.source,
         "level": status.level,
         "alive": status.alive,
         "causes": asdict(status.causes),

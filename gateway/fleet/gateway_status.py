@@ -22,6 +22,8 @@ STATE_LABELS: dict[FleetWord, str] = {
     "OK": STYLES["OK"].label,
 }
 """In the order of urgency, the labels that people read."""
+SOURCES = {"simulated": "SIMULATION", "replay": "REPLAY"}
+"""What people read of a gateway whose samples no sensor takes, by the kind of its device."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,8 +109,13 @@ class GatewayStatus:
 
     @property
     def label(self) -> str:
-        """The state as people read it."""
-        return STATE_LABELS[self.state]
+        """The state as people read it, marked where no sensor takes the samples."""
+        return " ".join(filter(None, (STATE_LABELS[self.state], self.source)))
+
+    @property
+    def source(self) -> str:
+        """SIMULATION or REPLAY; empty where a sensor takes the samples, or nothing is known."""
+        return SOURCES.get(self.device or "", "")
 
 
 def gateway_status(

@@ -9,7 +9,7 @@ import pytest
 
 from gateway.errors import InputError
 from gateway.fleet.gateway_status import FleetWord, GatewayStatus, SwingReading, missing_gateway
-from gateway.fleet.report import FleetQuery, FleetReport, format_age, make_report
+from gateway.fleet.report import FleetQuery, FleetReport, format_age, format_table, make_report
 from gateway.fleet.selection import SORTS, ListFilter, NamePatterns, parse_levels, parse_states, read_expected
 
 NOW = datetime(2026, 11, 22, 12, tzinfo=UTC)
@@ -39,6 +39,15 @@ def report(
 
 def names(found: FleetReport) -> list[str]:
     return [listed.name for listed in found.listed]
+
+
+@pytest.mark.parametrize(
+    ("device", "label"), [("simulated", "OK SIMULATION"), ("replay", "OK REPLAY"), ("adxl355", "OK"), (None, "OK")]
+)
+def test_what_no_sensor_measures_is_marked_in_the_list(device: str | None, label: str) -> None:
+    shown = status("yard-a/c1/hook", device=device)
+    assert shown.label == label
+    assert format_table([shown])[1].split("  ")[1] == label
 
 
 def test_the_most_urgent_gateway_comes_first() -> None:
