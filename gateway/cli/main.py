@@ -1,16 +1,30 @@
 """`plumbline`: finds the command, and turns bad input into one line and an exit code."""
 
 import argparse
+import re
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from itertools import pairwise
+from typing import Never
 
 from devices.errors import DeviceError
 from gateway import __version__
 from gateway.cli.terminal.output import paint
 from gateway.errors import BAD_INPUT, PlumblineError
 from gateway.text import printable
+
+AXES_FROM_MINUS = re.compile(r"-[xyz],.+")
+"""A value of --axes that `argparse` takes for an option."""
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser that says what is wrong before all else."""
+
+    def error(self, message: str) -> Never:
+        """Print the error alone: several lines of usage would hide it."""
+        self.exit(BAD_INPUT, f"{self.prog}: error: {message}; see {self.prog} --help\n")
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +103,7 @@ COMMANDS: dict[str, str | CommandGroup] = {
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the whole command line. Commands import what they need when they run, so that help is quick."""
-    top = argparse.ArgumentParser(
+    top: argparse.ArgumentParser = Parser(
         prog="plumbline",
         description="Measure how far the load of a crane swings, and whether the reading can be trusted.",
         epilog="example: plumbline run    (a simulated crane, no configuration needed)",
@@ -104,9 +118,18 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
+def join_axes(arguments: Sequence[str]) -> list[str]:
+    """Return the arguments with `--axes -y,x,z` as one."""
+    values = {
+        i for i, (name, value) in enumerate(pairwise(arguments)) if name == "--axes" and AXES_FROM_MINUS.match(value)
+    }
+    joined = [f"{one}={arguments[i + 1]}" if i in values else one for i, one in enumerate(arguments)]
+    return [one for i, one in enumerate(joined) if i - 1 not in values]
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; return 0: done, 1: the answer is no, 2: wrong usage or input, 3: done with losses."""
-    chosen = parser().parse_args(arguments)
+    chosen = parser().parse_args(join_axes(sys.argv[1:] if arguments is None else arguments))
     try:
         code: int = chosen.run(chosen)
     except (PlumblineError, DeviceError) as error:

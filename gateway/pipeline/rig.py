@@ -14,8 +14,9 @@ from gateway.numerics.array import Array
 from gateway.swing.model.mount import rotation
 from gateway.swing.rig import NOMINAL_LENGTH_U_REL, MountedHousing
 
-MAX_RHO = 2.0
-"""Largest position of the housing relative to the nominal length. Basis: the hook may hang lower than the nominal length says."""
+MAX_LENGTH_SIGMA = 2.0
+"""Standard uncertainties of the length by which the housing may stand beyond the nominal rope. Basis: a housing below its load
+cannot exist; the hook may hang lower than the nominal length says, by what is stated of its uncertainty."""
 BESIDE_U_M = 0.015
 """Standard uncertainty of the sensor's place across the rope, per axis. Basis: a housing is clamped beside a rope, not in it."""
 MOUNT_U_RAD = 0.01
@@ -118,8 +119,12 @@ class Rig(RigTable):
                 f"[housing] mounted_on = {self.housing.mounted_on} wants above_load_m in place of position_m"
             )
         # The nominal length may be outdated by hoisting, whereas the position of the housing was measured.
-        if position_m is not None and position_m > MAX_RHO * length_m:
-            raise ValueError(f"housing.position_m {position_m:g} is far beyond rope.length_m {length_m:g}")
+        longest_m = length_m * (1 + MAX_LENGTH_SIGMA * self.rope.length_u_rel)
+        if position_m is not None and position_m > longest_m:
+            raise ValueError(
+                f"housing.position_m {position_m:g} is below the load: rope.length_m is {length_m:g}, at most {longest_m:g} by "
+                "its uncertainty rope.length_u_rel"
+            )
         return self
 
     def mounted_housing(self, limits: DefaultUncertainty = CALIBRATED) -> MountedHousing:

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from gateway.cli.main import parser
+from gateway.cli.main import join_axes, main, parser
+from gateway.errors import BAD_INPUT
 from tests.command_lines import command_words
 
 
@@ -50,3 +51,26 @@ def test_every_argument_is_explained(name: str) -> None:
         if not isinstance(action, argparse._SubParsersAction) and not action.help
     ]
     assert unexplained == [], name
+
+
+def test_an_error_of_usage_is_one_line_that_names_the_help(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["record"])
+    assert ended.value.code == BAD_INPUT
+    said = capsys.readouterr().err
+    assert said == (
+        "plumbline record: error: the following arguments are required: VERB; see plumbline record --help\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("given", "parsed"),
+    [
+        (["measure", "--axes", "-y,x,z", "a.csv"], ["measure", "--axes=-y,x,z", "a.csv"]),
+        (["measure", "--axes", "y,-x,z"], ["measure", "--axes", "y,-x,z"]),
+        (["measure", "--axes", "--rig"], ["measure", "--axes", "--rig"]),
+        (["measure", "a.csv", "--axes"], ["measure", "a.csv", "--axes"]),
+    ],
+)
+def test_axes_may_begin_with_a_minus_sign(given: list[str], parsed: list[str]) -> None:
+    assert join_axes(given) == parsed

@@ -45,6 +45,16 @@ def test_housing_above_the_load_gets_its_distance_from_the_pivot(tmp_path: Path)
     assert model_of(read_rig(path)).rig.position_m == 9.0
 
 
+@pytest.mark.parametrize(("position_m", "length_u_rel"), [(25.2, 0.2), (14.8, 0.02)])
+def test_a_housing_below_its_load_is_refused(tmp_path: Path, position_m: float, length_u_rel: float) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text(f"[rope]\nlength_m = 14\nlength_u_rel = {length_u_rel}\n[housing]\nposition_m = {position_m}\n")
+    with pytest.raises(
+        InputError, match=rf"housing.position_m {position_m} is below the load: rope.length_m is 14, at most"
+    ):
+        read_rig(path)
+
+
 @pytest.mark.parametrize(
     ("housing", "from_load"),
     [({"above_load_m": 3.0}, True), ({"position_m": 12.0}, True), ({"position_m": 11.9}, False)],
