@@ -95,6 +95,6 @@ function whenBack({topics: {swing}, last_good: good}) {
 
 function staleSentence(state) {
   if (!state.gateway) return text("gateway_gone");
-  const oldestS = Math.max(...Object.values(state.age_s), 0);
-  return text("no_new_data", {seconds: Math.round(oldestS)});
+  const silentS = state.age_s.tilt ?? Math.max(...Object.values(state.age_s), 0); // others come once in seconds
+  return text("no_new_data", {seconds: Math.round(silentS)});
 }

@@ -190,6 +190,17 @@ def test_only_a_correct_state_is_calm(gateway: FakeGateway, page: PageUnderTest,
     assert screen.errors == []
 
 
+SILENCE = """() => import('/sentence.js').then(({sentence}) =>
+  sentence({word: 'STALE'}, {gateway: true, topics: {}, age_s: {tilt: 1.3, motion: 1.4, swing: 6.8}}))"""
+
+
+def test_silence_is_as_old_as_the_newest_sample(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
+    """A swing is estimated once in seconds: its age says nothing of a gateway that has just fallen silent."""
+    screen = Screen(browser, page.url)
+    screen.shows("OK", "circle")
+    assert "1 s" in screen.page.evaluate(SILENCE)
+
+
 def test_losing_the_gateway_ends_no_tone_and_is_an_alarm_itself(
     gateway: FakeGateway, page: PageUnderTest, browser: Browser
 ) -> None:
