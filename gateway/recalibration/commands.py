@@ -18,7 +18,7 @@ from gateway.errors import PlumblineError, describe_problems
 from gateway.recalibration.interlock import LoadInterlock
 from gateway.recalibration.requests import Cancel, Commit, Recalibrate, Request, Rollback, Zero
 from gateway.recalibration.sample_buffer import RecentSamples
-from gateway.recalibration.session import Session, Timestamp
+from gateway.recalibration.session import Session, Timestamp, committed_text
 
 ALERTS_RESUMED = "alerts are on again: the housing must hang on the rope"
 
@@ -138,7 +138,7 @@ class CommandHandler:
             begun_ns=now.time_ns,
             touched_ns=now.time_ns,
             candidate=record.model_dump(mode="json"),
-            text=f"record {record.id} is in force",
+            text=committed_text(record.id),
         )
         return lambda: self._put_in_force(record, session, request, now)
 
@@ -150,7 +150,7 @@ class CommandHandler:
         if (reason := session.judgement.refusal(request.reason)) is not None:
             raise Refused(reason)
         record = CalibrationRecord.model_validate(session.candidate)
-        ended = session.end("committed", f"record {record.id} is in force", now.time_ns, left=False)
+        ended = session.end("committed", committed_text(record.id), now.time_ns, left=False)
         return lambda: self._put_in_force(record, ended, request, now)
 
     def _prepare_rollback(self, request: Rollback, session: Session | None, now: Timestamp) -> Command:
@@ -160,13 +160,20 @@ class CommandHandler:
             raise Refused(f"record {in_force} is in force already")
         if target is not None:
             self.store.record(target)
-        name = "the device's factory record, or none," if target is None else f"record {target}"
 
         def roll_back() -> CommandResult:
             self._change_in_force(target, request, now)
-            return CommandResult(f"{name} is in force again", session, target)
+            return CommandResult(self._in_force_again(target), session, target)
 
         return roll_back
+
+    def _in_force_again(self, target: str | None) -> str:
+        if target is not None:
+            return f"record {target} is in force again"
+        factory = self.device.factory_calibration
+        if factory is None:
+            return "no record is in force: the device has none of its factory"
+        return f"the device's factory record {factory.get('id')} is in force again"
 
     def _parent_of(self, record_id: str | None) -> str | None:
         if record_id is None:

@@ -27,7 +27,7 @@ from gateway.recalibration.journal import MAX_ANSWERS, Audit, Journal
 from gateway.recalibration.request_answers import RequestAnswer
 from gateway.recalibration.requests import Fetch, Recalibrate, Request, Zero
 from gateway.recalibration.sample_buffer import RecentSamples
-from gateway.recalibration.session import Session, Timestamp, abandoned_session
+from gateway.recalibration.session import Session, Timestamp, abandoned_session, committed_text
 
 BUFFER_MARGIN_S = 1.0
 """Duration of the readings that are kept beyond what zeroing needs, s. Basis: a choice; some blocks, so that a full rest is
@@ -94,7 +94,7 @@ class Recalibration:
         if session.device_id != device.device_id:
             self._end(session, "rejected", f"the sensor was exchanged for {device.device_id}", now)
         elif session.record_id is not None and _id_in_force(self._opened.store) == session.record_id:
-            self._end(session, "committed", f"record {session.record_id} is in force", now)
+            self._end(session, "committed", committed_text(session.record_id), now)
         elif (reason := session.restart_refusal(now.time_ns)) is not None:
             self._end(session, "rejected", reason, now)
         else:

@@ -197,3 +197,8 @@ def _text(session: Session, progress: PoseProgress | None) -> str:
             return "all poses are taken: the record may be committed"
         return "the record may not be committed"
     return f"{session.text}; alerts stay suspended: {CONFIRM}" if session.left else session.text
+
+
+def committed_text(record_id: str | None) -> str:
+    """Return the outcome of a session whose record was put in force; it stays true when that is rolled back."""
+    return f"record {record_id} was put in force"

@@ -169,8 +169,17 @@ def test_a_rollback_of_the_first_record_returns_to_the_factory_record(site: Site
     assert site.record_in_force().parent == "factory-7"
     answer = site.ask("rollback")
     assert answer.accepted
-    assert "factory" in answer.text
+    assert answer.text == "the device's factory record factory-7 is in force again"
     assert site.in_force() is None
+
+
+def test_what_a_session_says_of_its_record_stays_true_after_a_rollback(site: Site) -> None:
+    first, second = site.commit(1.0), site.commit(2.0)
+    assert site.ask("rollback").text == f"record {first} is in force again"
+    session = site.recalibration.session
+    assert session is not None
+    assert session.text == f"record {second} was put in force"
+    assert site.ask("rollback").text == "no record is in force: the device has none of its factory"
 
 
 def test_zeroing_requires_a_record_and_a_load_that_hangs_still(site: Site) -> None:
