@@ -133,11 +133,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         code: int = chosen.run(chosen)
     except (PlumblineError, DeviceError) as error:
-        print(paint(f"plumbline {chosen.command}:", "bad", sys.stderr), printable(str(error)), file=sys.stderr)
-        return error.exit_code if isinstance(error, PlumblineError) else BAD_INPUT
+        code = error.exit_code if isinstance(error, PlumblineError) else BAD_INPUT
+        return _refuse(chosen.command, str(error), code)
     except BrokenPipeError:
         sys.stderr.close()  # the reader of the output has ended
         return BAD_INPUT
+    except OSError as error:
+        return _refuse(chosen.command, f"{error.filename}: {error.strerror}" if error.filename else str(error))
     except KeyboardInterrupt:
         return 130
+    return code
+
+
+def _refuse(command: str, why: str, code: int = BAD_INPUT) -> int:
+    print(paint(f"plumbline {command}:", "bad", sys.stderr), printable(why), file=sys.stderr)
     return code

@@ -74,8 +74,9 @@ def find_harmonics(
     transverse, transverse_gain = _fit_sinusoids(angle, bins.force_g[:, :2], weight)
     axial_fit, axial_variance = _fit_sinusoids(2 * angle, bins.force_g[:, 2:], weight)
     per_sample = noise_g**2 / bins.count.sum()
-    axial_gain = axial_variance[:, 0] / per_sample[2]
-    gain = (transverse_gain / per_sample[:2]).sum(axis=1) + axial_gain
+    with np.errstate(divide="ignore", invalid="ignore"):  # an axis that never changes has no noise; it is named as dead
+        axial_gain = axial_variance[:, 0] / per_sample[2]
+        gain = (transverse_gain / per_sample[:2]).sum(axis=1) + axial_gain
     best = int(np.argmax((axial_gain if axial else gain) - prior_cost))
     variance = weight @ (bins.force_g - weight @ bins.force_g) ** 2
     left = variance - np.append(transverse_gain[best], axial_variance[best]) - (noise_g**2 / bins.count.mean())

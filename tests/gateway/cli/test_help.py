@@ -3,6 +3,7 @@
 import argparse
 import re
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -74,3 +75,10 @@ def test_an_error_of_usage_is_one_line_that_names_the_help(capsys: pytest.Captur
 )
 def test_axes_may_begin_with_a_minus_sign(given: list[str], parsed: list[str]) -> None:
     assert join_axes(given) == parsed
+
+
+def test_a_folder_that_cannot_be_made_is_told_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "file"
+    file.write_text("")
+    assert main(["keys", "init", "--site", "yard", "--folder", str(file / "keys")]) == BAD_INPUT
+    assert capsys.readouterr().err == f"plumbline keys: {file}: File exists\n"

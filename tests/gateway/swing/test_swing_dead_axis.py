@@ -43,6 +43,15 @@ def test_a_noisy_dead_axis_is_reported(simulated: Simulate, rho: float, azimuth_
     assert "xyz"[axis] in estimate.reasons[0].split(" shows")[0]
 
 
+def test_a_recording_that_never_changes_is_named_as_dead() -> None:
+    time_s = np.arange(3000) / 50.0
+    estimate = estimate_swing(
+        time_s, np.tile([0.0, 0.0, 1.0], (3000, 1)), rig=MountedHousing(length_m=14.0, position_m=9.0)
+    )
+    assert estimate.swinging is None
+    assert "x does not change at all" in estimate.reasons[0]
+
+
 @pytest.mark.parametrize("rho", [0.1, 0.8])
 @pytest.mark.parametrize("azimuth_deg", [0, 90, 3, 45])
 def test_a_planar_swing_along_any_azimuth_has_no_dead_axis(simulated: Simulate, rho: float, azimuth_deg: int) -> None:
