@@ -30,6 +30,11 @@ def read_bounded(path: Path, max_bytes: int = MAX_STATE_BYTES) -> bytes:
         return file.read(max_bytes)
 
 
+def reason_of(error: Exception) -> str:
+    """Return why a file cannot be read, without its name and the system's number."""
+    return str((error.strerror if isinstance(error, OSError) else None) or error)
+
+
 def read_owned(folder: Path, name: str, max_bytes: int = MAX_STATE_BYTES) -> bytes:
     """Return the end of a regular file below a folder, which belongs to the folder's owner and is reached through no link.
 

@@ -13,6 +13,7 @@ from devices.regular_file import open_regular
 from gateway.bench.rotation_turn import TurnReadings
 from gateway.bench.single_parameter import DisplacementPairs
 from gateway.errors import InputError
+from gateway.file_input import reason_of
 from gateway.numerics.array import Array
 
 ROW_LIMIT = 1_000_000
@@ -54,7 +55,7 @@ def _read_rows(path: Path) -> list[list[str]]:
                 [cell.strip() for cell in row] for row, _ in zip(csv.reader(file), range(ROW_LIMIT + 1), strict=False)
             ]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: cannot be read as CSV ({error}); name another file") from error
+        raise InputError(f"{path}: cannot be read as CSV ({reason_of(error)}); name another file") from error
     while rows and not any(rows[-1]):
         rows.pop()
     if not rows:

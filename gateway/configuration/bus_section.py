@@ -18,7 +18,8 @@ CommonName = Annotated[str, Field(min_length=1, max_length=64)]
 SubtreeKey = Annotated[str, Field(pattern=f"^plumbline/v1(/{KEY_PATTERN.strip('^$')}){{1,3}}$")]
 
 
-def _check_endpoint(endpoint: str) -> str:
+def check_endpoint(endpoint: str) -> str:
+    """Return an endpoint that names protocol and address alone. Raises `ValueError` for any other."""
     protocol, _, address = endpoint.partition("/")
     if set(endpoint) & set(PARAMETERS):
         raise ValueError(
@@ -34,7 +35,7 @@ def _check_endpoint(endpoint: str) -> str:
     return endpoint
 
 
-Endpoint = Annotated[str, AfterValidator(_check_endpoint)]
+Endpoint = Annotated[str, AfterValidator(check_endpoint)]
 
 
 def is_loopback(endpoint: str) -> bool:

@@ -63,6 +63,8 @@ MAX_ABOVE_LOAD_SHARE = 1.2
 MountedOn = Literal["rope", "converging_ropes", "spreader"]
 """What carries the housing: a rope that hangs alone or beside parallel ones, one of several ropes that converge, or the spreader
 under them, which does not turn with its ropes."""
+PLACED_FROM_LOAD: frozenset[MountedOn] = frozenset({"converging_ropes", "spreader"})
+"""Where a housing has its place from the load alone: the distance from the pivot along a rope says nothing there."""
 
 
 class HousingSection(Section):
@@ -87,7 +89,7 @@ class HousingSection(Section):
     def _check_single_position(self) -> Self:
         if self.position_m is not None and self.above_load_m is not None:
             raise ValueError("position_m and above_load_m both state the position of the housing; keep one")
-        if self.mounted_on in ("converging_ropes", "spreader") and self.above_load_m is None:
+        if self.mounted_on in PLACED_FROM_LOAD and self.above_load_m is None:
             raise ValueError(f"mounted_on = {self.mounted_on} wants above_load_m, the distance to the load's centre")
         return self
 

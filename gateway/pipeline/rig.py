@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from gateway.calibration.correction import Correction
-from gateway.configuration.model import Configuration, MountedOn
+from gateway.configuration.model import PLACED_FROM_LOAD, Configuration, MountedOn
 from gateway.numerics.array import Array
 from gateway.swing.model.mount import rotation
 from gateway.swing.rig import NOMINAL_LENGTH_U_REL, MountedHousing
@@ -114,7 +114,7 @@ class Rig(RigTable):
         position_m, length_m = self.housing.position_m, self.rope.length_m
         if (position_m is None) == (self.housing.above_load_m is None):
             raise ValueError("[housing] wants either position_m or above_load_m")
-        if self.housing.mounted_on in ("converging_ropes", "spreader") and position_m is not None:
+        if self.housing.mounted_on in PLACED_FROM_LOAD and position_m is not None:
             raise ValueError(
                 f"[housing] mounted_on = {self.housing.mounted_on} wants above_load_m in place of position_m"
             )

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.pendulum.small_swing import small_swing_length_m, small_swing_period_s
-from gateway.configuration.model import MountedOn
+from gateway.configuration.model import PLACED_FROM_LOAD, MountedOn
 
 NOMINAL_LENGTH_U_REL = 0.2
 """Standard uncertainty of a nominal length over it, where none is stated. Basis: a choice; a rope a fifth longer or shorter
@@ -53,7 +53,7 @@ class MountedHousing:
             raise ValueError("rope length and gravity must be positive, length_u_rel between 0 and 1")
         if (self.position_m is None) == (self.above_load_m is None):
             raise ValueError("give the housing's place once: position_m (from the pivot) or above_load_m")
-        if self.mounted_on in ("converging_ropes", "spreader") and self.above_load_m is None:
+        if self.mounted_on in PLACED_FROM_LOAD and self.above_load_m is None:
             raise ValueError(f"a housing on {self.mounted_on} has its place from the load: give above_load_m")
         if not ((self.position_m or 0.0) >= 0 and (self.above_load_m or 0.0) >= 0 and self.position_u_m >= 0):
             raise ValueError("the housing's position and its uncertainty must not be negative")

@@ -108,6 +108,8 @@ def test_the_example_of_a_zenohd_configuration_is_what_the_command_prints() -> N
 @pytest.mark.parametrize(
     ("options", "problem"),
     [
+        (["--listen", "foo"], "foo is not an endpoint; an endpoint has the form"),
+        (["--listen", "tls/127.0.0.1:7447#enable_mtls=false"], "has parameters, which could switch mutual TLS off"),
         (["--listen", "tcp/0.0.0.0:7447"], "open to the network"),
         (["--listen", "tls/0.0.0.0:7447"], "needs --ca"),
         (["--reader", "ann"], "name certificates"),

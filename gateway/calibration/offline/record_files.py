@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.store import parse_record
 from gateway.errors import InputError, describe_problems
-from gateway.file_input import parse_json, read_bounded
+from gateway.file_input import parse_json, read_bounded, reason_of
 
 
 def read_records(paths: Sequence[Path]) -> tuple[list[CalibrationRecord], tuple[str, ...]]:
@@ -43,7 +43,9 @@ def read_record(path: Path) -> CalibrationRecord:
     except ValidationError as error:
         raise InputError(f"{path}: is no calibration record: {describe_problems(error)[0]}") from error
     except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read as a calibration record ({error}); name another file") from error
+        raise InputError(
+            f"{path}: cannot be read as a calibration record ({reason_of(error)}); name another file"
+        ) from error
 
 
 def read_parent(path: Path, device_id: str) -> CalibrationRecord:
@@ -51,5 +53,7 @@ def read_parent(path: Path, device_id: str) -> CalibrationRecord:
     try:
         content = parse_json(read_bounded(path))
     except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read as a calibration record ({error}); name another file") from error
+        raise InputError(
+            f"{path}: cannot be read as a calibration record ({reason_of(error)}); name another file"
+        ) from error
     return parse_record(content, device_id, str(path))

@@ -144,10 +144,14 @@ def _tls(arguments: argparse.Namespace) -> "TlsFiles | None":
 
 
 def _check_exposure(listen: list[str], has_certificates: bool, allowed: bool) -> None:
-    from gateway.configuration.bus_section import is_encrypted, is_loopback
+    from gateway.configuration.bus_section import check_endpoint, is_encrypted, is_loopback
     from gateway.errors import InputError
 
     for endpoint in listen:
+        try:
+            check_endpoint(endpoint)
+        except ValueError as error:
+            raise InputError(f"--listen: {error}") from error
         if is_encrypted(endpoint) and not has_certificates:
             raise InputError(f"{endpoint} needs --ca, --certificate and --key; plumbline keys makes them")
         if not (is_encrypted(endpoint) or is_loopback(endpoint) or allowed):
