@@ -19,7 +19,7 @@ class HousingMotion:
     force_g: Array
     """Specific force in the axes of the rope or body, shape (n, 3); two rows at each end are not valid."""
     rest_g: Array
-    """The same at rest, shape (3,)."""
+    """The same while the load hangs at rest, shape (3,): a load that a recording begins with may stand beside the hook."""
     up: Array
     """Unit vector up the part of rope at the housing, world axes, shape (n, 3)."""
 
@@ -28,9 +28,11 @@ def housing_motion(trace: Trace, place: Place, given: Disturbances, heading_rad:
     """Return the specific force that the housing feels."""
     line = trace.sites[place.top] - trace.sites[place.bottom]
     up = line / np.linalg.norm(line, axis=1)[:, None]
-    rest_line = trace.rest[place.top] - trace.rest[place.bottom]
-    rest_up = rest_line / np.linalg.norm(rest_line)
     gravity = np.array([0.0, 0.0, 1.0])
+    rest_up = gravity
+    if place.leans_by_design:
+        rest_line = trace.rest[place.top] - trace.rest[place.bottom]
+        rest_up = rest_line / np.linalg.norm(rest_line)
     if place.body_site is not None:
         assert trace.pose is not None
         assert trace.rest_pose is not None

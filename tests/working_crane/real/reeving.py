@@ -78,7 +78,7 @@ def reeving(draw: Draw) -> Rig:
         + block(block_kg, block_m, gap_m if falls == 4 else 0.0, length_m)
         + point("load", load_kg, 0.0, -length_m - HOOK_M - sling_m),
         ropes=(*ropes, sling),
-        place=Place("top0", "block0", below_top_m=rho * part_m),
+        place=Place("top0", "block0", below_top_m=rho * part_m, leans_by_design=True),
         moves=draw.commanded(moves, 0.2),
         end="block",
         damping={

@@ -44,6 +44,8 @@ class Place:
     """Distance to the upper end: the part does not run."""
     body_site: str | None = None
     """A site on a body that gives the housing its axes."""
+    leans_by_design: bool = False
+    """The part of rope leans while the load hangs at rest: one of several ropes, a fall of a block."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -68,7 +68,7 @@ def spreader(draw: Draw) -> Rig:
         + housing
         + "</body>",
         ropes=ropes,
-        place=Place("top0", "corner0", above_end_m=above_m, body_site="housing" if on_block else None),
+        place=Place("top0", "corner0", above_m, body_site="housing" if on_block else None, leans_by_design=True),
         moves=draw.commanded(moves, 0.25),
         end="spreader",
         damping={"spreader": (drag,) * 3 + (0.5 * drag, 0.5 * drag, 2 * drag)},
