@@ -107,4 +107,4 @@ class MotionCandidate:
 
     def follow_line(self, found: FastOscillation | None) -> None:
         """Model the fast oscillation that was found."""
-        self.filter.follow_line(None if found is None else found.rate_1_s, 0.0 if found is None else found.amplitude_g)
+        self.filter.follow_line(found)

@@ -10,6 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 from gateway.motion.disturbances import DisturbanceStep
+from gateway.motion.fast_oscillation import FastOscillation
 from gateway.motion.gyro_reading import BIAS_WALK_RAD_S, GyroPrior, expected_rate, rate_variance, with_gyro_states
 from gateway.motion.hypotheses import BOUNCE_RATE_1_S, IS_FLOATING, N_HYPOTHESES, WIND_LEVEL, WIND_LEVELS
 from gateway.motion.initial_state import Constants, initial_mixture
@@ -86,9 +87,8 @@ class MotionFilter:
         self.prior = prior if gyro is None else with_gyro_states(prior, gyro)
         self.mixture = self.prior
         self._stated = StatedValues(self.prior)
-        self.line_rate_1_s: float | None = None
-        """Angular frequency of a fast oscillation that is part of the state; None: there is none."""
-        self._line_amplitude_g = 0.0
+        self._line: FastOscillation | None = None
+        """A fast oscillation that is part of the state."""
         self._step_s = 1.0
         self._since_return_s = 0.0
         self._misfit_g2 = np.zeros((N_HYPOTHESES, 3))
@@ -97,6 +97,11 @@ class MotionFilter:
         """Normalised, of the hypothesis that is most probable after the last reading."""
         self.log_evidence = 0.0
         """Logarithm of the probability density of the last reading, but for a constant."""
+
+    @property
+    def line_rate_1_s(self) -> float | None:
+        """Angular frequency of a fast oscillation that is part of the state; None: there is none."""
+        return None if self._line is None else self._line.rate_1_s
 
     @property
     def is_broken(self) -> bool:
@@ -127,8 +132,8 @@ class MotionFilter:
         self.model.keep_in_domain(x)
         _advance(covariance, transition)
         self._add_noise(covariance, x, step, time_s)
-        if self.line_rate_1_s is not None:
-            self._advance_line(x, covariance, self.line_rate_1_s, time_s)
+        if self._line is not None:
+            _advance_line(x, covariance, self._line, time_s)
         factor = np.ones_like(x)
         self._since_return_s += time_s
         if self._since_return_s >= RETURN_EVERY_S:
@@ -172,19 +177,6 @@ class MotionFilter:
         walk = np.where(IS_FLOATING, 0.0, BOUNCE_WALK**2 * time_s * bounce_squared)
         covariance[:, HEAVE, HEAVE] += walk
         covariance[:, HEAVE_RATE, HEAVE_RATE] += walk * BOUNCE_RATE_1_S**2
-
-    def _advance_line(self, x: Array, covariance: Array, omega: float, time_s: float) -> None:
-        """Turn the fast oscillation exactly, because a step may be a large part of its period."""
-        decay = math.exp(-time_s / LINE_TIME_S)
-        sine, cosine = decay * math.sin(omega * time_s), decay * math.cos(omega * time_s)
-        turn = np.kron(np.array([[cosine, sine / omega], [-omega * sine, cosine]]), np.eye(2))
-        both = slice(LINE.start, LINE_RATE.stop)
-        x[:, both] = x[:, both] @ turn.T
-        covariance[:, both] = turn @ covariance[:, both]
-        covariance[:, :, both] = covariance[:, :, both] @ turn.T
-        variance = 0.5 * (LINE_WALK * self._line_amplitude_g) ** 2 * time_s
-        places = indices(both)
-        covariance[:, places, places] += np.repeat([variance, variance * omega**2], 2)
 
     def update(self, reading_g: Array, sigma_g: Array) -> bool:
         """Take the mean reading of a bin, shape (3,), with its standard deviation; return whether it was an outlier.
@@ -307,7 +299,7 @@ class MotionFilter:
         spread[np.ix_(range(N_HYPOTHESES), CONSTANTS, CONSTANTS)] = covariance[np.ix_(CONSTANTS, CONSTANTS)]
         state[:, LN_LENGTH] = mean[LN_LENGTH]
         self.mixture = Mixture(state, spread, self.prior.weight)
-        self.line_rate_1_s = None
+        self._line = None
 
     def widen(self, states: slice | int, u: float | Array) -> None:
         """Add an unknown change of states, standard uncertainty, as by a temperature."""
@@ -316,16 +308,17 @@ class MotionFilter:
         covariance[:, places, places] += np.square(u)
         self.mixture = Mixture(self.mixture.state, covariance, self.mixture.weight)
 
-    def follow_line(self, rate_1_s: float | None, amplitude_g: float) -> None:
+    def follow_line(self, found: FastOscillation | None) -> None:
         """Make a fast oscillation of the reading part of the state, or change its frequency; None: remove it."""
         both = indices(slice(LINE.start, LINE_RATE.stop))
-        if (rate_1_s is None) != (self.line_rate_1_s is None):
+        if (found is None) != (self._line is None):
             state, covariance = self.mixture.state.copy(), self.mixture.covariance.copy()
             state[:, both], covariance[:, both], covariance[:, :, both] = 0.0, 0.0, 0.0
-            if rate_1_s is not None:
-                covariance[:, both, both] = np.repeat(np.square([amplitude_g, amplitude_g * rate_1_s]), 2)
+            if found is not None:
+                spread = np.square([found.amplitude_g, found.amplitude_g * found.rate_1_s])
+                covariance[:, both, both] = np.repeat(spread, 2)
             self.mixture = Mixture(state, covariance, self.mixture.weight)
-        self.line_rate_1_s, self._line_amplitude_g = rate_1_s, amplitude_g
+        self._line = found
 
 
 @lru_cache(maxsize=64)
@@ -347,6 +340,20 @@ def _follow_levels(x: Array, transition: Array, step: DisturbanceStep) -> None:
     transition[:, heave] = step.heave @ transition[:, heave]
     x[:, GUST] *= step.gust[:, None]
     transition[:, GUST] *= step.gust[:, None, None]
+
+
+def _advance_line(x: Array, covariance: Array, line: FastOscillation, time_s: float) -> None:
+    """Turn the fast oscillation exactly, in place, because a step may be a large part of its period."""
+    omega, decay = line.rate_1_s, math.exp(-time_s / LINE_TIME_S)
+    sine, cosine = decay * math.sin(omega * time_s), decay * math.cos(omega * time_s)
+    turn = np.kron(np.array([[cosine, sine / omega], [-omega * sine, cosine]]), np.eye(2))
+    both = slice(LINE.start, LINE_RATE.stop)
+    x[:, both] = x[:, both] @ turn.T
+    covariance[:, both] = turn @ covariance[:, both]
+    covariance[:, :, both] = covariance[:, :, both] @ turn.T
+    variance = 0.5 * (LINE_WALK**2 + line.rate_u_1_s**2) * line.amplitude_g**2 * time_s
+    places = indices(both)
+    covariance[:, places, places] += np.repeat([variance, variance * omega**2], 2)
 
 
 def _advance(covariance: Array, transition: Array) -> None:

@@ -44,6 +44,19 @@ def test_planted_line_is_found_with_frequency_and_amplitude(frequency_hz: float,
     assert found.amplitude_g == pytest.approx(amplitude_g / np.sqrt(2), rel=0.05)
 
 
+@pytest.mark.parametrize("frequency_hz", [0.7, 1.37, 2.9])
+def test_line_that_begins_at_once_is_found_within_five_seconds(frequency_hz: float) -> None:
+    """Its amplitude is not that of the quiet time before; its frequency is known to what the stated uncertainty says."""
+    begin, within = 200, 50
+    force_g = 2e-4 * np.random.default_rng(3).normal(size=(begin + within, 3))
+    force_g[begin:, 0] += 0.05 * np.cos(2 * np.pi * frequency_hz * BIN_S * np.arange(within))
+
+    found = present(detect(force_g)[-1])
+
+    assert abs(found.rate_1_s - 2 * np.pi * frequency_hz) < 2 * found.rate_u_1_s
+    assert 0.02 < found.amplitude_g < 0.05
+
+
 def test_no_line_is_found_in_white_noise() -> None:
     for seed in range(200):
         assert not any(detect(1e-3 * np.random.default_rng(seed).normal(size=(300, 3))))
