@@ -95,11 +95,12 @@ _WIND_WEIGHTS, _WINCH_WEIGHTS = (0.745, 0.25, 0.005), (0.96, 0.01, 0.03)
 def _is_distinct(pivot: int, wind: int, winch: int) -> bool:
     """Return whether readings can tell this hypothesis from others.
 
-    The sea hides a wind. A load that is held tells nothing of drives, nor of the rope's length, which a steady hoist changes.
+    The sea hides a wind, and a wind hides that a pivot yields. A load that is held tells nothing of drives, nor of the rope's
+    length, which a steady hoist changes.
     """
     if wind == HELD:
         return pivot == STILL and winch != STEADY
-    return wind != TURBULENT or pivot < FLOATING
+    return wind != TURBULENT or pivot in (STILL, DRIVEN, ABRUPT)
 
 
 _ALL = tuple(one for one in product(range(len(PIVOT_LEVELS)), range(len(WIND_LEVELS)), range(3)) if _is_distinct(*one))

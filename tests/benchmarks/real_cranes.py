@@ -362,7 +362,7 @@ def main(arguments: Sequence[str] = ()) -> None:
     parser.add_argument(
         "--unseen", action="store_true", help="only the tables of recordings not used before: accuracy and bound"
     )
-    parser.add_argument("--figure", type=Path, metavar="SVG", help="draw the recording with the largest error here")
+    parser.add_argument("--figures", type=Path, metavar="FOLDER", help="draw the worst recording of each kind")
     chosen = parser.parse_args(arguments)
     cases = [read_case(folder) for folder in chosen.recordings]
     all_followed = [follow(case) for case in cases or generated(chosen.seed, chosen.count, chosen.duration)]
@@ -374,8 +374,11 @@ def main(arguments: Sequence[str] = ()) -> None:
             "alerts": costs(all_followed),
             "alerts by kind": costs_by_kind(all_followed),
         }
-    if chosen.figure is not None:
-        chosen.figure.write_text(drawing(max(all_followed, key=lambda one: _rms(one.error))))
+    if chosen.figures is not None:
+        chosen.figures.mkdir(parents=True, exist_ok=True)
+        for kind, of_kind in _by_kind(all_followed)[:-1]:
+            worst = max(of_kind, key=lambda one: _rms(one.error))
+            (chosen.figures / f"{kind}.svg").write_text(drawing(worst))
     for name, content in tables.items():
         print(f"{name}\n{content}\n")
     if chosen.write is not None:
