@@ -13,7 +13,7 @@ CHROMIUM = "/usr/bin/chromium"
 ONLY_ONLINE = "For print:"
 STYLE = """
 @page { size: A4; margin: 14mm }
-body { font: 12.5pt/1.32 sans-serif; margin: 0 }
+body { font: 11.5pt/1.27 sans-serif; margin: 0 }
 section + section { break-before: page }
 h1 { font-size: 24pt; margin: 0 0 2mm }
 table { border-collapse: collapse; width: 100%; margin: 3mm 0 }

@@ -62,7 +62,7 @@ def _wait(address: str, wanted: Callable[[Any], bool]) -> None:
 def _is_announced(state: Any) -> bool:
     """Return whether a trip is announced and its peak has not come yet."""
     motion = state["topics"].get("motion", {})
-    present_deg, coming_deg = motion.get("phi_max_deg"), motion.get("predicted_phi_max_deg")
+    present_deg, coming_deg = motion.get("angle_deg"), motion.get("predicted_phi_max_deg")
     is_coming = coming_deg is not None and present_deg is not None and coming_deg > 1.2 * present_deg
     return bool(is_coming and state["verdict"]["word"] == "TRIP")
 

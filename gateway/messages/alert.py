@@ -28,6 +28,12 @@ class ActiveAlert:
         float | None,
         Field(description="the alert clears after the hold time below this level, degrees; null: no level"),
     ] = None
+    ends_in_s: Annotated[
+        float | None,
+        Field(
+            description="time until it ends or steps down if the angle stays as low as now; null: it is not low enough"
+        ),
+    ] = None
     estimate_deg: Annotated[
         float | None, Field(description="best estimate of the angle of which value_deg is the upper end, degrees")
     ] = None

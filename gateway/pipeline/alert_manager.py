@@ -9,7 +9,7 @@ from gateway.messages import CALIBRATION_RULE, ActiveAlert, CalibrationStatus, L
 from gateway.pipeline.alert_rules import ALERT_RULES, AlertRule
 from gateway.pipeline.alert_text import acknowledged_text, change_text, limits_text, reading_text, refuted_text
 from gateway.pipeline.incidents import Acknowledgement, Incident, IncidentRegister
-from gateway.stages.alerts import Event, Reading, RuleState, event_between, judge, judge_alarm, overall_level
+from gateway.stages.alerts import Event, Reading, RuleState, ends_in_s, event_between, judge, judge_alarm, overall_level
 from gateway.stages.conditions.verdict import ConditionResult
 from gateway.units import degrees
 
@@ -179,6 +179,8 @@ class AlertManager:
         state, reading, incident = self._states[rule], self._readings.get(rule), self._incidents.get(rule)
         limit_rad, clear_rad = self._levels_rad(rule)
         largest_deg, largest_upper_deg = _largest_deg(incident)
+        limits = self._limits.get(rule)
+        remaining_s = None if limits is None else ends_in_s(state, limits)
         return ActiveAlert(
             rule=rule,
             level=state.level,
@@ -186,6 +188,7 @@ class AlertManager:
             value_deg=None if reading is None else degrees(reading.value_rad),
             limit_deg=_rounded_degrees(limit_rad),
             clear_deg=_rounded_degrees(clear_rad),
+            ends_in_s=None if remaining_s is None else round(remaining_s, 1),
             estimate_deg=None if reading is None else degrees(reading.best_rad),
             is_bound=None if reading is None else reading.is_bound(limit_rad),
             incident=None if incident is None else incident.id,

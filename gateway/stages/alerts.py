@@ -146,6 +146,18 @@ def _level_of(value_rad: float, limits: Limits) -> Level:
     return "normal"
 
 
+def ends_in_s(state: RuleState, limits: Limits) -> float | None:
+    """Return the time, from the last known value, until a warning or a trip ends or steps down if the value stays as it is.
+
+    None: it is not low enough.
+    """
+    steps_down = state.level == "trip" and limits.warn_rad is not None
+    since_s = state.below_step_down_since_s if steps_down else state.below_clear_since_s
+    if since_s is None or state.level not in ("warn", "trip"):
+        return None
+    return max(0.0, since_s + limits.hold_s - state.known_s)
+
+
 def judge_alarm(state: RuleState, *, is_active: bool, time_s: float) -> RuleState:
     """Return the next state of a rule whose alarm another stage decides, with its own hold time: a warning while it is active."""
     level: Level = "warn" if is_active else "normal"

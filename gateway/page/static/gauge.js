@@ -1,4 +1,4 @@
-// The gauge: the largest angle of the last period as a bar with its 95 % interval, the present angle, the next peak, and the limits.
+// The gauge: the angle that decides as a bar with its 95 % interval, the present angle, and the limits.
 
 import {degrees, isKnown} from "./number.js";
 import {text} from "./texts.js";
@@ -10,10 +10,10 @@ export class Gauge {
   constructor(element) {
     this.element = element;
     const part = (selector) => element.querySelector(selector);
-    this.parts = {fill: part(".fill"), band: part(".band"), now: part(".now"), peak: part(".peak"), warn: part(".warn"), trip: part(".trip")};
+    this.parts = {fill: part(".fill"), band: part(".band"), now: part(".now"), warn: part(".warn"), trip: part(".trip")};
   }
 
-  draw(page, value, peak, presentDeg) {
+  draw(page, value, presentDeg) {
     const scaleDeg = BEYOND_LIMIT * page.trip_deg;
     const share = (deg, most = 1) => `${(100 * Math.min(Math.max(deg, 0) / scaleDeg, most)).toFixed(2)}%`;
     for (const [name, key] of [["warn", "warn_at"], ["trip", "limit_at"]]) {
@@ -21,11 +21,10 @@ export class Gauge {
       this.parts[name].style.left = share(limitDeg);
       this.parts[name].firstElementChild.textContent = text(key, {angle: `${limitDeg}°`});
     }
-    this.parts.fill.style.width = value.phiDeg === null ? "0" : share(value.phiDeg);
-    this.parts.band.style.width = value.highDeg === null ? "0" : share(value.highDeg);
+    this.parts.fill.style.width = value === null ? "0" : share(value.angleDeg);
+    this.parts.band.style.width = value === null ? "0" : share(value.angleDeg + value.halfDeg);
     place(this.parts.now, isKnown(presentDeg) ? share(presentDeg, EDGE) : null);
-    place(this.parts.peak, peak === null ? null : share(peak.angleDeg, EDGE));
-    const angle = value.phiDeg === null ? text("never") : degrees(value.phiDeg);
+    const angle = value === null ? text("never") : degrees(value.angleDeg);
     this.element.setAttribute("aria-label", text("gauge_words", {angle, warn: `${page.warn_deg}°`, trip: `${page.trip_deg}°`}));
   }
 }

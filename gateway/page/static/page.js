@@ -9,12 +9,14 @@ import {setText, showFacts} from "./facts.js";
 import {Gauge} from "./gauge.js";
 import {Link, nowS} from "./link.js";
 import {Mounting} from "./mounting.js";
-import {ago, decimal, degrees, fixed, isKnown, nearestDirection, NONE, upwards} from "./number.js";
+import {ago, decimal, degrees, fixed, isKnown, nearestDirection, upwards} from "./number.js";
 import {operatorNotice, serviceNotices} from "./notices.js";
 import {Person} from "./person.js";
-import {comingPeak, motionKey, sentence} from "./sentence.js";
+import {deciding} from "./peak.js";
+import {motionKey, sentence} from "./sentence.js";
 import {addSymbols} from "./shapes.js";
 import {Sound} from "./sound.js";
+import {Steady} from "./steady.js";
 import {followLanguage, text} from "./texts.js";
 import {timeWithZone} from "./time.js";
 import {Trend} from "./trend.js";
@@ -32,7 +34,6 @@ const LEAN_SHOWN_DEG = 0.05; // a smaller lean is shown as 0.0°, which has no d
 const LEAN_SIGNIFICANT = 2; // standard uncertainties from which a lean has a direction
 const MAX_REASONS = 8;
 const NS_PER_MS = 1e6;
-const NORMAL_975 = 1.959964;
 
 addSymbols();
 const element = (id) => document.getElementById(id);
@@ -46,7 +47,9 @@ const alertList = new AlertList(element("alert-rows"), acknowledger);
 const mounting = new Mounting(element("mounting"));
 const sound = new Sound(element("sound"));
 const trend = new Trend(element("trend"), element("trend-labels"), element("trend-times"));
+const steady = new Steady(nowS);
 let state = null;
+let steadyWord = null; // the word whose sentence keeps its form
 let trendS = 0;
 let announced = null;
 let announcedS = -Infinity;
@@ -64,12 +67,18 @@ const link = new Link(
 // Return the server's verdict with the operator's sentence, or STALE or NO DATA without a connection to the server.
 function verdictNow() {
   const complaint = link.complaint();
-  if (complaint === null && state !== null) return {...state.verdict, sentence: sentence(state.verdict, state)};
+  if (complaint === null && state !== null) return {...state.verdict, sentence: steadySentence()};
   const words = complaint === null ? text("starting") : text(complaint.key, {seconds: complaint.seconds});
   if (state === null) return {...LOST, word: "NO DATA", shape: "empty", sentence: words, also: []};
   const last = state.verdict;
   const also = (GONE.has(last.word) ? last.also : [last.word, ...last.also]).filter((word) => word !== "OK");
   return {...LOST, sentence: words, also};
+}
+
+function steadySentence() {
+  if (state.verdict.word !== steadyWord) steady.clear();
+  steadyWord = state.verdict.word;
+  return sentence(state.verdict, state, steady.keep, nowS() - link.arrivedS);
 }
 
 function show() {
@@ -169,37 +178,33 @@ function showReasons(verdict, {condition, motion, health}) {
   list.replaceChildren(...texts.map((content) => Object.assign(document.createElement("li"), {textContent: content})));
 }
 
-// The number is the largest angle of the last period; an interval down to 0 is shown as its upper end alone.
+// The number is the one that decides; an interval down to 0 is shown as its upper end alone.
 function showSwing({swing, motion}, verdict, waitedS) {
   document.body.classList.toggle("doubtful", !verdict.sound);
-  const value = swingValue(motion);
-  setText("bound", value.isBound ? "≤ " : "");
-  setText("phi", value.isBound ? upwards(value.highDeg) : degrees(value.phiDeg));
-  setText("interval", intervalText(value, waitedS));
-  const peak = comingPeak(motion);
+  const value = deciding(motion);
+  const isBound = value !== null && value.angleDeg <= value.halfDeg;
+  setText("bound", isBound ? "≤ " : "");
+  setText("phi", isBound ? upwards(value.angleDeg + value.halfDeg) : degrees(value?.angleDeg));
+  setText("interval", intervalText(value, isBound, (state.age_s.motion ?? 0) + waitedS, waitedS));
   document.body.dataset.sampleMs = isKnown(motion?.time_ns) ? (motion.time_ns / NS_PER_MS).toFixed(1) : "";
-  gauge.draw(state.page, value, peak, motion?.angle_deg);
-  showTiles(swing, motion, peak, waitedS);
+  gauge.draw(state.page, value, motion?.angle_deg);
+  showTiles(swing, motion);
 }
 
-function swingValue(motion) {
-  if (!isKnown(motion?.phi_max_deg) || !isKnown(motion.phi_max_u_deg)) return {phiDeg: null, halfDeg: null, highDeg: null, isBound: false};
-  const halfDeg = NORMAL_975 * motion.phi_max_u_deg;
-  return {phiDeg: motion.phi_max_deg, halfDeg, highDeg: motion.phi_max_deg + halfDeg, isBound: motion.phi_max_deg <= halfDeg};
-}
-
-function intervalText(value, waitedS) {
-  if (value.phiDeg !== null) return value.isBound ? text("no_swing") : text("plus_minus", {angle: upwards(value.halfDeg)});
+function intervalText(value, isBound, ageS, waitedS) {
+  if (isBound) return text("no_swing");
+  if (value !== null) {
+    const interval = text("plus_minus", {angle: upwards(value.halfDeg)});
+    const inS = value.inS - ageS;
+    return inS > 0 ? `${interval}\n${text("expected_in", {seconds: decimal(inS, 1)})}` : interval;
+  }
   const good = state.last_good;
   if (!good || !isKnown(good.phi_max_deg)) return text("never");
   return text("was", {angle: degrees(good.phi_max_deg), ago: ago(good.age_s + waitedS)});
 }
 
-function showTiles(swing, motion, peak, waitedS) {
-  const inS = peak === null ? -1 : peak.inS - (state.age_s.motion ?? 0) - waitedS;
-  setText("coming", inS > 0 ? degrees(peak.angleDeg) : NONE);
-  setText("coming-when", inS > 0 ? text("in_seconds", {seconds: decimal(inS, 1)}) : "");
-  element("tile-peak").classList.toggle("bad", inS > 0 && peak.angleDeg >= state.page.trip_deg);
+function showTiles(swing, motion) {
+  setText("present", degrees(motion?.angle_deg));
   const leanDeg = motion?.lean_deg ?? swing?.lean_deg;
   const isDirected = isKnown(leanDeg) && leanDeg >= LEAN_SHOWN_DEG && leanDeg > LEAN_SIGNIFICANT * (motion?.lean_u_deg ?? Infinity);
   setText("lean", degrees(leanDeg));
@@ -207,14 +212,14 @@ function showTiles(swing, motion, peak, waitedS) {
   setText("lean-direction", isDirected ? direction : "");
   const limitDeg = state.page.lean_trip_deg;
   element("tile-lean").classList.toggle("bad", isKnown(leanDeg) && isKnown(limitDeg) && leanDeg >= limitDeg);
-  const key = motionKey(motion);
+  const key = steady.keep("doing", motionKey(motion)); // the sentence says the same
   setText("crane-state", text(`crane_${key}`));
   setText("crane-value", craneValue(key, motion));
 }
 
 function craneValue(key, motion) {
-  if (key === "hoisting" || key === "lowering") return fixed(Math.abs(motion.hoist_m_s), 2, "m/s");
-  if (key === "driven" && motion.pivot_accel_m_s2) return fixed(Math.hypot(...motion.pivot_accel_m_s2), 2, "m/s²");
+  if ((key === "hoisting" || key === "lowering") && motion) return fixed(Math.abs(motion.hoist_m_s), 2, "m/s");
+  if (key === "driven" && motion?.pivot_accel_m_s2) return fixed(Math.hypot(...motion.pivot_accel_m_s2), 2, "m/s²");
   return "";
 }
 

@@ -1,29 +1,31 @@
-// The operator's sentence: what happens, and what to expect, in two lines at most. A pure function of the state.
+// The operator's sentence: what happens, and what to expect, in two lines at most.
 
 import {ago, degrees, isKnown, upwards} from "./number.js";
+import {deciding} from "./peak.js";
 import {hasText, text} from "./texts.js";
 
 const ALARMS = ["trip", "warn"];
-const SOON_S = 0.05; // a peak that comes sooner is the present angle
+const asItIs = (_part, form) => form;
 
-// Return the sentence of a verdict.
-export function sentence(verdict, state) {
+// Return the sentence of a verdict. `keep` may hold back a change of what the sentence is about, by part and form;
+// `waitedS` is the time since the state arrived.
+export function sentence(verdict, state, keep = asItIs, waitedS = 0) {
   const {motion, alert, calibration} = state.topics;
   switch (verdict.word) {
-    case "TRIP": case "WARN": return alarmSentence(highest(alert), motion);
+    case "TRIP": case "WARN": return alarmSentence(highest(alert), motion, keep, (state.age_s.alert ?? 0) + waitedS);
     case "SUSPENDED": return text(isActive(calibration?.session) ? "suspended" : "suspended_after");
     case "UNCALIBRATED": return text("uncalibrated");
     case "DISTURBED": return text("disturbed");
     case "UNKNOWN": return `${capital(firstReason(verdict, motion))}. ${whenBack(state)}`;
     case "STALE": return staleSentence(state);
     case "NO DATA": return text(state.gateway ? "starting" : "gateway_gone");
-    default: return [doing(motion), swingWords(motion)].filter(Boolean).join(" ");
+    default: return doing(motion, keep);
   }
 }
 
 // Return what crane and load do, as a sentence.
-export function doing(motion) {
-  const key = motionKey(motion);
+function doing(motion, keep) {
+  const key = keep("doing", motionKey(motion));
   return key === "unknown" ? "" : text(key);
 }
 
@@ -31,11 +33,6 @@ export function doing(motion) {
 export function motionKey(motion) {
   if (!motion) return "unknown";
   return motion.state === "hoisting" && motion.hoist_m_s > 0 ? "lowering" : motion.state;
-}
-
-function swingWords(motion) {
-  if (!isKnown(motion?.phi_max_deg) || motion.state === "rest") return "";
-  return text("swing_is", {angle: degrees(motion.phi_max_deg)});
 }
 
 function highest(alert) {
@@ -47,7 +44,9 @@ function highest(alert) {
   return null;
 }
 
-function alarmSentence(alarm, motion) {
+// Return why an alarm stands, and when it ends: the angle is the upper end of the interval of the big number, or the largest one
+// since the alarm began where the swing is low enough for the alarm to end.
+function alarmSentence(alarm, motion, keep, ageS) {
   if (alarm === null) return "";
   const limit = degrees(alarm.limit_deg), angle = upwards(alarm.value_deg);
   const clears = isKnown(alarm.clear_deg) ? text("clears", {angle: degrees(alarm.clear_deg)}) : "";
@@ -55,25 +54,16 @@ function alarmSentence(alarm, motion) {
   if (isOwn && !isKnown(alarm.limit_deg) && !isKnown(alarm.value_deg)) return text(own); // the calibration has neither
   if (!isKnown(alarm.value_deg)) return `${text("alarm_unknown")} ${clears}`;
   if (isOwn) return `${text(own, {angle, limit})} ${clears}`;
-  const peak = comingPeak(motion);
-  const coming = peak !== null && peak.inS > SOON_S && peak.angleDeg > (motion.phi_max_deg ?? 0);
-  const swing = coming ? text("alarm_coming", {angle: upwards(peak.angleDeg), limit}) : text("alarm_now", {angle, limit});
-  return `${doing(motion)} ${swing} ${clears}`.trim();
-}
-
-// Return the next peak as alerts judge it (MotionEstimate.expected_peak): halfway between a pivot that keeps its acceleration and
-// one that coasts, at the time of the larger of both; null where it is not known.
-export function comingPeak(motion) {
-  const peaks = [
-    {angleDeg: motion?.predicted_phi_max_deg, inS: motion?.time_to_peak_s},
-    {angleDeg: motion?.coasting_phi_max_deg, inS: motion?.coasting_time_to_peak_s},
-  ].filter((peak) => isKnown(peak.angleDeg) && isKnown(peak.inS));
-  if (peaks.length < 2) return peaks[0] ?? null;
-  const [kept, coasting] = peaks;
-  return {
-    angleDeg: (kept.angleDeg + coasting.angleDeg) / 2,
-    inS: kept.angleDeg >= coasting.angleDeg ? kept.inS : coasting.inS,
-  };
+  const value = deciding(motion);
+  const isEnding = isKnown(alarm.ends_in_s) && isKnown(alarm.largest_deg);
+  const form = keep("alarm", isEnding ? "alarm_ending" : value?.inS > 0 ? "alarm_coming" : "alarm_now");
+  if (form === "alarm_ending" && isEnding) {
+    const seconds = Math.max(0, Math.ceil(alarm.ends_in_s - ageS));
+    return `${doing(motion, keep)} ${text("alarm_ending", {angle: degrees(alarm.largest_deg), limit, seconds})}`.trim();
+  }
+  const shown = form === "alarm_ending" ? "alarm_now" : form;
+  const swing = text(shown, {angle: value === null ? angle : upwards(value.angleDeg + value.halfDeg), limit});
+  return `${doing(motion, keep)} ${swing} ${clears}`.trim();
 }
 
 const isActive = (session) => session?.phase === "collecting" || session?.phase === "review";

@@ -73,6 +73,10 @@ class Scene:
         self.battery_low: bool | None = None
         self.incident: str | None = "b00t-1"
         self.acknowledged_by: str | None = None
+        self.time_to_peak_s = 1.7
+        self.angle_share = 0.5
+        """Of the present angle in the coming peak."""
+        self.ends_in_s: float | None = None
 
     def messages(self, sequence: int, time_ns: int) -> list[Message]:
         """One of each topic that the page reads."""
@@ -109,7 +113,7 @@ class Scene:
         return Motion(
             **self._header(sequence, time_ns),
             state=self.state if known else "unknown",
-            angle_deg=1.2 if known else None,
+            angle_deg=self.angle_share * (self.phi_max_deg or 0.0) if known else None,
             u_deg=0.1 if known else None,
             azimuth_deg=self.azimuth_deg,
             rate_deg_s=0.5,
@@ -122,11 +126,11 @@ class Scene:
             phi_max_deg=self.phi_max_deg if known else None,
             phi_max_u_deg=self.phi_max_u_deg if known else None,
             predicted_phi_max_deg=self.phi_max_deg,
-            predicted_u_deg=0.15,
-            time_to_peak_s=1.7,
+            predicted_u_deg=self.phi_max_u_deg,
+            time_to_peak_s=self.time_to_peak_s,
             coasting_phi_max_deg=self.phi_max_deg,
-            coasting_u_deg=0.15,
-            coasting_time_to_peak_s=1.7,
+            coasting_u_deg=self.phi_max_u_deg,
+            coasting_time_to_peak_s=self.time_to_peak_s,
             lean_deg=self.lean_deg,
             lean_u_deg=0.05,
             probabilities=None,
@@ -176,6 +180,8 @@ class Scene:
             value_deg=6.4,
             limit_deg=6.0,
             clear_deg=3.0,
+            ends_in_s=self.ends_in_s,
+            largest_deg=6.3,
             incident=self.incident,
             acknowledged_by=self.acknowledged_by,
             acknowledged_ns=None if self.acknowledged_by is None else SAMPLE_TIME_NS,

@@ -60,10 +60,14 @@ def test_the_angle_is_updated(gateway: FakeGateway, page: PageUnderTest, browser
     screen.shows("OK", "circle")
     expect(screen.band).to_have_css("background-color", CALM)
     screen.text("#phi", "2.3°")
-    screen.text("#interval", "± 0.2° (95 %)")
+    screen.text("#present", "1.1°")
+    expect(screen.page.locator("#interval")).to_have_text(re.compile(r"^± 0\.2° \(95 %\)\s+expected in 1\.\d s$"))
     gateway.scene.phi_max_deg, gateway.scene.phi_max_u_deg = 3.44, 0.04
     screen.text("#phi", "3.4°")
-    screen.text("#interval", "± 0.1° (95 %)")
+    gateway.scene.time_to_peak_s = 0.0  # the peak is now
+    gateway.scene.angle_share = 1.0
+    screen.text("#present", "3.4°")
+    screen.text("#interval", "± 0.2° (95 %)")
     expect(screen.page.locator("#bullseye")).to_have_attribute("aria-label", re.compile(r"swing 3.4° along \+x / \+y"))
     expect(screen.page.locator("#gauge")).to_have_attribute("aria-label", "swing 3.4°, warning at 4°, limit at 6°")
     expect(screen.page.locator("#trend .line:not(.doubtful)")).to_have_count(1)
@@ -122,20 +126,40 @@ def test_numbers_are_rounded_outwards(page: PageUnderTest, browser: Browser) -> 
 def test_the_coming_peak_is_the_one_that_alerts_judge(page: PageUnderTest, browser: Browser) -> None:
     screen = Screen(browser, page.url)
     kept, coasting = (
-        PeakEstimate(angle_rad=0.10, u_rad=0.0, in_s=1.5),
-        PeakEstimate(angle_rad=0.04, u_rad=0.0, in_s=1.0),
+        PeakEstimate(angle_rad=0.10, u_rad=0.02, in_s=1.5),
+        PeakEstimate(angle_rad=0.04, u_rad=0.01, in_s=1.0),
     )
     for first, second in ((kept, coasting), (coasting, kept), (kept, None), (None, coasting), (None, None)):
         judged = MotionEstimate(time_s=0.0, state="driven", next_peak=first, next_peak_if_coasting=second).expected_peak
         motion = {
             "predicted_phi_max_deg": first and degrees(first.angle_rad),
+            "predicted_u_deg": first and degrees(first.u_rad),
             "time_to_peak_s": first and first.in_s,
             "coasting_phi_max_deg": second and degrees(second.angle_rad),
+            "coasting_u_deg": second and degrees(second.u_rad),
             "coasting_time_to_peak_s": second and second.in_s,
         }
-        shown = screen.page.evaluate("motion => import('/sentence.js').then(each => each.comingPeak(motion))", motion)
-        expected = judged and {"angleDeg": pytest.approx(degrees(judged.angle_rad)), "inS": judged.in_s}
+        shown = screen.page.evaluate("motion => import('/peak.js').then(each => each.comingPeak(motion))", motion)
+        expected = judged and {
+            "angleDeg": pytest.approx(degrees(judged.angle_rad)),
+            "uDeg": pytest.approx(degrees(judged.u_rad)),
+            "inS": judged.in_s,
+        }
         assert shown == expected
+
+
+STEADY = """() => import('/steady.js').then(({Steady}) => {
+  let nowS = 0;
+  const steady = new Steady(() => nowS);
+  return [[0, "a"], [1, "b"], [1.9, "b"], [2, "b"], [3, "a"], [4.1, "a"], [4.2, "b"]].map(([atS, form]) => {
+    nowS = atS;
+    return steady.keep("alarm", form);
+  });
+})"""
+
+
+def test_a_sentence_keeps_its_form_for_two_seconds(page: PageUnderTest, browser: Browser) -> None:
+    assert Screen(browser, page.url).page.evaluate(STEADY) == ["a", "a", "a", "b", "b", "a", "a"]
 
 
 LATE = """() => import('/link.js').then(({Link}) => {
@@ -174,7 +198,12 @@ def test_only_a_correct_state_is_calm(gateway: FakeGateway, page: PageUnderTest,
     screen.shows("LIMIT", "octagon")
     expect(screen.band).to_have_css("background-color", RED)
     screen.text("#also", "also: UNCALIBRATED")
-    screen.text("#sentence", "Load swings freely. Swing up to 6.4°; limit 6.0°. Clears below 3.0°.")
+    gateway.scene.phi_max_deg, gateway.scene.phi_max_u_deg = 6.1, 0.15
+    screen.text("#phi", "6.1°")
+    screen.text("#sentence", "Load swings freely. Swing up to 6.4° expected; limit 6.0°. Clears below 3.0°.")
+    gateway.scene.phi_max_deg, gateway.scene.ends_in_s = 2.0, 2.6
+    screen.text("#phi", "2.0°")
+    screen.text("#sentence", "Load swings freely. It was 6.3°; limit 6.0°. Ends in 3 s.")
 
     gateway.speaking.clear()
     screen.shows("STALE", "hourglass")

@@ -12,6 +12,7 @@ from gateway.stages.alerts import (
     Limits,
     Reading,
     RuleState,
+    ends_in_s,
     event_between,
     judge,
     judge_alarm,
@@ -119,6 +120,25 @@ def test_the_grace_time_begins_with_the_last_known_value() -> None:
 def test_since_is_the_time_of_the_last_change_of_level() -> None:
     state = judge(judge(RuleState("unknown"), 4.5, LIMITS, 10.0), 4.6, LIMITS, 11.0)
     assert state.since_s == 10.0
+
+
+def remaining_s(values: Sequence[float | None], limits: Limits = LIMITS) -> list[float | None]:
+    """The time until the level ends, after each value."""
+    state, found = RuleState("unknown", 0.0), []
+    for step, value in enumerate(values):
+        state = judge(state, value, limits, step * STEP_S)
+        found.append(ends_in_s(state, limits))
+    return found
+
+
+def test_an_alert_says_when_it_ends() -> None:
+    """The trip steps down below 5.4, the warning that is left clears below 3; each counts down its own hold time."""
+    assert remaining_s([7, 5.5, 5.3, 5.3, 5.3, 5.3, 5.3]) == [None, None, 2.0, 1.5, 1.0, 0.5, None]
+    assert remaining_s([7, 2, 2, 2, 2, 2]) == [None, 2.0, 1.5, 1.0, 0.5, None]
+    assert remaining_s([4.5, 3.5, 2.9, 2.9, 3.1, 2.9]) == [None, None, 2.0, 1.5, None, 2.0]
+    assert remaining_s([7, 5, None, 5]) == [None, 2.0, None, 2.0]
+    assert remaining_s([1, 2, None]) == [None] * 3
+    assert remaining_s([7, 2, 2], replace(LIMITS, warn_rad=None)) == [None, 2.0, 1.5]
 
 
 def test_unknown_ranks_between_normal_and_warn() -> None:

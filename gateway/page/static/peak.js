@@ -1,0 +1,33 @@
+// The angle that decides: the one that the gateway compares with the limits.
+
+import {isKnown} from "./number.js";
+
+const NORMAL_975 = 1.959964;
+const SOON_S = 0.05; // a peak that comes sooner is the present angle
+
+// Return the next peak as alerts judge it (MotionEstimate.expected_peak): halfway between a pivot that keeps its acceleration and
+// one that coasts, at the time of the larger of both; null where it is not known.
+export function comingPeak(motion) {
+  const peaks = [
+    {angleDeg: motion?.predicted_phi_max_deg, uDeg: motion?.predicted_u_deg, inS: motion?.time_to_peak_s},
+    {angleDeg: motion?.coasting_phi_max_deg, uDeg: motion?.coasting_u_deg, inS: motion?.coasting_time_to_peak_s},
+  ].filter((peak) => isKnown(peak.angleDeg) && isKnown(peak.inS));
+  if (peaks.length < 2) return peaks[0] ?? null;
+  const [kept, coasting] = peaks;
+  return {
+    angleDeg: (kept.angleDeg + coasting.angleDeg) / 2,
+    uDeg: (kept.uDeg + coasting.uDeg) / 2,
+    inS: kept.angleDeg >= coasting.angleDeg ? kept.inS : coasting.inS,
+  };
+}
+
+// Return the larger of the present angle and the coming peak, with half its 95 % interval and the time until then, 0 for the
+// present angle; null where the present angle is not known.
+export function deciding(motion) {
+  if (!isKnown(motion?.angle_deg) || !isKnown(motion.u_deg)) return null;
+  const peak = comingPeak(motion);
+  if (peak === null || !isKnown(peak.uDeg) || peak.inS <= SOON_S || peak.angleDeg <= motion.angle_deg) {
+    return {angleDeg: motion.angle_deg, halfDeg: NORMAL_975 * motion.u_deg, inS: 0};
+  }
+  return {angleDeg: peak.angleDeg, halfDeg: NORMAL_975 * peak.uDeg, inS: peak.inS};
+}

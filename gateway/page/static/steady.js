@@ -1,0 +1,24 @@
+// Holds what a text is about for a time, so that it can be read.
+
+const HELD_S = 2;
+
+export class Steady {
+  constructor(clockS) {
+    this.clockS = clockS;
+    this.forms = new Map();
+  }
+
+  // Return the form of a part that was given first within the last seconds.
+  keep = (part, form) => {
+    const now = this.clockS();
+    const held = this.forms.get(part);
+    if (held !== undefined && held.form !== form && now - held.sinceS < HELD_S) return held.form;
+    if (held?.form !== form) this.forms.set(part, {form, sinceS: now});
+    return form;
+  };
+
+  // Begin anew.
+  clear() {
+    this.forms.clear();
+  }
+}
