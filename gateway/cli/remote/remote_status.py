@@ -69,9 +69,9 @@ def note_statement(health: dict[str, Any] | None) -> None:
     """Pin the key of a gateway at the first contact, and keep its newest statement, for `record verify`; warn of another key."""
     from pydantic import TypeAdapter, ValidationError
 
+    from gateway.bus.known_gateways import remember_statement
     from gateway.configuration.model import GatewaySection
     from gateway.messages import NewestStatement
-    from gateway.recording.chain.known_gateways import remember_statement
 
     if health is None or health.get("newest_statement") is None:
         return

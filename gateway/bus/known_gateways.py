@@ -19,7 +19,7 @@ from gateway.configuration.user_state import user_state_folder
 from gateway.errors import InputError
 from gateway.file_input import decode_json, parse_json, read_bounded
 from gateway.messages import NewestStatement
-from gateway.recording.chain.signing_key import fingerprint
+from gateway.pki.signing_key import fingerprint
 
 FOLDER = "gateways"
 FIELD = "newest_statement"
