@@ -21,9 +21,14 @@ class AlertEvent:
     """What is known of the gateway now, where that has changed."""
     standing: Alert | None = None
     """With a state: the last alert message, with all alerts that are active."""
+    doubt: str | None = None
+    """Why a change or a state is not authenticated; None: it is, or nothing is known of it."""
 
 
-def events_of(gateway: str, changes: Iterator[Alert | MissedChanges]) -> Iterator[AlertEvent]:
+def events_of(gateway: str, changes: Iterator[Alert | MissedChanges], doubt: str | None = None) -> Iterator[AlertEvent]:
     """Yield the events of changes, and of those that are lost."""
     for each in changes:
-        yield AlertEvent(gateway, missed=each) if isinstance(each, MissedChanges) else AlertEvent(gateway, change=each)
+        if isinstance(each, MissedChanges):
+            yield AlertEvent(gateway, missed=each, doubt=doubt)
+        else:
+            yield AlertEvent(gateway, change=each, doubt=doubt)
