@@ -212,10 +212,12 @@ class Authenticity:
 
     def _judge_key(self, name: str, gateway: _Gateway, public_key: str) -> Doubt | None:
         """Return what is doubtful about a key; `unproved` where it may be pinned with the first answer."""
-        if self._is_signer(public_key) or public_key == gateway.key:
+        if public_key == gateway.key:
             return None
         known = known_statement(name, self._environment)
         if known is None:
+            if self._is_signer(public_key):
+                return None
             return UNANSWERED if can_pin(name, self._environment) else _unknown(public_key)
         if known.public_key == public_key:
             gateway.key = public_key

@@ -95,7 +95,8 @@ class Site:
         wait_until(lambda: self.card()["state"] == state, state)
 
     def pin(self) -> None:
-        wait_until(lambda: self.card()["authenticated"], "the first contact")
+        """Meet the gateway for the first time."""
+        self.consume().until_state(GatewayState.FINE)
 
     def consume(self) -> Consumer:
         self._consumers.append(Consumer(self.router))

@@ -145,6 +145,13 @@ def test_a_name_that_many_gateways_have_is_known_by_a_folder_alone(environment: 
     assert gateway.send(friend) is None
 
 
+def test_the_key_of_another_gateway_in_a_folder_does_not_replace_a_pin(environment: dict[str, str]) -> None:
+    stolen = Gateway()
+    friend = Authenticity(lambda: [stolen.key.public_hex], environment=environment)
+    assert Gateway().answer(friend) is None
+    assert kind(stolen.answer(friend)) == kind(stolen.send(friend)) == "wrong"
+
+
 def test_without_a_place_for_pins_nothing_is_trusted_at_the_first_contact() -> None:
     gateway = Gateway()
     nowhere = Authenticity(environment={})
