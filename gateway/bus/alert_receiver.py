@@ -20,11 +20,12 @@ from gateway.atomic_io import write_durably
 from gateway.authorization.message_signature import Question
 from gateway.bus.alert_event import AlertEvent, events_of
 from gateway.bus.alert_sequence import AlertPage, AlertRequest, AlertSequence, SequenceState
-from gateway.bus.authenticity import UNANSWERED, Authenticity, Doubt, make_question, read_attachment
+from gateway.bus.authenticity import UNANSWERED, Authenticity, Doubt
 from gateway.bus.client import open_client_session
 from gateway.bus.credentials import Credentials, load_credentials
 from gateway.bus.fleet_inbox import LARGEST_PAYLOAD
 from gateway.bus.heard_gateway import AlertArrival, HeardGateway, read_states, write_states
+from gateway.bus.questions import make_question, read_attachment, send_question
 from gateway.bus.session import UnreachableError
 from gateway.bus.untrusted import GATEWAY_KEY
 from gateway.gateway_state import GatewayPresence, GatewayState, is_overdue
@@ -234,7 +235,7 @@ class AlertReceiver:
         if doubt is None or not gateway.is_authentic:
             gateway.presence.hear(alert, time.monotonic())
         for change in gateway.sequence.take(alert):
-            yield AlertEvent(arrival.key, change=change, doubt=_text(doubt))
+            yield AlertEvent(arrival.key, change=change, doubt=doubt)
 
     def _take_page(
         self, gateway: HeardGateway, arrival: AlertArrival, request: AlertRequest, payload: bytes
@@ -245,7 +246,7 @@ class AlertReceiver:
             self.refused += 1
             return
         gateway.asked_s, gateway.waiting_since_s = float("-inf"), None
-        yield from events_of(arrival.key, gateway.sequence.take_page(request, page), _text(arrival.doubt))
+        yield from events_of(arrival.key, gateway.sequence.take_page(request, page), arrival.doubt)
 
     def _give_up(self) -> Iterator[AlertEvent]:
         """Go on where a gateway is heard and answers nothing."""
@@ -273,14 +274,8 @@ class AlertReceiver:
             wanted = {"after": request.position.number, "boot": request.position.boot_id}
             question = make_question(json.dumps(wanted).encode())
             with suppress(zenoh.ZError):  # the link is down
-                self._session.get(
-                    f"{key}/rpc/alerts",
-                    partial(self._receive_page, key, request, question, now_s),
-                    payload=question.payload,
-                    attachment=question.attachment,
-                    timeout=ANSWER_S,
-                    consolidation=zenoh.ConsolidationMode.NONE,
-                )
+                take = partial(self._receive_page, key, request, question, now_s)
+                send_question(self._session, f"{key}/rpc/alerts", question, ANSWER_S, take)
 
     def _judge(self) -> Iterator[AlertEvent]:
         """Yield the states that have changed."""
@@ -304,7 +299,3 @@ class AlertReceiver:
         presence = GatewayPresence(connected_s=time.monotonic() if self._linked else float("-inf"))
         self._gateways[key] = HeardGateway(AlertSequence(self._since, state), presence)
         return self._gateways[key]
-
-
-def _text(doubt: Doubt | None) -> str | None:
-    return None if doubt is None else doubt.text

@@ -6,7 +6,6 @@ older than `MAX_AGE_S`, nor than the one before it. All methods may be called by
 """
 
 import os
-import secrets
 import threading
 import time
 from collections.abc import Callable, Collection, Mapping
@@ -17,8 +16,14 @@ from typing import Literal
 
 import zenoh
 
-from gateway.authorization.message_signature import MessageSignature, Question, parse_signature, split_signature
+from gateway.authorization.message_signature import (
+    MessageSignature,
+    Question,
+    parse_signature,
+    split_signature,
+)
 from gateway.bus.known_gateways import can_pin, known_statement, pin_key
+from gateway.bus.questions import make_question, read_attachment, send_question
 from gateway.bus.untrusted import GATEWAY_KEY, LONGEST_KEY
 from gateway.pki.signing_key import KEY_NAME, PUBLIC_SUFFIX, KeyFileError, fingerprint
 
@@ -178,15 +183,10 @@ class Authenticity:
                 self._gateways[name].asked_s = now_s
                 self._gateways[name].is_to_be_asked = False
         for name in due:
-            question = make_question()
+            question, key_expr = make_question(), f"{name}/{CHALLENGE}"
+            take = partial(self._take, key_expr, question, now_s)
             with suppress(zenoh.ZError):  # the link is down
-                session.get(
-                    f"{name}/{CHALLENGE}",
-                    partial(self._take, f"{name}/{CHALLENGE}", question, now_s),
-                    attachment=question.attachment,
-                    timeout=LONGEST_ANSWER_S,
-                    consolidation=zenoh.ConsolidationMode.NONE,
-                )
+                send_question(session, key_expr, question, LONGEST_ANSWER_S, take)
 
     def _take(self, key_expr: str, question: Question, sent_s: float, reply: zenoh.Reply) -> None:
         self.judge_reply(key_expr, question, reply, sent_s)
@@ -228,16 +228,6 @@ class Authenticity:
             f"it is signed with the key {found}, and {before} is pinned; where that is right: "
             f"plumbline remote status --gateway {name} --accept-key {found}",
         )
-
-
-def make_question(payload: bytes = b"") -> Question:
-    """Return a question whose answer cannot be prepared."""
-    return Question(payload, secrets.token_bytes(16))
-
-
-def read_attachment(sample: zenoh.Sample) -> bytes | None:
-    """Return the attachment of a sample."""
-    return None if sample.attachment is None else sample.attachment.to_bytes()
 
 
 def _judge_content(is_signed: "partial[bool]") -> Doubt | None:

@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -12,8 +12,9 @@ from pydantic import ValidationError
 
 from gateway.authorization.credential import Challenge
 from gateway.authorization.message_signature import Question
-from gateway.bus.authenticity import OLD, Authenticity, Doubt, make_question, read_attachment
+from gateway.bus.authenticity import OLD, Authenticity, Doubt
 from gateway.bus.credentials import Credentials, load_credentials
+from gateway.bus.questions import make_question, read_attachment, send_question
 from gateway.bus.session import BusError, open_session
 from gateway.bus.untrusted import gateway_of, parse_message, parse_status
 from gateway.configuration.bus_section import is_encrypted
@@ -87,24 +88,13 @@ def query_status(session: zenoh.Session, pattern: str, authenticity: Authenticit
     """Return the answers of the gateways that match a pattern, by their keys; a doubtful one only where there is no other."""
     found: dict[str, StatusAnswer] = {}
     question, sent_s = make_question(), time.monotonic()
-    for reply in _send(session, f"{pattern}/{STATUS}", question):
+    for reply in send_question(session, f"{pattern}/{STATUS}", question, ANSWER_S):
         if (sample := reply.ok) is None or (key := gateway_of(sample, STATUS)) is None:
             continue
         topics = parse_status(sample.payload.to_bytes())
         if topics is not None and (key not in found or found[key].doubt is not None):
             found[key] = StatusAnswer(topics, authenticity.judge_reply(f"{key}/{STATUS}", question, reply, sent_s))
     return found
-
-
-def _send(session: zenoh.Session, key_expr: str, question: Question) -> Iterable[zenoh.Reply]:
-    """Ask, and return all answers: the library would keep one of several with the same key."""
-    return session.get(
-        key_expr,
-        payload=question.payload,
-        attachment=question.attachment or None,
-        timeout=ANSWER_S,
-        consolidation=zenoh.ConsolidationMode.NONE,
-    )
 
 
 def _keys_alive(session: zenoh.Session, pattern: str) -> set[str]:
@@ -188,7 +178,7 @@ class GatewayClient:
         """Return the first answer that is authenticated; else the first one that can be read. Raises `ForgedError`."""
         key_expr, sent_s = f"{self.key}/rpc/{verb}", time.monotonic()
         question, doubtful = Question(payload, attachment or b""), None
-        for reply in _send(self._session, key_expr, question):
+        for reply in send_question(self._session, key_expr, question, ANSWER_S):
             doubt = self.authenticity.judge_reply(key_expr, question, reply, sent_s)
             if (decoded := _decode(reply, doubt)) is not None:
                 if doubt is None:
@@ -220,6 +210,7 @@ class GatewayClient:
             self._session = open_client_session(self._connect, self._credentials)
         except BusError:
             return False
+        self.authenticity.ask(self._session)  # where its messages seemed late
         return True
 
     def close(self) -> None:

@@ -8,10 +8,11 @@ import zenoh
 from pydantic_core import from_json, to_json
 
 from gateway.authorization.message_signature import Question
-from gateway.bus.authenticity import Authenticity, make_question, read_attachment
+from gateway.bus.authenticity import Authenticity
 from gateway.bus.client import ANSWER_S, STATUS, open_client_session
 from gateway.bus.credentials import Credentials, load_credentials
 from gateway.bus.fleet_inbox import LARGEST_PAYLOAD, FleetBatch, FleetInbox
+from gateway.bus.questions import make_question, read_attachment, send_question
 from gateway.topics import STATE_TOPICS
 
 ALIVE = "alive"
@@ -40,13 +41,8 @@ class FleetClient:
         """Ask gateways and storages for their last messages, without waiting for the answers."""
         with suppress(zenoh.ZError):  # the link is down
             question, sent_s = make_question(), time.monotonic()
-            self._session.get(
-                f"{self._pattern}/{STATUS}",
-                partial(self._receive_status, question, sent_s),
-                attachment=question.attachment,
-                timeout=ANSWER_S,
-                consolidation=zenoh.ConsolidationMode.NONE,
-            )
+            take = partial(self._receive_status, question, sent_s)
+            send_question(self._session, f"{self._pattern}/{STATUS}", question, ANSWER_S, take)
             for topic in STATE_TOPICS:
                 self._session.get(f"{self._pattern}/{topic}", self._receive_stored, timeout=ANSWER_S)
 

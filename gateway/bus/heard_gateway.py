@@ -43,10 +43,10 @@ class HeardGateway:
             self.doubt = doubt, time.monotonic()
         return is_signed or not (self.is_authentic or doubt.kind == "wrong")
 
-    def judge(self, now_s: float, patience_s: float, *, is_linked: bool) -> tuple[GatewayState, str | None]:
+    def judge(self, now_s: float, patience_s: float, *, is_linked: bool) -> tuple[GatewayState, Doubt | None]:
         """Return the present state, and why what comes is not authenticated; None: it is, or nothing comes."""
         state = self.presence.judge(now_s, patience_s, is_linked=is_linked)
-        doubt = self.doubt[0].text if self.doubt is not None and now_s - self.doubt[1] <= DOUBT_S else None
+        doubt = self.doubt[0] if self.doubt is not None and now_s - self.doubt[1] <= DOUBT_S else None
         if doubt is not None and state in DOUBTED and self.presence.is_alive is not False:
             state = GatewayState.NOT_AUTHENTICATED
         return state, doubt

@@ -5,8 +5,8 @@ from contextlib import suppress
 
 import zenoh
 
-from gateway.bus.authenticity import read_attachment
 from gateway.bus.fleet_inbox import LARGEST_PAYLOAD, MOST_GATEWAYS
+from gateway.bus.questions import read_attachment
 from gateway.bus.untrusted import GATEWAY_KEY
 from gateway.topics import STATE_TOPICS
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from gateway.bus.alert_event import AlertEvent
     from gateway.bus.alert_receiver import AlertReceiver
-    from gateway.bus.authenticity import Authenticity
+    from gateway.bus.authenticity import Authenticity, Doubt
     from gateway.daemon.runtime.bounded_queue import BoundedQueue
 
     Arrival = tuple[zenoh.Sample, float]
@@ -133,7 +133,8 @@ def _messages(
     samples: "BoundedQueue[Arrival]", session: "zenoh.Session", authenticity: "Authenticity", timeout_s: float
 ) -> Iterator[Line]:
     """Yield the messages that can be read; one that is damaged or of another type is reported and left out."""
-    from gateway.bus.authenticity import UNSIGNED, read_attachment
+    from gateway.bus.authenticity import UNSIGNED
+    from gateway.bus.questions import read_attachment
     from gateway.bus.untrusted import gateway_of, parse_message
     from gateway.topics import TOPICS
 
@@ -155,7 +156,7 @@ def _messages(
             name, attachment = key.removesuffix(f"/{topic}"), read_attachment(sample)
             judge = authenticity.judge_message if TOPICS[topic].signed else lambda *_: UNSIGNED
             doubt = judge(name, topic, content, attachment, at_s)
-            yield _marked({"key": key, "message": message}, None if doubt is None else doubt.text)
+            yield _marked({"key": key, "message": message}, doubt)
 
 
 def _event_line(event: "AlertEvent") -> dict[str, Any]:
@@ -170,6 +171,6 @@ def _event_line(event: "AlertEvent") -> dict[str, Any]:
     return _marked({"gateway": event.gateway, "state": event.state, "standing": standing}, event.doubt)
 
 
-def _marked(line: dict[str, Any], doubt: str | None) -> dict[str, Any]:
+def _marked(line: dict[str, Any], doubt: "Doubt | None") -> dict[str, Any]:
     """Return a line, with the reason where it is not authenticated."""
-    return line if doubt is None else {**line, "not_authenticated": doubt}
+    return line if doubt is None else {**line, "not_authenticated": doubt.text}
