@@ -293,9 +293,15 @@ class AlertReceiver:
                 yield AlertEvent(key, state=state, standing=gateway.presence.alert, doubt=doubt)
 
     def _add(self, key: str, state: SequenceState | None) -> HeardGateway | None:
-        """Return a new gateway; None for a key that no configuration allows, or for too many of them."""
+        """Return a new gateway; None for a key that no configuration allows, or for too many of them.
+
+        Names that were never authenticated make room: they may be invented.
+        """
+        if len(self._gateways) >= MOST_GATEWAYS:
+            doubtful = (name for name, each in self._gateways.items() if not (each.is_authentic or each.is_remembered))
+            self._gateways.pop(next(doubtful, ""), None)
         if len(self._gateways) >= MOST_GATEWAYS or GATEWAY_KEY.fullmatch(key) is None:
             return None
         presence = GatewayPresence(connected_s=time.monotonic() if self._linked else float("-inf"))
-        self._gateways[key] = HeardGateway(AlertSequence(self._since, state), presence)
+        self._gateways[key] = HeardGateway(AlertSequence(self._since, state), presence, is_remembered=state is not None)
         return self._gateways[key]

@@ -27,6 +27,8 @@ class HeardGateway:
     asked_s: float = float("-inf")
     waiting_since_s: float | None = None
     """Since when earlier changes are missing, and the gateway is heard."""
+    is_remembered: bool = False
+    """Its last number was kept over a restart."""
     is_authentic: bool = False
     """Messages that are signed and fresh have come: what is not signed is no longer taken."""
     doubt: tuple[Doubt, float] | None = None
