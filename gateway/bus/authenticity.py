@@ -62,6 +62,14 @@ class Doubt:
         return f"NOT AUTHENTICATED: {self.text}"
 
 
+def newer_doubt(before: tuple[Doubt, float] | None, doubt: Doubt, at_s: float) -> tuple[Doubt, float]:
+    """Return the doubt that tells more, and when it came: a late message does not hide a forged one."""
+    if before is None or doubt.kind != "unproved":
+        return doubt, at_s
+    is_hidden = before[0].kind != "unproved" and at_s - before[1] <= DOUBT_S
+    return before if is_hidden else (doubt, at_s)
+
+
 UNSIGNED = Doubt("unsigned", "it is not signed")
 ALTERED = Doubt("wrong", "its signature is wrong")
 UNANSWERED = Doubt("unproved", "the gateway has not answered since its start")

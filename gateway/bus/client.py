@@ -84,11 +84,13 @@ class StatusAnswer:
     """Why it is not authenticated; None: it is."""
 
 
-def query_status(session: zenoh.Session, pattern: str, authenticity: Authenticity) -> dict[str, StatusAnswer]:
+def query_status(
+    session: zenoh.Session, pattern: str, authenticity: Authenticity, timeout_s: float = ANSWER_S
+) -> dict[str, StatusAnswer]:
     """Return the answers of the gateways that match a pattern, by their keys; a doubtful one only where there is no other."""
     found: dict[str, StatusAnswer] = {}
     question, sent_s = make_question(), time.monotonic()
-    for reply in send_question(session, f"{pattern}/{STATUS}", question, ANSWER_S):
+    for reply in send_question(session, f"{pattern}/{STATUS}", question, timeout_s):
         if (sample := reply.ok) is None or (key := gateway_of(sample, STATUS)) is None:
             continue
         topics = parse_status(sample.payload.to_bytes())

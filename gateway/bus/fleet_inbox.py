@@ -3,7 +3,7 @@
 import threading
 from dataclasses import dataclass, field
 
-from gateway.bus.authenticity import Doubt
+from gateway.bus.authenticity import Doubt, newer_doubt
 from gateway.bus.untrusted import GATEWAY_KEY, LONGEST_KEY
 
 LARGEST_PAYLOAD = 65536
@@ -33,7 +33,7 @@ class FleetBatch:
     alive: dict[str, bool] = field(default_factory=dict)
     """Changes of the liveliness tokens, by gateway."""
     doubts: dict[str, tuple[Doubt, float]] = field(default_factory=dict)
-    """The last doubt about a message, and when it came, by gateway; that a message is not proved yet tells least."""
+    """The last doubt about a message, and when it came, by gateway."""
 
 
 class FleetInbox:
@@ -53,8 +53,8 @@ class FleetInbox:
             if len(payload) > LARGEST_PAYLOAD or not self._admit(key):
                 self.refused += 1
                 return
-            if doubt is not None and (doubt.kind != "unproved" or key not in self._batch.doubts):
-                self._batch.doubts[key] = doubt, at_s
+            if doubt is not None:
+                self._batch.doubts[key] = newer_doubt(self._batch.doubts.get(key), doubt, at_s)
             before = self._batch.arrivals.get((key, topic))
             if before is None or _rank(live, doubt) >= _rank(before.live, before.doubt):
                 self._batch.arrivals[key, topic] = FleetArrival(payload, at_s, live, doubt)

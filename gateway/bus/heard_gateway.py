@@ -8,7 +8,7 @@ from pathlib import Path
 from pydantic import TypeAdapter, ValidationError
 
 from gateway.bus.alert_sequence import AlertRequest, AlertSequence, SequenceState
-from gateway.bus.authenticity import DOUBT_S, Doubt
+from gateway.bus.authenticity import DOUBT_S, Doubt, newer_doubt
 from gateway.errors import InputError
 from gateway.gateway_state import GatewayPresence, GatewayState
 
@@ -42,7 +42,7 @@ class HeardGateway:
             return True
         is_signed = doubt.kind == "unproved"
         if not (is_signed and self.is_authentic):
-            self.doubt = doubt, time.monotonic()
+            self.doubt = newer_doubt(self.doubt, doubt, time.monotonic())
         return is_signed or not (self.is_authentic or doubt.kind == "wrong")
 
     def judge(self, now_s: float, patience_s: float, *, is_linked: bool) -> tuple[GatewayState, Doubt | None]:

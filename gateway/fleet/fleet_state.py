@@ -6,7 +6,7 @@ from datetime import datetime
 
 from pydantic import ValidationError
 
-from gateway.bus.authenticity import DOUBT_S, Doubt
+from gateway.bus.authenticity import DOUBT_S, Doubt, newer_doubt
 from gateway.bus.fleet_inbox import FleetArrival, FleetBatch
 from gateway.fleet.gateway_status import GatewayStatus, gateway_status, missing_gateway
 from gateway.messages import Health, Message
@@ -133,7 +133,8 @@ class FleetState:
         for key, alive in batch.alive.items():
             self._gateways.setdefault(key, _GatewayMessages()).alive = alive
         for key, doubt in batch.doubts.items():
-            self._gateways.setdefault(key, _GatewayMessages()).doubt = doubt
+            gateway = self._gateways.setdefault(key, _GatewayMessages())
+            gateway.doubt = newer_doubt(gateway.doubt, *doubt)
         for (key, topic), arrival in batch.arrivals.items():
             try:
                 message: Message = adapter(topic).validate_json(arrival.payload)
