@@ -80,7 +80,7 @@ class AlertReceiver:
         self._arrivals: queue.Queue[AlertArrival] = queue.Queue(INBOX)
         self._gateways: dict[str, HeardGateway] = {}
         self._credentials = credentials or load_credentials()
-        self._authenticity = authenticity or Authenticity(self._credentials.read_signers)
+        self._authenticity = authenticity or Authenticity(self._credentials.signers)
         self._held: list[AlertArrival] = []
         """Alerts of gateways that have not answered yet."""
         self._session: zenoh.Session | None = None

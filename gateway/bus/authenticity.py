@@ -8,7 +8,7 @@ older than `MAX_AGE_S`, nor than the one before it. All methods may be called by
 import os
 import threading
 import time
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -22,7 +22,7 @@ from gateway.authorization.message_signature import (
     parse_signature,
     split_signature,
 )
-from gateway.bus.known_gateways import can_pin, known_statement, pin_key
+from gateway.bus.known_gateways import NO_SIGNERS, Signers, can_pin, known_statement, pin_key
 from gateway.bus.questions import make_question, read_attachment, send_question
 from gateway.bus.untrusted import GATEWAY_KEY, LONGEST_KEY
 from gateway.pki.signing_key import KEY_NAME, PUBLIC_SUFFIX, KeyFileError, fingerprint
@@ -96,13 +96,13 @@ class Authenticity:
 
     def __init__(
         self,
-        read_signers: Callable[[], Collection[str]] = tuple,
+        signers: Signers = NO_SIGNERS,
         accepted: str | None = None,
         environment: Mapping[str, str] = os.environ,
     ) -> None:
-        """`read_signers` returns the keys in folders of credentials; `accepted` is the fingerprint of one that replaces a pin."""
-        self._read_signers = read_signers
-        self._signers = read_signers()
+        """`signers` are the keys in folders of credentials; `accepted` is the fingerprint of a key that replaces a pinned one."""
+        self._signers = signers
+        self._present_signers = signers.read()
         self._read_at_s = time.monotonic()
         self._accepted = accepted
         self._environment = environment
@@ -208,15 +208,17 @@ class Authenticity:
 
     def _is_signer(self, public_key: str) -> bool:
         """Return whether a key is in a folder of credentials, where a gateway may just have put it."""
-        if public_key not in self._signers and time.monotonic() - self._read_at_s >= ASK_PAUSE_S:
-            self._signers, self._read_at_s = self._read_signers(), time.monotonic()
-        return public_key in self._signers
+        if public_key not in self._present_signers and time.monotonic() - self._read_at_s >= ASK_PAUSE_S:
+            self._present_signers, self._read_at_s = self._signers.read(), time.monotonic()
+        return public_key in self._present_signers
 
     def _judge_unsigned(self, name: str, gateway: _Gateway) -> Doubt:
         """Return the doubt about what is not signed: where a key is known, it is not the gateway's."""
         known = known_statement(name, self._environment) if gateway.key is None else None
         key = gateway.key if known is None else known.public_key
-        return UNSIGNED if key is None else Doubt("wrong", f"it is not signed, and the key {fingerprint(key)} is known")
+        if key is None:
+            return Doubt("wrong", UNSIGNED.text) if self._signers.are_all else UNSIGNED
+        return Doubt("wrong", f"it is not signed, and the key {fingerprint(key)} is known")
 
     def _judge_key(self, name: str, gateway: _Gateway, public_key: str) -> Doubt | None:
         """Return what is doubtful about a key; `unproved` where it may be pinned with the first answer."""
@@ -226,6 +228,8 @@ class Authenticity:
         if known is None:
             if self._is_signer(public_key):
                 return None
+            if self._signers.are_all or gateway.key is not None:
+                return _unknown(public_key, "wrong")
             return UNANSWERED if can_pin(name, self._environment) else _unknown(public_key)
         if known.public_key == public_key:
             gateway.key = public_key
@@ -271,9 +275,9 @@ def _is_due(gateway: _Gateway, now_s: float) -> bool:
     return now_s - gateway.asked_s >= pause_s
 
 
-def _unknown(public_key: str) -> Doubt:
+def _unknown(public_key: str, kind: DoubtKind = "unknown") -> Doubt:
     return Doubt(
-        "unknown",
+        kind,
         f"nobody here knows the key {fingerprint(public_key)}; name a folder with the gateway's {KEY_NAME}{PUBLIC_SUFFIX} by "
         "--credentials, or give the gateway a gateway.site of its own",
     )

@@ -112,7 +112,7 @@ class GatewayClient:
         """Connect. Raises `InputError` where `pattern` matches no gateway or several, and `BusError`."""
         self._connect = connect
         self._credentials = credentials or load_credentials()
-        self.authenticity = Authenticity(self._credentials.read_signers)
+        self.authenticity = Authenticity(self._credentials.signers)
         self._session = open_client_session(connect, self._credentials)
         self._subscribers: list[zenoh.Subscriber[None]] = []
         self.refused = 0

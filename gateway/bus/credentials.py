@@ -2,13 +2,14 @@
 
 import importlib.util
 import os
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Iterable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
 from gateway.authorization.credential import Challenge
 from gateway.authorization.token import TOKEN_NAME, parse_token, prove_by_token, token_id
+from gateway.bus.known_gateways import NO_SIGNERS, Signers
 from gateway.bus.session import TlsFiles
 from gateway.configuration.known_data_folders import known_data_folders
 from gateway.configuration.loading import is_installed, load, load_installed
@@ -23,14 +24,12 @@ CERTIFICATE_NAME = "certificate.pem"
 class Credentials:
     """What a client can prove, and whom it knows."""
 
-    def __init__(
-        self, tokens: Iterable[bytes], tls: TlsFiles | None = None, read_signers: Callable[[], Collection[str]] = tuple
-    ) -> None:
+    def __init__(self, tokens: Iterable[bytes], tls: TlsFiles | None = None, signers: Signers = NO_SIGNERS) -> None:
         self._tokens = {token_id(secret): secret for secret in tokens}
         self.tls = tls
         """The certificate, for links with TLS and for signatures; None without one."""
-        self.read_signers = read_signers
-        """Returns the public keys of gateways that are in the folders now."""
+        self.signers = signers
+        """The public keys of gateways in the folders."""
 
     def prove(self, key_expr: str, payload: bytes, challenge: Challenge) -> bytes | None:
         """Return the attachment that proves a request, or None without the credential that the gateway asks for."""
@@ -50,15 +49,15 @@ def load_credentials(folder: Path | None = None) -> Credentials:
     named = folder or (Path(os.environ[VARIABLE]) if os.environ.get(VARIABLE) else None)
     if named is None:
         tokens = [secret for place in _usual_folders() if (secret := _read_token(place)) is not None]
-        return Credentials(tokens, _installed_certificate(), _usual_signers)
+        return Credentials(tokens, _installed_certificate(), Signers(_usual_signers))
     tls = _find_certificate(named)
-    secret, read_signers = _read_token(named), partial(_read_keys, named)
-    if secret is None and tls is None and not read_signers():
+    secret, keys = _read_token(named), _read_keys(named)
+    if secret is None and tls is None and not keys:
         raise InputError(
             f"{named}: has no readable {TOKEN_NAME} and no {CERTIFICATE_NAME}; name the gateway's data folder, or one that "
             "plumbline keys has made"
         )
-    return Credentials([] if secret is None else [secret], tls, read_signers)
+    return Credentials([] if secret is None else [secret], tls, Signers(partial(_read_keys, named), are_all=bool(keys)))
 
 
 def _usual_folders() -> Iterable[Path]:

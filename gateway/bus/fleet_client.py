@@ -28,7 +28,7 @@ class FleetClient:
         self.inbox = FleetInbox()
         self._pattern = pattern
         credentials = credentials or load_credentials()
-        self._authenticity = Authenticity(credentials.read_signers)
+        self._authenticity = Authenticity(credentials.signers)
         self._session = open_client_session(connect, credentials)
         self._subscribers = [
             self._session.declare_subscriber(f"{pattern}/{topic}", self._receive) for topic in STATE_TOPICS

@@ -6,9 +6,9 @@ statement can prove that the recording was written again, even with the gateway'
 
 import hashlib
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,19 @@ FOLDER = "gateways"
 FIELD = "newest_statement"
 DEEPEST = 8
 """Levels of JSON below which no statement is looked for. Basis: a choice; those of `remote status --json` are three deep."""
+
+
+@dataclass(frozen=True, slots=True)
+class Signers:
+    """The public keys of gateways that a person has put into a folder, or that lie in those of this machine."""
+
+    read: Callable[[], Collection[str]] = tuple
+    """Returns the keys that are there now."""
+    are_all: bool = False
+    """A person has named the folder: no other key is pinned at the first contact."""
+
+
+NO_SIGNERS = Signers()
 
 
 def remember_statement(heard: NewestStatement, environment: Mapping[str, str] = os.environ) -> str | None:

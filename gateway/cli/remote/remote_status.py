@@ -55,7 +55,7 @@ def _status(arguments: argparse.Namespace) -> int:
     connect = connect_endpoint(arguments)
     credentials = client_credentials(arguments)
     with open_client_session(connect, credentials) as session:
-        authenticity = Authenticity(credentials.read_signers, arguments.accept_key)
+        authenticity = Authenticity(credentials.signers, arguments.accept_key)
         answers = query_status(session, arguments.gateway, authenticity)
     if not answers:
         raise InputError(f"no gateway {arguments.gateway} answers at {connect}")

@@ -29,7 +29,7 @@ Line = dict[str, Any] | None
 MAX_WAITING_MESSAGES = 10_000
 """Messages that may wait. Basis: a choice; minutes of all topics, and a bound of the memory."""
 MAX_GREETING_S = 1.0
-"""Longest wait for the gateways at the start. Basis: a choice; they answer in milliseconds; one that hangs may not hold up all."""
+"""Longest wait for gateways at the start. Basis: a choice; they answer in milliseconds; one that hangs may not hold up others."""
 MAX_OUTPUT_WAIT_S = 0.1
 """Longest wait before the output is written. Basis: a choice; ten times a second, as tilts come."""
 
@@ -76,7 +76,7 @@ def _watch(arguments: argparse.Namespace) -> int:
     connect, credentials = connect_endpoint(arguments), client_credentials(arguments)
     samples: BoundedQueue[Arrival] = BoundedQueue(MAX_WAITING_MESSAGES)
     printer = _Printer(arguments.count)
-    authenticity = Authenticity(credentials.read_signers)
+    authenticity = Authenticity(credentials.signers)
     with open_client_session(connect, credentials) as session:
         # By the answers messages are known to be fresh, from the first one on.
         query_status(session, arguments.gateway, authenticity, MAX_GREETING_S)

@@ -38,7 +38,7 @@ def query_gateway(configuration: Configuration) -> StatusAnswer | None:
     key = configuration.gateway.key
     for endpoint in configuration.bus.local_endpoints:
         with open_client_session(endpoint) as session:
-            return query_status(session, key, Authenticity(load_credentials().read_signers)).get(key)
+            return query_status(session, key, Authenticity(load_credentials().signers)).get(key)
     return None
 
 

@@ -8,7 +8,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from gateway.authorization.message_signature import MessageSigner, Question
 from gateway.bus.authenticity import LONGEST_ANSWER_S, MAX_AGE_S, OLD, UNANSWERED, UNSIGNED, Authenticity, Doubt
-from gateway.bus.known_gateways import known_statement
+from gateway.bus.known_gateways import Signers, known_statement
 from gateway.pki.signing_key import SigningKey, fingerprint
 from tests.values import present
 
@@ -96,6 +96,31 @@ def test_another_key_is_named_with_the_command_that_accepts_it(
     assert other.answer(receiver) is None  # the pin is read again
 
 
+def test_who_answers_first_at_the_first_contact_is_pinned_and_the_true_gateway_then_shows_it(
+    receiver: Authenticity,
+) -> None:
+    true, between = Gateway(), Gateway()
+    assert between.answer(receiver) is None  # what docs/exchange.md says of the first contact
+    assert kind(true.answer(receiver)) == kind(true.send(receiver)) == "wrong"
+
+
+def test_where_a_folder_with_keys_is_named_no_other_one_is_pinned(environment: dict[str, str]) -> None:
+    true, between = Gateway(), Gateway()
+    careful = Authenticity(Signers(lambda: [true.key.public_hex], are_all=True), environment=environment)
+    assert kind(between.send(careful)) == kind(between.answer(careful)) == "wrong"
+    assert kind(careful.judge_message(YARD, "alert", PAYLOAD, None, time.monotonic())) == "wrong"
+    assert true.answer(careful) is None
+    assert known_statement(YARD, environment) is None
+
+
+def test_beside_a_gateway_whose_key_was_found_no_other_one_is_pinned(environment: dict[str, str]) -> None:
+    true, between = Gateway(), Gateway()
+    local = Authenticity(Signers(lambda: [true.key.public_hex]), environment=environment)
+    assert true.answer(local) is None
+    assert kind(between.answer(local)) == "wrong"
+    assert true.send(local) is None
+
+
 def test_a_message_counts_once_and_for_a_short_time(receiver: Authenticity) -> None:
     gateway = Gateway()
     assert gateway.answer(receiver) is None
@@ -140,14 +165,14 @@ def test_a_name_that_many_gateways_have_is_known_by_a_folder_alone(environment: 
     stranger = Authenticity(environment=environment)
     assert kind(gateway.send(stranger)) == kind(gateway.answer(stranger)) == "unknown"
     assert known_statement(UNNAMED, environment) is None
-    friend = Authenticity(lambda: [gateway.key.public_hex], environment=environment)
+    friend = Authenticity(Signers(lambda: [gateway.key.public_hex]), environment=environment)
     assert gateway.answer(friend) is None
     assert gateway.send(friend) is None
 
 
 def test_the_key_of_another_gateway_in_a_folder_does_not_replace_a_pin(environment: dict[str, str]) -> None:
     stolen = Gateway()
-    friend = Authenticity(lambda: [stolen.key.public_hex], environment=environment)
+    friend = Authenticity(Signers(lambda: [stolen.key.public_hex]), environment=environment)
     assert Gateway().answer(friend) is None
     assert kind(stolen.answer(friend)) == kind(stolen.send(friend)) == "wrong"
 
