@@ -101,7 +101,9 @@ def answer(session: zenoh.Session, key: str, asked: Path) -> None:
         with query:
             query.reply(name, payload, attachment=signer.sign_answer(name, payload, question, accepted=True))
 
+    token = session.liveliness().declare_token(f"{key}/alive")
     queryable = session.declare_queryable(f"{key}/rpc/*", reply)
+    assert token is not None
     assert queryable is not None
     threading.Event().wait()
 
