@@ -17,6 +17,8 @@ class GatewayState(StrEnum):
     NOT_KNOWN = "not known"
     """The gateway does not know the angle at the moment, or nothing has come yet."""
     UNCALIBRATED = "uncalibrated"
+    NOT_AUTHENTICATED = "not authenticated"
+    """What comes under its name is not signed with its key, or somebody else sends under it, too."""
     SUSPENDED = "suspended"
     """The housing is off the rope, for a recalibration."""
     SENSOR_GONE = "sensor gone"

@@ -37,6 +37,8 @@ class Topic:
     is_state: bool = False
     """The state of a gateway: the router keeps the last message for those who join late, and a fleet receives it. Tilt, motion
     and samples would be nine tenths of the traffic."""
+    signed: bool = True
+    """Signed on the bus with the gateway's key. Blocks of samples are not: up to a hundred a second, and nobody is shown them."""
     schema_owner: str = "plumbline"
 
     @property
@@ -53,7 +55,7 @@ class Topic:
 TOPICS: dict[str, Topic] = {
     topic.name: topic
     for topic in (
-        Topic("samples", messages.Samples, "each block", recomputed=True),
+        Topic("samples", messages.Samples, "each block", recomputed=True, signed=False),
         Topic("acceleration", messages.Acceleration, "5 Hz", published=False, recomputed=True, summarised=False),
         Topic("tilt", messages.Tilt, "10 Hz", recomputed=True, recorded_every=5, summarised=False),
         Topic("motion", messages.Motion, "10 Hz", recomputed=True, sent_idle=True),

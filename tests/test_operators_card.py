@@ -15,7 +15,7 @@ CARDS = dict(zip(("en", "de"), SOURCE.read_text().split("\n# "), strict=True))
 
 @pytest.mark.parametrize("language", CARDS)
 def test_every_word_of_the_page_is_explained(language: str) -> None:
-    words = [read_texts(language)[f"word_{word}"] for word in STYLES]
+    words = [read_texts(language)[f"word_{word}"] for word in STYLES if word != "NOT AUTHENTICATED"]  # of a site
     section = CARDS[language]
     assert [word for word in words if f"**{word}**" not in section] == []
 

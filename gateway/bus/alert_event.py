@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from gateway.bus.alert_sequence import MissedChanges
+from gateway.bus.authenticity import Doubt
 from gateway.gateway_state import GatewayState
 from gateway.messages import Alert
 
@@ -21,9 +22,16 @@ class AlertEvent:
     """What is known of the gateway now, where that has changed."""
     standing: Alert | None = None
     """With a state: the last alert message, with all alerts that are active."""
+    doubt: Doubt | None = None
+    """Why a change or a state is not authenticated; None: it is, or nothing is known of it."""
 
 
-def events_of(gateway: str, changes: Iterator[Alert | MissedChanges]) -> Iterator[AlertEvent]:
+def events_of(
+    gateway: str, changes: Iterator[Alert | MissedChanges], doubt: Doubt | None = None
+) -> Iterator[AlertEvent]:
     """Yield the events of changes, and of those that are lost."""
     for each in changes:
-        yield AlertEvent(gateway, missed=each) if isinstance(each, MissedChanges) else AlertEvent(gateway, change=each)
+        if isinstance(each, MissedChanges):
+            yield AlertEvent(gateway, missed=each, doubt=doubt)
+        else:
+            yield AlertEvent(gateway, change=each, doubt=doubt)

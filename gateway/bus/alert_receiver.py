@@ -8,24 +8,26 @@ import queue
 import time
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 import zenoh
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 
 from gateway.atomic_io import write_durably
+from gateway.authorization.message_signature import Question
 from gateway.bus.alert_event import AlertEvent, events_of
 from gateway.bus.alert_sequence import AlertPage, AlertRequest, AlertSequence, SequenceState
+from gateway.bus.authenticity import UNANSWERED, Authenticity, Doubt
 from gateway.bus.client import open_client_session
-from gateway.bus.credentials import Credentials
+from gateway.bus.credentials import Credentials, load_credentials
 from gateway.bus.fleet_inbox import LARGEST_PAYLOAD
+from gateway.bus.heard_gateway import AlertArrival, HeardGateway, read_states, write_states
+from gateway.bus.questions import make_question, read_attachment, send_question
 from gateway.bus.session import UnreachableError
 from gateway.bus.untrusted import GATEWAY_KEY
-from gateway.errors import InputError
 from gateway.gateway_state import GatewayPresence, GatewayState, is_overdue
 from gateway.messages import Alert
 from gateway.topics import adapter
@@ -47,30 +49,9 @@ GIVE_UP_S = 10.0
 `ANSWER_S`."""
 CONNECT_MS = 1000
 """Longest attempt to connect. Basis: a choice; a router answers in milliseconds, and the next attempt follows."""
-_STATES = TypeAdapter(dict[str, SequenceState])
-
-
-@dataclass(slots=True)
-class _Gateway:
-    """One gateway with the order of its changes."""
-
-    sequence: AlertSequence
-    presence: GatewayPresence
-    state: GatewayState | None = None
-    asked_s: float = float("-inf")
-    waiting_since_s: float | None = None
-    """Since when earlier changes are missing, and the gateway is heard."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Arrival:
-    """Something that has come, in the order of its coming."""
-
-    key: str
-    payload: bytes | None = None
-    """Of an alert, or of the answer to a request."""
-    request: AlertRequest | None = None
-    is_alive: bool | None = None
+HOLD_S = 1.0
+"""An alert of a gateway that has not answered yet waits for its answer. Basis: a choice; it comes within milliseconds, and an
+alert of a gateway that cannot answer must not wait long."""
 
 
 class AlertReceiver:
@@ -85,25 +66,30 @@ class AlertReceiver:
         state_file: Path | None = None,
         states: str = "{}",
         credentials: Credentials | None = None,
+        authenticity: Authenticity | None = None,
     ) -> None:
         """Connect to a gateway or router.
 
         `since` is the number behind which changes are wanted from a gateway that is met for the first time (0: all that it
         has; None: those from now on). `state_file` keeps the last numbers over a restart; a consumer that stores `states_json`
-        together with what it does gives them back as `states`. `credentials` are for links with TLS. Raises `InputError` for
-        a file that cannot be read, `BusError` for an endpoint of wrong form.
+        together with what it does gives them back as `states`. `credentials` are for links with TLS, and tell the keys of
+        gateways; `authenticity` judges messages where the caller does that, too. Raises `InputError` for a file that cannot be
+        read, `BusError` for an endpoint of wrong form.
         """
         self._connect, self._pattern, self._since, self._state_file = connect, pattern, since, state_file
-        self._arrivals: queue.Queue[_Arrival] = queue.Queue(INBOX)
-        self._gateways: dict[str, _Gateway] = {}
-        self._credentials = credentials
+        self._arrivals: queue.Queue[AlertArrival] = queue.Queue(INBOX)
+        self._gateways: dict[str, HeardGateway] = {}
+        self._credentials = credentials or load_credentials()
+        self._authenticity = authenticity or Authenticity(self._credentials.signers)
+        self._held: list[AlertArrival] = []
+        """Alerts of gateways that have not answered yet."""
         self._session: zenoh.Session | None = None
         self._linked = False
         self.refused = 0
-        """Messages that are no alerts: too large, damaged, or under a key that nobody asked for."""
+        """Messages that are no alerts of a gateway: too large, damaged, forged, or under a key that nobody asked for."""
         self.dropped = 0
         """Messages that came faster than they were read; missed changes are fetched."""
-        for key, state in _read_states(state_file, states).items():
+        for key, state in read_states(state_file, states).items():
             self._add(key, state)
         self._saved = self.states_json
         self._open()
@@ -111,8 +97,7 @@ class AlertReceiver:
     @property
     def states_json(self) -> str:
         """The last numbers of all gateways, to be stored with what was done with the changes."""
-        states = {key: each.sequence.state for key, each in self._gateways.items()}
-        return _STATES.dump_json({key: state for key, state in states.items() if state is not None}).decode()
+        return write_states(self._gateways)
 
     @property
     def present_states(self) -> dict[str, GatewayState]:
@@ -179,17 +164,24 @@ class AlertReceiver:
         if len(sample.payload) > LARGEST_PAYLOAD:
             self.refused += 1
         else:
-            self._put(_Arrival(key, sample.payload.to_bytes()))
+            payload, attachment = sample.payload.to_bytes(), read_attachment(sample)
+            self._put(AlertArrival(key, payload, attachment=attachment, at_s=time.monotonic()))
 
     def _receive_alive(self, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr).removesuffix("/alive")
-        self._put(_Arrival(key, is_alive=sample.kind == zenoh.SampleKind.PUT))
+        is_alive = sample.kind == zenoh.SampleKind.PUT
+        if is_alive:
+            self._authenticity.expect(key)
+        self._put(AlertArrival(key, is_alive=is_alive))
 
-    def _receive_page(self, key: str, request: AlertRequest, reply: zenoh.Reply) -> None:
+    def _receive_page(
+        self, key: str, request: AlertRequest, question: Question, sent_s: float, reply: zenoh.Reply
+    ) -> None:
         if reply.ok is not None and len(reply.ok.payload) <= LARGEST_PAYLOAD:
-            self._put(_Arrival(key, reply.ok.payload.to_bytes(), request))
+            doubt = self._authenticity.judge_reply(f"{key}/rpc/alerts", question, reply, sent_s)
+            self._put(AlertArrival(key, reply.ok.payload.to_bytes(), request, doubt=doubt))
 
-    def _put(self, arrival: _Arrival) -> None:
+    def _put(self, arrival: AlertArrival) -> None:
         """Called from Zenoh's threads."""
         try:
             self._arrivals.put_nowait(arrival)
@@ -198,40 +190,63 @@ class AlertReceiver:
 
     def _take_arrivals(self, timeout_s: float) -> Iterator[AlertEvent]:
         """Yield what follows from everything that has come; wait for the first of it."""
+        held, self._held = self._held, []
+        for arrival in held:
+            yield from self._take(arrival)
         with suppress(queue.Empty):
             yield from self._take(self._arrivals.get(timeout=timeout_s))
             for _ in range(self._arrivals.qsize()):
                 yield from self._take(self._arrivals.get_nowait())
 
-    def _take(self, arrival: _Arrival) -> Iterator[AlertEvent]:
+    def _take(self, arrival: AlertArrival) -> Iterator[AlertEvent]:
         gateway = self._gateways.get(arrival.key) or self._add(arrival.key, None)
         if gateway is None:
             self.refused += 1
         elif arrival.payload is None:
             gateway.presence.is_alive = arrival.is_alive
         elif arrival.request is not None:
-            yield from self._take_page(arrival.key, gateway, arrival.request, arrival.payload)
+            if gateway.admit(arrival.doubt):
+                yield from self._take_page(gateway, arrival, arrival.request, arrival.payload)
+            else:
+                self.refused += 1
         else:
-            yield from self._take_alert(arrival.key, gateway, arrival.payload)
+            yield from self._judge_alert(gateway, arrival, arrival.payload)
 
-    def _take_alert(self, key: str, gateway: _Gateway, payload: bytes) -> Iterator[AlertEvent]:
+    def _judge_alert(self, gateway: HeardGateway, arrival: AlertArrival, payload: bytes) -> Iterator[AlertEvent]:
+        """Take an alert if it is the gateway's, or no key of it is known; it waits until the gateway has answered."""
+        doubt: Doubt | None = UNANSWERED
+        if all(arrival.key != held.key for held in self._held):  # else it would overtake them
+            doubt = self._authenticity.judge_message(arrival.key, "alert", payload, arrival.attachment, arrival.at_s)
+        if doubt is UNANSWERED and time.monotonic() - arrival.at_s <= HOLD_S and len(self._held) < INBOX:
+            self._held.append(arrival)
+        elif gateway.admit(doubt):
+            yield from self._take_alert(gateway, arrival, payload, doubt)
+        else:
+            self.refused += 1
+
+    def _take_alert(
+        self, gateway: HeardGateway, arrival: AlertArrival, payload: bytes, doubt: Doubt | None
+    ) -> Iterator[AlertEvent]:
         try:
             alert: Alert = adapter("alert").validate_json(payload)
         except ValidationError:
             self.refused += 1
             return
-        gateway.presence.hear(alert, time.monotonic())
+        if doubt is None or not gateway.is_authentic:
+            gateway.presence.hear(alert, time.monotonic())
         for change in gateway.sequence.take(alert):
-            yield AlertEvent(key, change=change)
+            yield AlertEvent(arrival.key, change=change, doubt=doubt)
 
-    def _take_page(self, key: str, gateway: _Gateway, request: AlertRequest, payload: bytes) -> Iterator[AlertEvent]:
+    def _take_page(
+        self, gateway: HeardGateway, arrival: AlertArrival, request: AlertRequest, payload: bytes
+    ) -> Iterator[AlertEvent]:
         try:
             page = AlertPage.model_validate_json(payload)
         except ValidationError:
             self.refused += 1
             return
         gateway.asked_s, gateway.waiting_since_s = float("-inf"), None
-        yield from events_of(key, gateway.sequence.take_page(request, page))
+        yield from events_of(arrival.key, gateway.sequence.take_page(request, page), arrival.doubt)
 
     def _give_up(self) -> Iterator[AlertEvent]:
         """Go on where a gateway is heard and answers nothing."""
@@ -245,8 +260,10 @@ class AlertReceiver:
                 yield from events_of(key, gateway.sequence.give_up())
 
     def _ask(self) -> None:
-        """Ask for missed changes, again where an answer does not come."""
+        """Ask gateways whose alerts cannot be judged yet, and for missed changes, again where an answer does not come."""
         now_s = time.monotonic()
+        if self._session is not None:
+            self._authenticity.ask(self._session)
         for key, gateway in self._gateways.items():
             if self._session is None or not gateway.sequence.is_waiting or now_s - gateway.asked_s < ANSWER_S:
                 continue
@@ -255,13 +272,10 @@ class AlertReceiver:
                 continue
             gateway.asked_s = now_s
             wanted = {"after": request.position.number, "boot": request.position.boot_id}
+            question = make_question(json.dumps(wanted).encode())
             with suppress(zenoh.ZError):  # the link is down
-                self._session.get(
-                    f"{key}/rpc/alerts",
-                    partial(self._receive_page, key, request),
-                    payload=json.dumps(wanted),
-                    timeout=ANSWER_S,
-                )
+                take = partial(self._receive_page, key, request, question, now_s)
+                send_question(self._session, f"{key}/rpc/alerts", question, ANSWER_S, take)
 
     def _judge(self) -> Iterator[AlertEvent]:
         """Yield the states that have changed."""
@@ -273,28 +287,21 @@ class AlertReceiver:
                 gateway.presence.connected_s = now_s
         self._linked = is_linked
         for key, gateway in self._gateways.items():
-            state = gateway.presence.judge(now_s, PATIENCE_S, is_linked=is_linked)
+            state, doubt = gateway.judge(now_s, PATIENCE_S, is_linked=is_linked)
             if state != gateway.state:
                 gateway.state = state
-                yield AlertEvent(key, state=state, standing=gateway.presence.alert)
+                yield AlertEvent(key, state=state, standing=gateway.presence.alert, doubt=doubt)
 
-    def _add(self, key: str, state: SequenceState | None) -> _Gateway | None:
-        """Return a new gateway; None for a key that no configuration allows, or for too many of them."""
+    def _add(self, key: str, state: SequenceState | None) -> HeardGateway | None:
+        """Return a new gateway; None for a key that no configuration allows, or for too many of them.
+
+        Names that were never authenticated make room: they may be invented.
+        """
+        if len(self._gateways) >= MOST_GATEWAYS:
+            doubtful = (name for name, each in self._gateways.items() if not (each.is_authentic or each.is_remembered))
+            self._gateways.pop(next(doubtful, ""), None)
         if len(self._gateways) >= MOST_GATEWAYS or GATEWAY_KEY.fullmatch(key) is None:
             return None
         presence = GatewayPresence(connected_s=time.monotonic() if self._linked else float("-inf"))
-        self._gateways[key] = _Gateway(AlertSequence(self._since, state), presence)
+        self._gateways[key] = HeardGateway(AlertSequence(self._since, state), presence, is_remembered=state is not None)
         return self._gateways[key]
-
-
-def _read_states(path: Path | None, states: str) -> dict[str, SequenceState]:
-    """Return the last numbers that a file or a text holds. Raises `InputError`."""
-    try:
-        if path is not None and path.exists():
-            return _STATES.validate_json(path.read_bytes())
-        return _STATES.validate_json(states)
-    except (OSError, ValidationError) as error:
-        where = "states" if path is None else str(path)
-        raise InputError(
-            f"{where}: is no state of a receiver of alerts; delete it to begin with the next change"
-        ) from error

@@ -11,11 +11,14 @@ import zenoh
 from pydantic import ValidationError
 
 from gateway.authorization.credential import Challenge
+from gateway.authorization.message_signature import Question
+from gateway.bus.authenticity import OLD, Authenticity, Doubt
 from gateway.bus.credentials import Credentials, load_credentials
+from gateway.bus.questions import make_question, read_attachment, send_question
 from gateway.bus.session import BusError, open_session
 from gateway.bus.untrusted import gateway_of, parse_message, parse_status
 from gateway.configuration.bus_section import is_encrypted
-from gateway.errors import InputError
+from gateway.errors import InputError, PlumblineError
 from gateway.text import printable
 from gateway.verbs import VERBS
 
@@ -31,12 +34,20 @@ ALIVE = "alive"
 PASSING = ("rate_limited", "stale_credential")
 
 
+class ForgedError(PlumblineError):
+    """An answer is not of the gateway whose key is known; the text names what is wrong with it, in one line."""
+
+    exit_code = 1
+
+
 @dataclass(frozen=True, slots=True)
 class RpcReply:
     """The answer of a gateway."""
 
     accepted: bool
     content: dict[str, Any]
+    doubt: Doubt | None = None
+    """Why it is not authenticated; None: the gateway has signed it for this request."""
 
     @property
     def is_to_be_repeated(self) -> bool:
@@ -64,14 +75,27 @@ def open_client_session(
     return open_session("client", [connect], [], tls, connect_timeout_ms=timeout_ms)
 
 
-def query_status(session: zenoh.Session, pattern: str) -> dict[str, dict[str, Any]]:
-    """Return the last message of every topic, by the keys of the gateways that match a pattern."""
-    found = {}
-    for reply in session.get(f"{pattern}/{STATUS}", timeout=ANSWER_S):
+@dataclass(frozen=True, slots=True)
+class StatusAnswer:
+    """The last message of every topic of a gateway."""
+
+    topics: dict[str, dict[str, Any]]
+    doubt: Doubt | None
+    """Why it is not authenticated; None: it is."""
+
+
+def query_status(
+    session: zenoh.Session, pattern: str, authenticity: Authenticity, timeout_s: float = ANSWER_S
+) -> dict[str, StatusAnswer]:
+    """Return the answers of the gateways that match a pattern, by their keys; a doubtful one only where there is no other."""
+    found: dict[str, StatusAnswer] = {}
+    question, sent_s = make_question(), time.monotonic()
+    for reply in send_question(session, f"{pattern}/{STATUS}", question, timeout_s):
         if (sample := reply.ok) is None or (key := gateway_of(sample, STATUS)) is None:
             continue
-        if (topics := parse_status(sample.payload.to_bytes())) is not None:
-            found[key] = topics
+        topics = parse_status(sample.payload.to_bytes())
+        if topics is not None and (key not in found or found[key].doubt is not None):
+            found[key] = StatusAnswer(topics, authenticity.judge_reply(f"{key}/{STATUS}", question, reply, sent_s))
     return found
 
 
@@ -87,11 +111,14 @@ class GatewayClient:
     def __init__(self, connect: str, pattern: str, credentials: Credentials | None = None) -> None:
         """Connect. Raises `InputError` where `pattern` matches no gateway or several, and `BusError`."""
         self._connect = connect
-        self._credentials = credentials
-        self._session = open_client_session(connect, credentials)
+        self._credentials = credentials or load_credentials()
+        self.authenticity = Authenticity(self._credentials.signers)
+        self._session = open_client_session(connect, self._credentials)
         self._subscribers: list[zenoh.Subscriber[None]] = []
         self.refused = 0
-        """Number of messages that are not valid."""
+        """Number of messages that are not valid, or not the gateway's."""
+        self.doubt: Doubt | None = None
+        """Why an answer was not authenticated that was taken nevertheless, because no key of the gateway is known."""
         try:
             self.key = self._resolve_single_gateway(pattern)
         except InputError:
@@ -107,7 +134,10 @@ class GatewayClient:
         return keys[0]
 
     def ask(self, verb: str, request: dict[str, Any], patience_s: float) -> RpcReply | None:
-        """Repeat a request until it is answered; None without an answer in time: the request may have been done or not."""
+        """Repeat a request until it is answered; None without an answer in time: the request may have been done or not.
+
+        Raises `ForgedError` where the answer is not of the gateway whose key is known.
+        """
         end_s = time.monotonic() + patience_s
         while True:
             if (reply := self._ask_once(verb, request)) is not None:
@@ -120,14 +150,16 @@ class GatewayClient:
     def status(self) -> dict[str, Any] | None:
         """Return the last message of every topic; None where nobody answers."""
         try:
-            return query_status(self._session, self.key).get(self.key)
+            answer = query_status(self._session, self.key, self.authenticity).get(self.key)
+            return None if answer is None or _is_forged(answer.doubt) else answer.topics
         except (zenoh.ZError, ValueError):
             return None  # the link is down
 
     def _ask_once(self, verb: str, request: dict[str, Any]) -> RpcReply | None:
         payload = json.dumps(request).encode()
         try:
-            attachment = None if VERBS[verb].role is None else self._prove(f"{self.key}/rpc/{verb}", payload)
+            key_expr = f"{self.key}/rpc/{verb}"
+            attachment = make_question().attachment if VERBS[verb].role is None else self._prove(key_expr, payload)
             reply = self._get(verb, payload, attachment)
         except zenoh.ZError:
             return None  # the link is down
@@ -135,27 +167,38 @@ class GatewayClient:
 
     def _prove(self, key_expr: str, payload: bytes) -> bytes | None:
         """Return the credential for a request; None without one, so that the gateway states what is missing."""
-        reply = self._get("challenge", b"", None)
+        reply = self._get("challenge", b"", make_question().attachment)
         if reply is None:
             return None
         try:
             challenge = Challenge.model_validate(reply.content)
         except ValidationError:
             return None  # not the answer of a gateway
-        return (self._credentials or load_credentials()).prove(key_expr, payload, challenge)
+        return self._credentials.prove(key_expr, payload, challenge)
 
     def _get(self, verb: str, payload: bytes, attachment: bytes | None) -> RpcReply | None:
-        """Return the first answer that can be read."""
-        key_expr = f"{self.key}/rpc/{verb}"
-        replies = self._session.get(key_expr, payload=payload, attachment=attachment, timeout=ANSWER_S)
-        return next((decoded for reply in replies if (decoded := _decode(reply)) is not None), None)
+        """Return the first answer that is authenticated; else the first one that can be read. Raises `ForgedError`."""
+        key_expr, sent_s = f"{self.key}/rpc/{verb}", time.monotonic()
+        question, doubtful = Question(payload, attachment or b""), None
+        for reply in send_question(self._session, key_expr, question, ANSWER_S):
+            doubt = self.authenticity.judge_reply(key_expr, question, reply, sent_s)
+            if (decoded := _decode(reply, doubt)) is not None:
+                if doubt is None:
+                    return decoded
+                doubtful = doubtful or decoded
+        self.doubt = self.doubt if doubtful is None else doubtful.doubt
+        if doubtful is not None and _is_forged(doubtful.doubt):
+            raise ForgedError(f"{self.key}: {doubtful.doubt}; nothing in it is believed")
+        return doubtful
 
     def subscribe(self, topic: str, receive: Callable[[dict[str, Any]], object]) -> None:
         """Pass the valid messages of a topic to a function until the next `reconnect` or `close`; others are counted."""
 
         def check(sample: zenoh.Sample) -> None:
-            message = parse_message(topic, sample.payload.to_bytes())
-            if message is None:
+            payload, at_s = sample.payload.to_bytes(), time.monotonic()
+            message = parse_message(topic, payload)
+            doubt = self.authenticity.judge_message(self.key, topic, payload, read_attachment(sample), at_s)
+            if message is None or _is_forged(doubt) or doubt is OLD:
                 self.refused += 1
             else:
                 receive(message)
@@ -169,6 +212,7 @@ class GatewayClient:
             self._session = open_client_session(self._connect, self._credentials)
         except BusError:
             return False
+        self.authenticity.ask(self._session)  # where its messages seemed late
         return True
 
     def close(self) -> None:
@@ -178,7 +222,11 @@ class GatewayClient:
             self._session.close()
 
 
-def _decode(reply: zenoh.Reply) -> RpcReply | None:
+def _is_forged(doubt: Doubt | None) -> bool:
+    return doubt is not None and doubt.kind == "wrong"
+
+
+def _decode(reply: zenoh.Reply, doubt: Doubt | None) -> RpcReply | None:
     """Return the gateway's answer; None for an error of the bus itself, such as a timeout."""
     answer = reply.ok or reply.err
     if answer is None:
@@ -187,4 +235,4 @@ def _decode(reply: zenoh.Reply) -> RpcReply | None:
         content = json.loads(answer.payload.to_bytes())
     except (ValueError, RecursionError):
         return None
-    return RpcReply(reply.ok is not None, content) if isinstance(content, dict) else None
+    return RpcReply(reply.ok is not None, content, doubt) if isinstance(content, dict) else None

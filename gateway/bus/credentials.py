@@ -1,29 +1,35 @@
-"""The credentials of a client: its certificate, and the command tokens that this user may read."""
+"""The credentials of a client: its certificate, and the command tokens and public keys of gateways that this user may read."""
 
 import importlib.util
 import os
 from collections.abc import Iterable
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 from gateway.authorization.credential import Challenge
 from gateway.authorization.token import TOKEN_NAME, parse_token, prove_by_token, token_id
+from gateway.bus.known_gateways import NO_SIGNERS, Signers
 from gateway.bus.session import TlsFiles
 from gateway.configuration.known_data_folders import known_data_folders
 from gateway.configuration.loading import is_installed, load, load_installed
 from gateway.errors import InputError, PlumblineError
 from gateway.file_input import read_bounded
+from gateway.pki.signing_key import KEY_NAME, PUBLIC_SUFFIX, KeyFileError, read_public_key
 
 VARIABLE = "PLUMBLINE_CREDENTIALS"
 CERTIFICATE_NAME = "certificate.pem"
 
 
 class Credentials:
-    """What a client can prove."""
+    """What a client can prove, and whom it knows."""
 
-    def __init__(self, tokens: Iterable[bytes], tls: TlsFiles | None = None) -> None:
+    def __init__(self, tokens: Iterable[bytes], tls: TlsFiles | None = None, signers: Signers = NO_SIGNERS) -> None:
         self._tokens = {token_id(secret): secret for secret in tokens}
         self.tls = tls
         """The certificate, for links with TLS and for signatures; None without one."""
+        self.signers = signers
+        """The public keys of gateways in the folders."""
 
     def prove(self, key_expr: str, payload: bytes, challenge: Challenge) -> bytes | None:
         """Return the attachment that proves a request, or None without the credential that the gateway asks for."""
@@ -43,15 +49,15 @@ def load_credentials(folder: Path | None = None) -> Credentials:
     named = folder or (Path(os.environ[VARIABLE]) if os.environ.get(VARIABLE) else None)
     if named is None:
         tokens = [secret for place in _usual_folders() if (secret := _read_token(place)) is not None]
-        return Credentials(tokens, _installed_certificate())
+        return Credentials(tokens, _installed_certificate(), Signers(_usual_signers))
     tls = _find_certificate(named)
-    secret = _read_token(named)
-    if secret is None and tls is None:
+    secret, keys = _read_token(named), _read_keys(named)
+    if secret is None and tls is None and not keys:
         raise InputError(
             f"{named}: has no readable {TOKEN_NAME} and no {CERTIFICATE_NAME}; name the gateway's data folder, or one that "
             "plumbline keys has made"
         )
-    return Credentials([] if secret is None else [secret], tls)
+    return Credentials([] if secret is None else [secret], tls, Signers(partial(_read_keys, named), are_all=bool(keys)))
 
 
 def _usual_folders() -> Iterable[Path]:
@@ -94,6 +100,28 @@ def _sign(tls: TlsFiles, key_expr: str, payload: bytes, challenge: Challenge) ->
     except (OSError, ValueError) as error:
         raise InputError(f"{tls.key.parent}: {error}; issue the certificate again with plumbline keys") from error
     return prove_by_certificate(certificate, key, key_expr, payload, challenge).model_dump_json().encode()
+
+
+def _usual_signers() -> set[str]:
+    """Return the keys of gateways in the usual folders: those of this user, of root and of the service."""
+    owners = {0, os.geteuid()}
+    with suppress(PlumblineError, OSError):
+        owners |= {load_installed().gateway.data_dir.stat().st_uid} if is_installed() else set()
+    found = set()
+    for folder in _usual_folders():
+        with suppress(OSError):
+            if (folder / f"{KEY_NAME}{PUBLIC_SUFFIX}").lstat().st_uid in owners:
+                found |= _read_keys(folder)
+    return found
+
+
+def _read_keys(folder: Path) -> set[str]:
+    """Return the public keys in the files of a folder."""
+    found = set()
+    for path in folder.glob(f"*{PUBLIC_SUFFIX}"):
+        with suppress(KeyFileError):
+            found.add(read_public_key(str(path)))
+    return found
 
 
 def _read_token(folder: Path) -> bytes | None:

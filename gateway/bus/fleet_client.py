@@ -2,13 +2,17 @@
 
 import time
 from contextlib import suppress
+from functools import partial
 
 import zenoh
 from pydantic_core import from_json, to_json
 
+from gateway.authorization.message_signature import Question
+from gateway.bus.authenticity import Authenticity
 from gateway.bus.client import ANSWER_S, STATUS, open_client_session
-from gateway.bus.credentials import Credentials
-from gateway.bus.fleet_inbox import LARGEST_PAYLOAD, FleetInbox
+from gateway.bus.credentials import Credentials, load_credentials
+from gateway.bus.fleet_inbox import LARGEST_PAYLOAD, FleetBatch, FleetInbox
+from gateway.bus.questions import make_question, read_attachment, send_question
 from gateway.topics import STATE_TOPICS
 
 ALIVE = "alive"
@@ -23,6 +27,8 @@ class FleetClient:
         """Connect and subscribe. Raises `BusError` where nobody answers."""
         self.inbox = FleetInbox()
         self._pattern = pattern
+        credentials = credentials or load_credentials()
+        self._authenticity = Authenticity(credentials.signers)
         self._session = open_client_session(connect, credentials)
         self._subscribers = [
             self._session.declare_subscriber(f"{pattern}/{topic}", self._receive) for topic in STATE_TOPICS
@@ -34,9 +40,16 @@ class FleetClient:
     def request_latest(self) -> None:
         """Ask gateways and storages for their last messages, without waiting for the answers."""
         with suppress(zenoh.ZError):  # the link is down
-            self._session.get(f"{self._pattern}/{STATUS}", self._receive_status, timeout=ANSWER_S)
+            question, sent_s = make_question(), time.monotonic()
+            take = partial(self._receive_status, question, sent_s)
+            send_question(self._session, f"{self._pattern}/{STATUS}", question, ANSWER_S, take)
             for topic in STATE_TOPICS:
                 self._session.get(f"{self._pattern}/{topic}", self._receive_stored, timeout=ANSWER_S)
+
+    def receive(self) -> FleetBatch:
+        """Return everything that has come since the last call, and ask the gateways whose messages cannot be judged yet."""
+        self._authenticity.ask(self._session)
+        return self.inbox.drain()
 
     @property
     def connected(self) -> bool:
@@ -53,7 +66,10 @@ class FleetClient:
             self._put(sample, live=True)
 
     def _receive_alive(self, sample: zenoh.Sample) -> None:
-        self.inbox.put_alive(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+        is_alive = sample.kind == zenoh.SampleKind.PUT
+        if is_alive:
+            self._authenticity.expect(str(sample.key_expr).removesuffix(f"/{ALIVE}"))
+        self.inbox.put_alive(str(sample.key_expr), is_alive)
 
     def _receive_stored(self, reply: zenoh.Reply) -> None:
         if reply.ok is not None:
@@ -62,10 +78,13 @@ class FleetClient:
     def _put(self, sample: zenoh.Sample, *, live: bool) -> None:
         if len(sample.payload) > LARGEST_PAYLOAD:
             self.inbox.count_refused()
-        else:
-            self.inbox.put(str(sample.key_expr), sample.payload.to_bytes(), time.monotonic(), live=live)
+            return
+        key_expr, payload, at_s = str(sample.key_expr), sample.payload.to_bytes(), time.monotonic()
+        name, _, topic = key_expr.rpartition("/")
+        doubt = self._authenticity.judge_message(name, topic, payload, read_attachment(sample), at_s, live=live)
+        self.inbox.put(key_expr, payload, at_s, live=live, doubt=doubt)
 
-    def _receive_status(self, reply: zenoh.Reply) -> None:
+    def _receive_status(self, question: Question, sent_s: float, reply: zenoh.Reply) -> None:
         sample = reply.ok
         if sample is None:
             return
@@ -77,6 +96,7 @@ class FleetClient:
             self.inbox.count_refused()
             return
         key = str(sample.key_expr).removesuffix(f"/{STATUS}")
+        doubt = self._authenticity.judge_reply(str(sample.key_expr), question, reply, sent_s)
         for topic in STATE_TOPICS:
             if topic in status:
-                self.inbox.put(f"{key}/{topic}", to_json(status[topic]), time.monotonic(), live=False)
+                self.inbox.put(f"{key}/{topic}", to_json(status[topic]), time.monotonic(), live=False, doubt=doubt)

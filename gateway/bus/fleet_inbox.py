@@ -3,6 +3,7 @@
 import threading
 from dataclasses import dataclass, field
 
+from gateway.bus.authenticity import Doubt, newer_doubt
 from gateway.bus.untrusted import GATEWAY_KEY, LONGEST_KEY
 
 LARGEST_PAYLOAD = 65536
@@ -19,6 +20,8 @@ class FleetArrival:
     at_s: float
     live: bool
     """False: an older message, from a status answer or a storage."""
+    doubt: Doubt | None = None
+    """Why it is not authenticated; None: it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +32,8 @@ class FleetBatch:
     """By gateway and topic."""
     alive: dict[str, bool] = field(default_factory=dict)
     """Changes of the liveliness tokens, by gateway."""
+    doubts: dict[str, tuple[Doubt, float]] = field(default_factory=dict)
+    """The last doubt about a message, and when it came, by gateway."""
 
 
 class FleetInbox:
@@ -41,16 +46,18 @@ class FleetInbox:
         self.refused = 0
         """Number of payloads that were too large, or under a name that no configuration allows."""
 
-    def put(self, key_expression: str, payload: bytes, at_s: float, *, live: bool) -> None:
-        """Add a payload under `<gateway>/<topic>`. An older message never replaces a live one."""
+    def put(self, key_expression: str, payload: bytes, at_s: float, *, live: bool, doubt: Doubt | None = None) -> None:
+        """Add a payload under `<gateway>/<topic>`. An older message never replaces a live one, nor a doubtful one another."""
         key, _, topic = key_expression.rpartition("/")
         with self._lock:
             if len(payload) > LARGEST_PAYLOAD or not self._admit(key):
                 self.refused += 1
                 return
+            if doubt is not None:
+                self._batch.doubts[key] = newer_doubt(self._batch.doubts.get(key), doubt, at_s)
             before = self._batch.arrivals.get((key, topic))
-            if live or before is None or not before.live:
-                self._batch.arrivals[key, topic] = FleetArrival(payload, at_s, live)
+            if before is None or _rank(live, doubt) >= _rank(before.live, before.doubt):
+                self._batch.arrivals[key, topic] = FleetArrival(payload, at_s, live, doubt)
 
     def put_alive(self, key_expression: str, alive: bool) -> None:
         """Add a change of a liveliness token, `<gateway>/alive`."""
@@ -79,3 +86,7 @@ class FleetInbox:
             return False
         self._keys.add(key)
         return True
+
+
+def _rank(live: bool, doubt: Doubt | None) -> tuple[bool, bool]:
+    return doubt is None, live

@@ -6,8 +6,12 @@ from contextlib import suppress
 import zenoh
 
 from gateway.bus.fleet_inbox import LARGEST_PAYLOAD, MOST_GATEWAYS
+from gateway.bus.questions import read_attachment
 from gateway.bus.untrusted import GATEWAY_KEY
 from gateway.topics import STATE_TOPICS
+
+MOST_BYTES = 128_000_000
+"""Largest sum of all messages. Basis: a fleet of `MOST_GATEWAYS`, whose five messages have some ten kilobytes together, twice."""
 
 
 class LatestStates:
@@ -15,7 +19,9 @@ class LatestStates:
 
     def __init__(self, session: zenoh.Session) -> None:
         self._lock = threading.Lock()
-        self._latest: dict[str, bytes] = {}
+        self._latest: dict[str, tuple[bytes, bytes | None]] = {}
+        """Payload and signature by key."""
+        self._bytes = 0
         patterns = [f"plumbline/v1/*/*/*/{topic}" for topic in STATE_TOPICS]
         self._subscribers = [session.declare_subscriber(pattern, self._keep) for pattern in patterns]
         # The session may not be used inside its callbacks: each queryable has a channel and a thread.
@@ -50,8 +56,10 @@ class LatestStates:
                 len(self._latest) < MOST_GATEWAYS * len(STATE_TOPICS)
                 and GATEWAY_KEY.fullmatch(key_expression.rpartition("/")[0]) is not None
             )
-            if known:
-                self._latest[key_expression] = sample.payload.to_bytes()
+            before = len(self._latest[key_expression][0]) if key_expression in self._latest else 0
+            if known and self._bytes + size - before <= MOST_BYTES:
+                self._latest[key_expression] = sample.payload.to_bytes(), read_attachment(sample)
+                self._bytes += size - before
 
     def _serve(self, queryable: "zenoh.Queryable[zenoh.handlers.Handler[zenoh.Query]]") -> None:
         with suppress(zenoh.ZError):  # the session is closed
@@ -60,9 +68,7 @@ class LatestStates:
 
     def _answer(self, query: zenoh.Query) -> None:
         with self._lock:
-            kept = [
-                (key, payload) for key, payload in self._latest.items() if query.key_expr.intersects(zenoh.KeyExpr(key))
-            ]
+            kept = [(key, *each) for key, each in self._latest.items() if query.key_expr.intersects(zenoh.KeyExpr(key))]
         with query, suppress(zenoh.ZError):
-            for key, payload in kept:
-                query.reply(key, payload, encoding=zenoh.Encoding.APPLICATION_JSON)
+            for key, payload, signature in kept:
+                query.reply(key, payload, encoding=zenoh.Encoding.APPLICATION_JSON, attachment=signature)

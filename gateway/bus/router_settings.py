@@ -4,12 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gateway.bus.access_control import EVERY_GATEWAY, READ, WRITE
-from gateway.bus.session import LARGEST_ANSWER, LEASE_MS, LONGEST_BLOCKED_US, TlsFiles
+from gateway.bus.session import ACCEPT_MS, LARGEST_ANSWER, LEASE_MS, LONGEST_BLOCKED_US, MOST_PENDING, TlsFiles
 from gateway.topics import STATE_TOPICS
 
-MOST_PENDING = 256
-"""Links that may be opened at the same time, so that a whole fleet comes back quickly after a restart of the router. Basis: a
-choice; a fleet of as many cranes, and a bound of the memory."""
 CLEANING = {"period": 3600, "lifespan": 86400}
 """Seconds between cleanings, and for which an unused entry lives. Basis: a choice; an hour and a day, so that nothing of a
 running site is lost."""
@@ -40,7 +37,7 @@ def router_configuration(
         "scouting": {"multicast": {"enabled": False}},
         "timestamping": {"enabled": True},  # storages keep the newest message by its time stamp
         "transport": {
-            "unicast": {"accept_pending": MOST_PENDING},
+            "unicast": {"accept_pending": MOST_PENDING, "accept_timeout": ACCEPT_MS},
             "link": link,
             "shared_memory": {"enabled": False},
         },

@@ -35,6 +35,13 @@ LONGEST_BLOCKED_US = 1_000_000
 """A link that takes nothing for so long is closed, so that a stalled peer holds no answer to another one up. Basis: a choice; a
 lost packet is repeated within less."""
 
+MOST_PENDING = 512
+"""Connections that may be opening at the same time; a whole fleet comes back quickly, and silent connections shut out nobody
+before. Basis: a choice; half of the usual limit of open files. The library's default is 100."""
+ACCEPT_MS = 3000
+"""A connection that has not opened a link by then is closed. Basis: a choice; longer than a client tries (`CLIENT_CONNECT_MS`).
+The library's default is 10 s, for which silent connections keep their places."""
+
 
 @dataclass(frozen=True, slots=True)
 class TlsFiles:
@@ -95,6 +102,8 @@ def session_settings(
         "scouting/multicast/enabled": False,
         "scouting/delay": 0,  # without scouting there is nothing to wait for
         "timestamping/enabled": False,
+        "transport/unicast/accept_pending": MOST_PENDING,
+        "transport/unicast/accept_timeout": ACCEPT_MS,
         "transport/link/tx/lease": LEASE_MS,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": LONGEST_BLOCKED_US,
         "transport/link/rx/max_message_size": largest_message,

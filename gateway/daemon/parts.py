@@ -11,6 +11,7 @@ from devices.block import DeviceInfo
 from devices.device import Device
 from devices.host_clock import HostClock
 from gateway import __version__
+from gateway.authorization.message_signature import MessageSigner
 from gateway.bus.session import open_gateway_session
 from gateway.configuration.model import Configuration
 from gateway.daemon.commands.acknowledgement_service import AcknowledgementService
@@ -116,9 +117,10 @@ def compose(
         claim_folder=claim_folder,
         faults=faults,
     )
-    publisher = Publisher(section.key)
+    signer = MessageSigner(lambda: chain.key, boot_id, clock.now_ns)
+    publisher = Publisher(section.key, signer)
     outbox = OutboxWriter(section.data_dir / OUTBOX_FOLDER, faults)
-    alerts = AlertSender(section.key, outbox, clock.now_ns, publisher.note_latest)
+    alerts = AlertSender(section.key, outbox, clock.now_ns, publisher.note_latest, signer)
     relay = make_relay(configuration.relay, faults)
     wall_clock = WallClockMonitor(clock)
     axes = configuration.device.axes
@@ -154,6 +156,7 @@ def compose(
         dispatcher,
         recalibration,
         SignInWatch(security_log, faults, section.data_dir / PIN_NAME, clock.now_ns),
+        signer,
         prepare=lambda: dispatcher.use(make_authoriser(boot_id, section.data_dir, configuration.bus.tls, certificates)),
     )
     duplicates = DuplicateWatch(section.key, boot_id, faults)

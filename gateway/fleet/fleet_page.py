@@ -108,6 +108,7 @@ def _card(status: GatewayStatus) -> dict[str, Any]:
         "reasons": status.reasons,
         "swing": None if status.swing is None else asdict(status.swing),
         "source": status.source,
+        "authenticated": status.authenticated,
         "level": status.level,
         "alive": status.alive,
         "causes": asdict(status.causes),

@@ -6,6 +6,7 @@ from datetime import datetime
 
 from pydantic import ValidationError
 
+from gateway.bus.authenticity import DOUBT_S, Doubt, newer_doubt
 from gateway.bus.fleet_inbox import FleetArrival, FleetBatch
 from gateway.fleet.gateway_status import GatewayStatus, gateway_status, missing_gateway
 from gateway.messages import Health, Message
@@ -37,9 +38,33 @@ class _GatewayMessages:
     """Arrival of the last live health message, by boot id."""
     boot_id: str | None = None
     duplicate_at_s: float | None = None
+    authentic: bool = False
+    """Messages that are signed and fresh have come: others are no longer taken."""
+    doubt: tuple[Doubt, float] | None = None
+    """The last doubt about a message, and when it came."""
+
+    def doubt_text(self, now_s: float) -> str | None:
+        """Return why what is known of the gateway is not authenticated, or that somebody forges its messages; None: neither."""
+        if self.doubt is None:
+            return None
+        doubt, at_s = self.doubt
+        if not self.authentic:
+            return doubt.text if self.latest else None
+        is_forged = doubt.kind != "unproved" and now_s - at_s <= DOUBT_S
+        return f"messages come under this name that are not its own: {doubt.text}" if is_forged else None
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether more messages cannot make a doubtful gateway an authentic one."""
+        return self.authentic or (self.doubt is not None and self.doubt[0].kind != "unproved")
 
     def add(self, topic: str, message: Message, arrival: FleetArrival) -> None:
-        """Take a message; an older one never replaces a live one."""
+        """Take a message; an older one never replaces a live one, nor a doubtful one an authentic one."""
+        if self.authentic and arrival.doubt is not None:
+            return
+        if arrival.doubt is None and not self.authentic:  # what came before may have been forged
+            self.latest, self.live_at_s, self.newest, self.boots = {}, {}, None, {}
+            self.authentic, self.boot_id, self.duplicate_at_s = True, None, None
         before = self.latest.get(topic)
         if not arrival.live:
             if topic not in self.live_at_s:
@@ -78,7 +103,7 @@ class _GatewayMessages:
         known = {
             topic: message for topic, message in self.latest.items() if topic in ages or topic not in JUDGED_TOPICS
         }
-        return PageEvidence(self.alive, known, ages, FLEET_PATIENCE_S, JUDGED_TOPICS)
+        return PageEvidence(self.alive, known, ages, FLEET_PATIENCE_S, JUDGED_TOPICS, self.doubt_text(now_s))
 
     def is_duplicate(self, now_s: float) -> bool:
         """Return whether two gateways sent under this name lately."""
@@ -107,6 +132,9 @@ class FleetState:
         """Take what has come; what is no valid message is counted and dropped."""
         for key, alive in batch.alive.items():
             self._gateways.setdefault(key, _GatewayMessages()).alive = alive
+        for key, doubt in batch.doubts.items():
+            gateway = self._gateways.setdefault(key, _GatewayMessages())
+            gateway.doubt = newer_doubt(gateway.doubt, *doubt)
         for (key, topic), arrival in batch.arrivals.items():
             try:
                 message: Message = adapter(topic).validate_json(arrival.payload)
@@ -143,6 +171,8 @@ class FleetState:
         """Whether every gateway that is alive has sent what its state depends on, and every expected one is alive."""
         alive = {key: gateway for key, gateway in self._gateways.items() if gateway.alive}
         return self.expected <= alive.keys() and all(
-            HEARTBEAT in gateway.live_at_s and {*JUDGED_TOPICS, "health"} <= gateway.latest.keys()
+            HEARTBEAT in gateway.live_at_s
+            and gateway.is_settled
+            and {*JUDGED_TOPICS, "health"} <= gateway.latest.keys()
             for gateway in alive.values()
         )

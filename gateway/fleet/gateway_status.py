@@ -87,6 +87,8 @@ class GatewayStatus:
     calibration_id: str | None = None
     calibration_age_days: float | None = None
     software: str | None = None
+    authenticated: bool = True
+    """Its messages are signed with its key, and fresh, and nobody else sends under its name."""
     device: str | None = None
     boot_id: str | None = None
     faults: int | None = None
@@ -109,8 +111,9 @@ class GatewayStatus:
 
     @property
     def label(self) -> str:
-        """The state as people read it, marked where no sensor takes the samples."""
-        return " ".join(filter(None, (STATE_LABELS[self.state], self.source)))
+        """The state as people read it, marked where it is not authenticated, and where no sensor takes the samples."""
+        mark = "" if self.authenticated or self.state == "NOT AUTHENTICATED" else STATE_LABELS["NOT AUTHENTICATED"]
+        return " ".join(filter(None, (STATE_LABELS[self.state], mark, self.source)))
 
     @property
     def source(self) -> str:
@@ -135,6 +138,8 @@ def gateway_status(
     elif state == "OK" and health is not None and health.battery_low:
         state, reasons = "BATTERY LOW", ["the battery of the sensor is low"]
     current = alert is not None and evidence.gateway and is_fresh(evidence, "alert")
+    if alert is not None and evidence.doubt is not None and alert.level == "normal":
+        current = False
     return GatewayStatus(
         key=key,
         state=state,
@@ -149,6 +154,7 @@ def gateway_status(
         calibration_id=None if calibration is None else calibration.calibration_id,
         calibration_age_days=None if calibration is None else _age_days(calibration, now_utc),
         software=None if health is None else health.software,
+        authenticated=evidence.doubt is None,
         device=None if health is None else health.device_kind,
         boot_id=None if health is None else health.boot_id,
         faults=None if health is None else sum(health.faults.values()),

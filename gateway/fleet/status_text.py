@@ -6,6 +6,7 @@ from typing import Any
 
 import msgspec
 
+from gateway.bus.authenticity import Doubt
 from gateway.bus.fleet_inbox import FleetArrival, FleetBatch
 from gateway.documents.format import printable_text
 from gateway.fleet.fleet_state import FleetState
@@ -23,13 +24,15 @@ CLOCK_S = 5.0
 
 
 def judge_answer(
-    key: str, topics: Mapping[str, Any], now_s: float, now_utc: datetime
+    key: str, topics: Mapping[str, Any], doubt: Doubt | None, now_s: float, now_utc: datetime
 ) -> tuple[GatewayStatus, Mapping[str, Message]]:
     """Return the status that a gateway's answer shows, and the valid messages in it; the others are left out."""
     fleet = FleetState()
     payloads = {topic: msgspec.json.encode(content) for topic, content in topics.items() if topic in TOPICS}
-    arrivals = {(key, topic): FleetArrival(payload, now_s, live=True) for topic, payload in payloads.items()}
-    fleet.receive(FleetBatch(arrivals, {key: True}))
+    arrivals = {
+        (key, topic): FleetArrival(payload, now_s, live=True, doubt=doubt) for topic, payload in payloads.items()
+    }
+    fleet.receive(FleetBatch(arrivals, {key: True}, {} if doubt is None else {key: (doubt, now_s)}))
     (status,) = fleet.statuses(now_s, now_utc)
     return status, fleet.messages(key)
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from gateway.pki.signing_key import KeyFileError, fingerprint
 from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
 from gateway.recording.chain.file_verification import verify_file
-from gateway.recording.chain.signing_key import KeyFileError, fingerprint
 
 VerdictKind = Literal["genuine", "differs", "open"]
 

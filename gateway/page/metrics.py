@@ -49,6 +49,8 @@ def gateway_families(evidence: PageEvidence) -> Iterator[Family]:
 
 
 def _swing_families(evidence: PageEvidence) -> Iterator[Family]:
+    if evidence.doubt is not None:
+        return
     motion, swing = evidence.get(Motion), evidence.get(Swing)
     if motion is not None and evidence.gateway and evidence.age_s.get("motion", inf) <= evidence.stale_s:
         yield gauge("rope_angle_degrees", "Angle between rope and vertical.", motion.angle_deg)
@@ -70,6 +72,7 @@ def _swing_families(evidence: PageEvidence) -> Iterator[Family]:
 def _verdict_families(evidence: PageEvidence) -> Iterator[Family]:
     condition = evidence.get(Condition)
     yield gauge("up", "1 while the gateway is alive.", evidence.gateway)
+    yield gauge("authenticated", "1 while its messages are signed with its key, and fresh.", evidence.doubt is None)
     yield state_gauge("verdict", "verdict", "1 at the verdict of the page.", tuple(STYLES), verdict(evidence).word)
     if condition is not None and evidence.gateway and is_fresh(evidence, "condition"):
         yield gauge("trusted", "1 while the reading can be trusted.", condition.trusted)
@@ -83,6 +86,8 @@ def _verdict_families(evidence: PageEvidence) -> Iterator[Family]:
 def _alert_families(evidence: PageEvidence) -> Iterator[Family]:
     alert = evidence.get(Alert)
     present: Alert | None = alert if evidence.gateway and is_fresh(evidence, "alert") else None
+    if present is not None and evidence.doubt is not None and present.level == "normal":
+        present = None
     levels, text = get_args(Level), "1 at the present alert level; unknown does not mean safe."
     yield state_gauge("alert_level", "level", text, levels, "unknown" if present is None else present.level)
     active = {} if present is None else {each.rule: each for each in present.active}

@@ -13,7 +13,9 @@ from gateway.gateway_state import HEARTBEAT_S, GatewayState, is_overdue, stated_
 from gateway.messages import Alert, Calibration, CalibrationStatus, Condition, Level, Message, Swing
 from gateway.topics import TOPIC_OF
 
-Word = Literal["NO DATA", "STALE", "TRIP", "WARN", "SUSPENDED", "UNCALIBRATED", "DISTURBED", "UNKNOWN", "OK"]
+Word = Literal[
+    "NO DATA", "STALE", "TRIP", "WARN", "NOT AUTHENTICATED", "SUSPENDED", "UNCALIBRATED", "DISTURBED", "UNKNOWN", "OK"
+]
 M = TypeVar("M", bound=Message)
 
 
@@ -31,6 +33,7 @@ STYLES: dict[Word, VerdictStyle] = {
     "STALE": VerdictStyle("STALE", "black", "hourglass"),
     "TRIP": VerdictStyle("LIMIT", "red", "octagon"),
     "WARN": VerdictStyle("WARNING", "amber", "triangle"),
+    "NOT AUTHENTICATED": VerdictStyle("NOT AUTHENTICATED", "violet", "mask"),
     "SUSPENDED": VerdictStyle("SUSPENDED", "violet", "pause"),
     "UNCALIBRATED": VerdictStyle("UNCALIBRATED", "violet", "slash"),
     "DISTURBED": VerdictStyle("DISTURBED", "grey", "zigzag"),
@@ -70,6 +73,8 @@ class PageEvidence:
     stale_s: float
     judged: tuple[str, ...] = tuple(USUAL_INTERVAL_S)
     """The topics whose freshness counts: those that are received here."""
+    doubt: str | None = None
+    """Why the messages are not authenticated; None: they are. Those of a gateway's own page come from its own process."""
 
     def get(self, kind: type[M]) -> M | None:
         """Return the newest message of a type."""
@@ -99,6 +104,7 @@ def verdict(evidence: PageEvidence) -> PageVerdict:
     findings = [
         *_freshness(evidence),
         *_alarm(evidence),
+        *_authenticity(evidence),
         *_session(evidence),
         *_calibration(evidence),
         *_trust(evidence),
@@ -157,6 +163,11 @@ def _alarm(evidence: PageEvidence) -> Iterator[tuple[Word, str]]:
         return
     words: dict[Level, Word] = {"warn": "WARN", "trip": "TRIP"}
     yield words.get(alert.level, "UNKNOWN"), alert.text or f"alert level {alert.level}"
+
+
+def _authenticity(evidence: PageEvidence) -> Iterator[tuple[Word, str]]:
+    if evidence.doubt is not None:
+        yield "NOT AUTHENTICATED", f"not authenticated: {evidence.doubt}"
 
 
 def _session(evidence: PageEvidence) -> Iterator[tuple[Word, str]]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from gateway.bus.alert_receiver import AlertReceiver
+from gateway.bus.authenticity import Authenticity
 from gateway.bus.client import open_client_session, query_status
 from gateway.pipeline.pipeline import UPDATE_PERIOD_S
 from gateway.stages.lowpass import LowPass
@@ -66,7 +67,7 @@ def _measure(folder: str) -> tuple[np.ndarray, dict[str, Any]]:
                     if event.change is not None:
                         latencies_ms.append((time.time_ns() - event.change.time_ns) / 1e6)
         with open_client_session(gateway.endpoint) as session:
-            (status,) = query_status(session, "plumbline/v1/*/*/*").values()
+            (status,) = query_status(session, "plumbline/v1/*/*/*", Authenticity()).values()
         gateway.stop()
-    own: dict[str, Any] = status["health"]["alert_latency_ms"]
+    own: dict[str, Any] = status.topics["health"]["alert_latency_ms"]
     return np.array(latencies_ms), own

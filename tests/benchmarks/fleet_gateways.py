@@ -15,8 +15,11 @@ from typing import Any
 
 import msgspec
 import zenoh
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
+from gateway.authorization.message_signature import MessageSigner, Question
 from gateway.bus.session import open_session
+from gateway.pki.signing_key import SigningKey
 
 PERIODS_S = {
     "samples": 0.1,
@@ -39,7 +42,10 @@ class SimulatedGateway:
         self._session = open_session("client", [endpoint], [])
         key = f"plumbline/v1/site-{number % 4}/crane-{number:03d}/hook"
         self._templates = {topic: dict(message) for topic, message in templates.items()}
-        self._templates["health"]["boot_id"] = f"boot-{number}"
+        boot_id = self._templates["health"]["boot_id"] = f"{number:012x}"
+        key_pair = SigningKey(Ed25519PrivateKey.generate())
+        self._key = key
+        self._signer = MessageSigner(lambda: key_pair, boot_id, time.monotonic_ns)
         self._publishers = {
             topic: self._session.declare_publisher(
                 f"{key}/{topic}",
@@ -52,9 +58,10 @@ class SimulatedGateway:
         self._status = self._session.declare_queryable(f"{key}/rpc/status", partial(self._answer, f"{key}/rpc/status"))
 
     def _answer(self, key: str, query: zenoh.Query) -> None:
-        kept = {topic: message for topic, message in self._templates.items() if topic != "samples"}
+        kept = msgspec.json.encode({topic: each for topic, each in self._templates.items() if topic != "samples"})
+        question = Question(b"", b"" if query.attachment is None else query.attachment.to_bytes())
         with query:
-            query.reply(key, msgspec.json.encode(kept))
+            query.reply(key, kept, attachment=self._signer.sign_answer(key, kept, question, accepted=True))
 
     @property
     def connected(self) -> bool:
@@ -65,7 +72,10 @@ class SimulatedGateway:
         """Send a message with the present time."""
         message = self._templates[topic]
         message["time_ns"] = time.time_ns()
-        self._publishers[topic].put(msgspec.json.encode(message))
+        payload = msgspec.json.encode(message)
+        signed = topic != "samples"
+        signature = self._signer.sign_message(f"{self._key}/{topic}", payload) if signed else None
+        self._publishers[topic].put(payload, attachment=signature)
 
 
 def main(endpoint: str, templates: Path, first: int, count: int) -> None:

@@ -20,8 +20,8 @@ from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
 from gateway.pipeline.outgoing_message import EncodedMessage, HeaderMaker, encode_message
 from gateway.pipeline.pipeline import Pipeline
+from gateway.pki.signing_key import load_or_create_key
 from gateway.recording.chain.segment_chain import SegmentChain
-from gateway.recording.chain.signing_key import load_or_create_key
 from gateway.recording.format.encoding import encode_recorded, logged_topics, schema_bytes
 from gateway.recording.format.header import RecordingHeader
 from gateway.recording.format.mcap_writer import DENSE, McapWriter

@@ -12,8 +12,8 @@ from devices.simulated.schedule import TrolleyMove
 from gateway.calibration.record import CalibrationRecord
 from gateway.messages import Alert, FoxgloveTime, Health, Log, Motion
 from gateway.pipeline.outgoing_message import MessageTime, OutgoingMessage
+from gateway.pki.signing_key import load_or_create_key
 from gateway.recording.chain.segment_chain import SegmentChain
-from gateway.recording.chain.signing_key import load_or_create_key
 from gateway.recording.segments.calibration_files import calibration_files
 from gateway.recording.segments.compaction import compact
 from tests.clocks import START_NS, SleeplessClock

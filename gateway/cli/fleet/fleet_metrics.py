@@ -74,7 +74,7 @@ def make_exporter(client: "FleetClient", state: "FleetState", hosts: list[str]) 
     from gateway.page.exposition import CONTENT_TYPE
 
     async def metrics(_request: Request) -> Response:
-        state.receive(client.inbox.drain())
+        state.receive(client.receive())
         now_s = time.monotonic()
         text = format_fleet(
             state.evidence(now_s),

@@ -144,7 +144,7 @@ class LiveFleet:
         begun_s = time.monotonic()
         while (passed_s := time.monotonic() - begun_s) < longest_s:
             time.sleep(FLEET_POLL_S)
-            self._state.receive(self._client.inbox.drain())
+            self._state.receive(self._client.receive())
             if passed_s >= LIVELINESS_S and self._state.complete:
                 return
 
@@ -153,7 +153,7 @@ class LiveFleet:
         from gateway.fleet.report import make_report
 
         state = self._state
-        state.receive(self._client.inbox.drain())
+        state.receive(self._client.receive())
         now_utc = datetime.now(UTC)
         return make_report(
             state.statuses(time.monotonic(), now_utc),

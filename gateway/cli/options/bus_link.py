@@ -2,10 +2,13 @@
 
 import argparse
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from gateway.text import printable
 
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient
@@ -73,5 +76,7 @@ def gateway_client(arguments: argparse.Namespace) -> "Iterator[GatewayClient]":
     client = GatewayClient(connect_endpoint(arguments), arguments.gateway, client_credentials(arguments))
     try:
         yield client
+        if client.doubt is not None:
+            print(f"plumbline: {client.key}: {printable(str(client.doubt))}", file=sys.stderr)
     finally:
         client.close()

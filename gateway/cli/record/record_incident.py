@@ -147,7 +147,7 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
     from gateway.cli.terminal.progress import ProgressBar
     from gateway.incident.folder import PAGE_FILE, write_report
     from gateway.incident.recording_verdict import judge_recordings
-    from gateway.recording.chain.signing_key import read_public_key
+    from gateway.pki.signing_key import read_public_key
 
     key = None if arguments.key is None else read_public_key(arguments.key)
     made = datetime.now(tz=UTC)

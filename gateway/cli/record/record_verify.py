@@ -55,12 +55,12 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 def run(arguments: argparse.Namespace) -> int:
     """Verify recordings; return the exit code of the answer."""
+    from gateway.bus.known_gateways import known_statement, read_statements
     from gateway.cli.terminal.output import show
     from gateway.cli.terminal.progress import ProgressBar
+    from gateway.pki.signing_key import read_public_key
     from gateway.recording.chain.chain_verification import verify_chain
     from gateway.recording.chain.file_verification import verify_file
-    from gateway.recording.chain.known_gateways import known_statement, read_statements
-    from gateway.recording.chain.signing_key import read_public_key
     from gateway.recording.reading.catalogue import list_recordings
 
     paths = list_recordings(arguments.paths)
@@ -89,7 +89,7 @@ def _gateway_of(path: Path) -> str:
 
 
 def _text(chain: "ChainVerification", key: str | None, *, is_pinned: bool) -> str:
-    from gateway.recording.chain.signing_key import fingerprint
+    from gateway.pki.signing_key import fingerprint
 
     lines = [line for file in chain.files for line in _file_lines(file)]
     if chain.segments:

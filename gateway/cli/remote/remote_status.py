@@ -35,11 +35,18 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         metavar="FILE",
         help="also write the last message of every topic, and the drift, as JSON; -: print it instead of the text",
     )
+    verb.add_argument(
+        "--accept-key",
+        metavar="FINGERPRINT",
+        help="take the key with this fingerprint for that of the gateway, in place of one that was pinned; compare it with "
+        "what plumbline run prints at the gateway",
+    )
     verb.set_defaults(run=_status)
     add_address(verb)
 
 
 def _status(arguments: argparse.Namespace) -> int:
+    from gateway.bus.authenticity import Authenticity
     from gateway.bus.client import open_client_session, query_status
     from gateway.cli.terminal.output import show
     from gateway.errors import InputError
@@ -48,17 +55,22 @@ def _status(arguments: argparse.Namespace) -> int:
     connect = connect_endpoint(arguments)
     credentials = client_credentials(arguments)
     with open_client_session(connect, credentials) as session:
-        gateways = query_status(session, arguments.gateway)
-    if not gateways:
+        authenticity = Authenticity(credentials.signers, arguments.accept_key)
+        answers = query_status(session, arguments.gateway, authenticity)
+    if not answers:
         raise InputError(f"no gateway {arguments.gateway} answers at {connect}")
     now_s, now_utc = time.monotonic(), datetime.now(UTC)
-    pages = []
-    for key, topics in gateways.items():
-        status, messages = judge_answer(key, topics, now_s, now_utc)
+    pages, gateways = [], {}
+    for key, answer in answers.items():
+        topics = gateways[key] = answer.topics
+        status, messages = judge_answer(key, topics, answer.doubt, now_s, now_utc)
         valid = {topic: topics[topic] for topic in messages}
         at_rest = describe_rest_drift(valid.get("health"), valid.get("calibration"))
         drift = {"at_rest": at_rest, "by_records": _forecast_text(connect, key, credentials)}
-        note_statement(valid.get("health"))
+        if answer.doubt is None:
+            note_statement(valid.get("health"))
+        else:
+            print(f"plumbline remote: {key}: {printable(str(answer.doubt))}", file=sys.stderr)
         pages.append("\n".join(map(printable, status_lines(status, messages, drift, now_utc))))
         topics["drift"] = drift
     show("\n\n".join(pages), gateways, arguments.json)
@@ -69,16 +81,14 @@ def note_statement(health: dict[str, Any] | None) -> None:
     """Pin the key of a gateway at the first contact, and keep its newest statement, for `record verify`; warn of another key."""
     from pydantic import TypeAdapter, ValidationError
 
-    from gateway.configuration.model import GatewaySection
+    from gateway.bus.known_gateways import can_pin, remember_statement
     from gateway.messages import NewestStatement
-    from gateway.recording.chain.known_gateways import remember_statement
 
     if health is None or health.get("newest_statement") is None:
         return
     with suppress(ValidationError):
         heard = TypeAdapter(NewestStatement).validate_python(health["newest_statement"])
-        unnamed = f"/{GatewaySection.model_fields['site'].default}/" in heard.gateway  # many gateways have this name
-        problem = None if unnamed else remember_statement(heard)
+        problem = remember_statement(heard) if can_pin(heard.gateway) else None
         if problem is not None:
             print(f"plumbline remote: {printable(problem)}", file=sys.stderr)
 

@@ -14,6 +14,7 @@ import zenoh
 from pydantic_core import to_json
 
 from gateway.authorization.authoriser import SignedRequest
+from gateway.authorization.message_signature import MessageSigner, Question, join_signature
 from gateway.bus.origin import describe_links
 from gateway.daemon.commands.dispatcher import RequestDispatcher
 from gateway.daemon.commands.recalibration_service import RecalibrationService
@@ -37,6 +38,14 @@ class IncomingQuery:
 
     verb: str
     query: zenoh.Query
+
+    @property
+    def question(self) -> Question:
+        """What was asked, as it has come."""
+        payload, attachment = self.query.payload, self.query.attachment
+        return Question(
+            b"" if payload is None else payload.to_bytes(), b"" if attachment is None else attachment.to_bytes()
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +83,7 @@ class RpcServer(Worker[RpcItem]):
         dispatcher: RequestDispatcher,
         recalibration: RecalibrationService,
         sign_ins: SignInWatch,
+        signer: MessageSigner,
         *,
         prepare: Callable[[], None],
     ) -> None:
@@ -84,6 +94,7 @@ class RpcServer(Worker[RpcItem]):
         self._dispatcher = dispatcher
         self._recalibration = recalibration
         self._sign_ins = sign_ins
+        self._signer = signer
         self._prepare = prepare
         self._queryables: list[zenoh.Queryable[None]] = []
         self._load: zenoh.Subscriber[None] | None = None
@@ -126,11 +137,11 @@ class RpcServer(Worker[RpcItem]):
                 self._sign_ins.take(item.payload)
 
     def _dispatch(self, item: IncomingQuery) -> None:
-        payload, attachment = item.query.payload, item.query.attachment
+        question = item.question
         request = SignedRequest(
             key_expr=str(item.query.key_expr),
-            payload=b"" if payload is None else payload.to_bytes(),
-            attachment=None if attachment is None else attachment.to_bytes(),
+            payload=question.payload,
+            attachment=None if item.query.attachment is None else question.attachment,
         )
         self._dispatcher.receive(
             item.verb,
@@ -151,12 +162,14 @@ class RpcServer(Worker[RpcItem]):
 
     def _send(self, answer: Answer) -> None:
         query, payload = answer.query.query, to_json(answer.content)
+        key_expr = f"{self._key}/rpc/{answer.query.verb}"
+        signature = self._signer.sign_answer(key_expr, payload, answer.query.question, accepted=answer.accepted)
         try:
             with query:
                 if answer.accepted:
-                    query.reply(f"{self._key}/rpc/{answer.query.verb}", payload, encoding=JSON)
+                    query.reply(key_expr, payload, encoding=JSON, attachment=signature)
                 else:
-                    query.reply_err(payload, encoding=JSON)
+                    query.reply_err(join_signature(payload, signature), encoding=JSON)
         except zenoh.ZError as error:
             log.error("rpc/%s could not be answered: %s", answer.query.verb, error)
 

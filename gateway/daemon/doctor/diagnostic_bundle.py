@@ -96,10 +96,10 @@ def _versions() -> dict[str, Any]:
 def _status(configuration: Configuration) -> dict[str, Any]:
     """Return the last message of every topic of the gateway, or why it could not be asked."""
     try:
-        topics = query_gateway(configuration)
+        answer = query_gateway(configuration)
     except PlumblineError as error:
         return {"error": str(error)}
-    return topics or {"error": "the gateway does not answer"}
+    return {"error": "the gateway does not answer"} if answer is None else answer.topics
 
 
 def _output(*command: str) -> str:

@@ -11,7 +11,7 @@ from gateway.configuration.model import Configuration
 from gateway.daemon.commands.authorisation import read_certificates
 from gateway.daemon.doctor.check_result import CheckResult
 from gateway.pki.check_files import EXPIRES_SOON_DAYS, find_problems
-from gateway.recording.chain.signing_key import KEY_NAME
+from gateway.pki.signing_key import KEY_NAME
 
 OTHERS, GROUP_OR_OTHERS = 0o007, 0o077
 

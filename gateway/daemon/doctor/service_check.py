@@ -3,7 +3,9 @@
 from collections.abc import Iterator
 from typing import Any
 
-from gateway.bus.client import open_client_session, query_status
+from gateway.bus.authenticity import Authenticity
+from gateway.bus.client import StatusAnswer, open_client_session, query_status
+from gateway.bus.credentials import load_credentials
 from gateway.configuration.model import Configuration
 from gateway.daemon.doctor.check_result import CheckResult
 from gateway.errors import PlumblineError
@@ -17,24 +19,26 @@ def examine_running(configuration: Configuration) -> Iterator[CheckResult]:
     """Report the state of the running gateway: sampling, recording, calibration, alerts."""
     folder, key = configuration.gateway.data_dir, configuration.gateway.key
     try:
-        topics = query_gateway(configuration)
+        answer = query_gateway(configuration)
     except PlumblineError as error:
         yield CheckResult("bad", "gateway", f"does not answer, and {folder} is in use: {error}")
         return
-    if topics is None:
+    if answer is None:
         yield CheckResult(
             "bad", "gateway", f"{key} does not answer, and {folder} is in use: has the gateway another configuration?"
         )
         return
-    yield from _report(topics)
+    if answer.doubt is not None:
+        yield CheckResult("note", "signature", str(answer.doubt))
+    yield from _report(answer.topics)
 
 
-def query_gateway(configuration: Configuration) -> dict[str, Any] | None:
-    """Return the last message of every topic of the gateway of this machine; None: it does not answer. Raises `BusError`."""
+def query_gateway(configuration: Configuration) -> StatusAnswer | None:
+    """Return the answer of the gateway of this machine; None: it does not answer. Raises `BusError`."""
     key = configuration.gateway.key
     for endpoint in configuration.bus.local_endpoints:
         with open_client_session(endpoint) as session:
-            return query_status(session, key).get(key)
+            return query_status(session, key, Authenticity(load_credentials().signers)).get(key)
     return None
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import zenoh
 
+from gateway.authorization.message_signature import MessageSigner
 from gateway.daemon.runtime.bounded_queue import BoundedQueue
 from gateway.daemon.runtime.worker import Worker
 from gateway.daemon.storage.outbox_writer import OutboxWriter
@@ -68,11 +69,17 @@ class AlertSender(Worker[QueuedAlert]):
     """Sends alerts while the bus is attached; without it they are stored, and receivers fetch them later."""
 
     def __init__(
-        self, key: str, outbox: OutboxWriter, now_ns: Callable[[], int], note_latest: Callable[[str, bytes], None]
+        self,
+        key: str,
+        outbox: OutboxWriter,
+        now_ns: Callable[[], int],
+        note_latest: Callable[[str, bytes], None],
+        signer: MessageSigner,
     ) -> None:
         """`note_latest` takes each message for the status."""
         super().__init__("alerts", BoundedQueue(MAX_WAITING_ALERTS))
-        self._key = key
+        self._key = f"{key}/alert"
+        self._signer = signer
         self._outbox = outbox
         self._now_ns = now_ns
         self._note_latest = note_latest
@@ -86,7 +93,7 @@ class AlertSender(Worker[QueuedAlert]):
     def attach(self, session: zenoh.Session) -> None:
         """Send on a session from now on. Raises `zenoh.ZError`."""
         self._publisher = session.declare_publisher(
-            f"{self._key}/alert",
+            self._key,
             encoding=zenoh.Encoding.APPLICATION_JSON,
             congestion_control=zenoh.CongestionControl.DROP,  # a receiver that stalls fetches what it has missed
             priority=zenoh.Priority.REAL_TIME,
@@ -120,7 +127,7 @@ class AlertSender(Worker[QueuedAlert]):
         if self._publisher is None:
             return
         try:
-            self._publisher.put(payload)
+            self._publisher.put(payload, attachment=self._signer.sign_message(self._key, payload))
         except zenoh.ZError as error:
             self.not_sent += 1
             log.error("an alert could not be sent: %s", error)

@@ -4,6 +4,7 @@ import logging
 
 import zenoh
 
+from gateway.authorization.message_signature import MessageSigner
 from gateway.daemon.runtime.bounded_queue import BoundedQueue
 from gateway.daemon.runtime.worker import Worker
 from gateway.pipeline.outgoing_message import EncodedMessage
@@ -18,9 +19,10 @@ JSON = zenoh.Encoding.APPLICATION_JSON
 class Publisher(Worker[EncodedMessage]):
     """Publishes while the bus is attached; without it the last message of each topic is kept."""
 
-    def __init__(self, key: str) -> None:
+    def __init__(self, key: str, signer: MessageSigner) -> None:
         super().__init__("publisher", BoundedQueue(MAX_WAITING_PUBLICATIONS))
         self._key = key
+        self._signer = signer
         self._latest: dict[str, bytes] = {}
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._alive: zenoh.LivelinessToken | None = None
@@ -54,8 +56,11 @@ class Publisher(Worker[EncodedMessage]):
         publisher = self._publishers.get(item.topic)
         if publisher is None:
             return
+        signature = None
+        if TOPICS[item.topic].signed:
+            signature = self._signer.sign_message(f"{self._key}/{item.topic}", item.payload)
         try:
-            publisher.put(item.payload)
+            publisher.put(item.payload, attachment=signature)
         except zenoh.ZError as error:
             log.error("%s could not be published: %s", item.topic, error)
 

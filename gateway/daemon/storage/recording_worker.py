@@ -19,8 +19,8 @@ from gateway.daemon.runtime.worker import Worker
 from gateway.daemon.storage.compaction_worker import RewriteRequest
 from gateway.messages import NewestStatement, Samples
 from gateway.pipeline.outgoing_message import EncodedMessage
+from gateway.pki.signing_key import KEY_NAME, MISSING_EXTRA, KeyFileError, fingerprint, load_or_create_key
 from gateway.recording.chain.segment_chain import SegmentChain
-from gateway.recording.chain.signing_key import KEY_NAME, MISSING_EXTRA, KeyFileError, fingerprint, load_or_create_key
 from gateway.recording.format.header import RecordingHeader
 from gateway.recording.segments.calibration_files import CalibrationFiles
 from gateway.recording.segments.compaction import compact, trim

@@ -9,6 +9,7 @@ export function cardSentence({word, alive, causes}) {
     case "OK": return "";
     case "MISSING": return text("fleet_missing");
     case "GONE": return text("gateway_gone");
+    case "NOT AUTHENTICATED": return text("fleet_not_authenticated");
     case "DUPLICATE": return text("fleet_duplicate");
     case "FAULT": return text("fleet_fault", {parts: causes.faulty_parts.map(partName).join(", ")});
     case "BATTERY LOW": return text("note_battery");

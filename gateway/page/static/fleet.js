@@ -59,7 +59,7 @@ function makeCard() {
   svg.append(document.createElementNS("http://www.w3.org/2000/svg", "use"));
   band.append(svg, document.createElement("strong"));
   const foot = part("p", "foot");
-  foot.append(part("span", "swing"), part("span", "source"), part("span", "age"));
+  foot.append(part("span", "swing"), part("span", "doubt"), part("span", "source"), part("span", "age"));
   card.append(part("h2", "name"), band, part("p", "why"), foot);
   card.prepend(band);
   return card;
@@ -74,6 +74,7 @@ function fill(card, gateway) {
   card.querySelector("use").setAttribute("href", `#shape-${gateway.shape}`);
   set(".state strong", text(`word_${gateway.word}`));
   set(".source", gateway.source);
+  set(".doubt", gateway.authenticated || gateway.word === "NOT AUTHENTICATED" ? "" : text("word_NOT AUTHENTICATED"));
   fillName(card.querySelector(".name"), gateway);
   set(".why", cardSentence(gateway));
   set(".swing", swingText(gateway.swing));

@@ -19,6 +19,9 @@ const SYMBOLS = `<svg xmlns="http://www.w3.org/2000/svg" class="symbols" aria-hi
     <symbol id="shape-slash" viewBox="0 0 100 100">
       <path class="solid" d="M50 2l48 48-48 48L2 50z"/><path class="cut" d="M34 66l32-32M40 34l26 26"/>
     </symbol>
+    <symbol id="shape-mask" viewBox="0 0 100 100">
+      <path class="solid" d="M50 2l48 48-48 48L2 50z"/><path class="cut" d="M24 46h22M54 46h22M40 66h20"/>
+    </symbol>
     <symbol id="shape-pause" viewBox="0 0 100 100">
       <path class="solid" d="M50 2l48 48-48 48L2 50z"/><path class="cut" d="M40 34v32M60 34v32"/>
     </symbol>

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 from gateway.messages import NewestStatement
+from gateway.pki.signing_key import fingerprint
 from gateway.recording.chain.chain_state import STATE_NAME, ChainState, ChainStateError, read_state
 from gateway.recording.chain.file_verification import FileVerification
 from gateway.recording.chain.missing_segments import MissingSegments, describe_missing, list_missing
-from gateway.recording.chain.signing_key import fingerprint
 from gateway.recording.chain.statements import DeletionStatement, Statement, has_signature, hash_of, parse_deletions
 from gateway.recording.reading.interval import iso_utc
 

@@ -12,7 +12,7 @@ from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
 from devices.errors import RecordingError
-from gateway.recording.chain.signing_key import fingerprint, is_valid
+from gateway.pki.signing_key import fingerprint, is_valid
 from gateway.recording.chain.statements import DELETIONS, SIGNATURE, Statement, parse_statement
 from gateway.recording.format.frames import (
     INDEX_HEAD,

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from devices.errors import RecordingError
 from gateway.messages import NewestStatement
+from gateway.pki.signing_key import SigningKey, is_valid
 from gateway.recording.chain.chain_state import (
     KEPT_ASIDE,
     STATE_NAME,
@@ -18,7 +19,6 @@ from gateway.recording.chain.chain_state import (
     read_state,
     save_state,
 )
-from gateway.recording.chain.signing_key import SigningKey, is_valid
 from gateway.recording.chain.statements import (
     DELETIONS,
     SIGNATURE,

@@ -12,8 +12,8 @@ from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
 from gateway.file_input import decode_json
+from gateway.pki.signing_key import is_valid
 from gateway.recording.chain.chain_state import SegmentNumber
-from gateway.recording.chain.signing_key import is_valid
 
 SIGNATURE = "signature"
 StatementKind = Literal["checkpoint", "final"]

@@ -19,9 +19,9 @@ from mcap.records import Attachment, Channel, McapRecord, Message
 
 from devices.errors import RecordingError
 from gateway.atomic_io import partial_of, replace_file
+from gateway.pki.signing_key import KeyFileError
 from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.chain.segment_chain import SegmentChain
-from gateway.recording.chain.signing_key import KeyFileError
 from gateway.recording.chain.statements import DELETIONS, SIGNATURE, Statement
 from gateway.recording.format.header import ORIGIN, REPAIRED, TRIMMED, segment_number
 from gateway.recording.format.mcap_writer import DENSE, McapWriter

@@ -21,7 +21,7 @@ def answer(*messages: Message) -> dict[str, Any]:
 
 def page(topics: dict[str, Any], later_s: float = 1.0) -> list[str]:
     now_utc = NOW_UTC + timedelta(seconds=later_s)
-    status, messages = judge_answer(KEY, topics, 100.0, now_utc)
+    status, messages = judge_answer(KEY, topics, None, 100.0, now_utc)
     return status_lines(status, messages, DRIFT, now_utc)
 
 

@@ -16,7 +16,7 @@ from gateway.incident.incident_selection import IncidentChoice, choose_window, r
 from gateway.incident.recording_verdict import judge_recordings
 from gateway.messages import Calibration, Motion, Samples
 from gateway.packing import unpack
-from gateway.recording.chain.signing_key import fingerprint, read_public_key
+from gateway.pki.signing_key import fingerprint, read_public_key
 from gateway.recording.format.mcap_writer import McapWriter
 from gateway.recording.format.salvage import SalvageReport, open_mcap, read_records
 from gateway.recording.reading.catalogue import open_timeline

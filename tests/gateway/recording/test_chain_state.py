@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from gateway.pki.signing_key import load_or_create_key
 from gateway.recording.chain.chain_state import (
     KEPT_ASIDE,
     ChainState,
@@ -21,7 +22,6 @@ from gateway.recording.chain.chain_state import (
 from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
 from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.chain.segment_chain import SegmentChain
-from gateway.recording.chain.signing_key import load_or_create_key
 from gateway.recording.chain.statements import hash_of
 from gateway.recording.format.header import segment_number
 from tests.gateway.recording.conftest import GATEWAY, SECOND_NS, Record

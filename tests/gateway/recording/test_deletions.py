@@ -10,9 +10,9 @@ import pytest
 
 from gateway.atomic_io import replace_file
 from gateway.cli.main import main
+from gateway.pki.signing_key import load_or_create_key
 from gateway.recording.chain.chain_state import read_state, save_state
 from gateway.recording.chain.segment_chain import SegmentChain
-from gateway.recording.chain.signing_key import load_or_create_key
 from gateway.recording.chain.statements import MAX_RUNS, SIGNATURE, parse_deletions, parse_statement
 from gateway.recording.format.mcap_writer import DENSE, McapWriter
 from gateway.recording.format.salvage import SalvageReport, open_mcap, read_records

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
+from gateway.bus.known_gateways import known_statement, remember_statement
 from gateway.cli.main import main
 from gateway.messages import NewestStatement
-from gateway.recording.chain.known_gateways import known_statement, remember_statement
 from tests.gateway.recording.conftest import GATEWAY, Record
 
 

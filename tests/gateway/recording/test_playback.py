@@ -9,6 +9,7 @@ import pytest
 import zenoh
 
 from gateway import messages
+from gateway.bus.authenticity import Authenticity
 from gateway.bus.client import query_status
 from gateway.bus.session import open_session
 from gateway.cli.main import main
@@ -84,7 +85,12 @@ def test_every_published_topic_is_played_as_replayed_under_keys_of_its_own(recor
 def ask_while_waiting(playback: Playback, listener: zenoh.Session) -> list[dict[str, dict[str, str]]]:
     """Ask for the status, while the playback waits."""
     answers: list[dict[str, dict[str, str]]] = []
-    asking = threading.Thread(target=lambda: answers.extend(query_status(listener, "plumbline/v1/*/*/*").values()))
+
+    def ask() -> None:
+        found = query_status(listener, "plumbline/v1/*/*/*", Authenticity()).values()
+        answers.extend(answer.topics for answer in found)
+
+    asking = threading.Thread(target=ask)
     asking.start()
     end_s = time.monotonic() + PATIENCE_S
     while asking.is_alive() and time.monotonic() < end_s:

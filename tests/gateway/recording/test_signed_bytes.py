@@ -8,11 +8,11 @@ import pytest
 
 from devices.errors import RecordingError
 from gateway.cli.main import main
+from gateway.pki.signing_key import load_or_create_key, read_public_key
 from gateway.recording.chain.chain_state import read_state, save_state
 from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
 from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.chain.segment_chain import SegmentChain
-from gateway.recording.chain.signing_key import load_or_create_key, read_public_key
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.segments.compaction import compact
 from tests.gateway.recording import forgery

@@ -11,10 +11,10 @@ from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from gateway import messages
 from gateway.pipeline.outgoing_message import encode_message
+from gateway.pki.signing_key import load_or_create_key
 from gateway.recording.chain.chain_verification import verify_chain
 from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.chain.segment_chain import SegmentChain
-from gateway.recording.chain.signing_key import load_or_create_key
 from gateway.recording.format.header import RecordingHeader
 from gateway.recording.reading.samples import read_samples
 from gateway.recording.segments.compaction import compact, trim

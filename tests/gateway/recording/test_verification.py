@@ -8,10 +8,10 @@ import pytest
 from mcap.reader import make_reader
 
 from gateway.cli.main import main
+from gateway.pki.signing_key import KeyFileError, fingerprint, load_or_create_key, read_public_key
 from gateway.recording.chain.chain_state import read_state, save_state
 from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
 from gateway.recording.chain.file_verification import verify_file
-from gateway.recording.chain.signing_key import KeyFileError, fingerprint, load_or_create_key, read_public_key
 from gateway.recording.segments.recorder import RecorderError
 from tests.gateway.recording.conftest import Record
 

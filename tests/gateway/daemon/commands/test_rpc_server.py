@@ -8,6 +8,7 @@ import pytest
 import zenoh
 
 from devices.host_clock import HostClock
+from gateway.authorization.message_signature import MessageSigner
 from gateway.daemon.commands.authorisation import refuse_all
 from gateway.daemon.commands.dispatcher import RequestDispatcher
 from gateway.daemon.commands.recalibration_service import RecalibrationService
@@ -45,6 +46,7 @@ def server(session: zenoh.Session, tmp_path: Path) -> RpcServer:
             recalibration, CalibrationProvider(tmp_path, AXES), WallClockMonitor(HostClock()), lambda _: True
         ),
         SignInWatch(security_log, FaultRegister(), tmp_path / "page-pin", lambda: 0),
+        MessageSigner(lambda: None, "0" * 12, lambda: 0),
         prepare=lambda: None,
     )
     server.attach(session)

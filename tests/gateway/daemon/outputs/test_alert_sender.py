@@ -8,6 +8,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from gateway.authorization.message_signature import MessageSigner
 from gateway.daemon.outputs import alert_sender
 from gateway.daemon.outputs.alert_sender import MAX_KEPT_LATENCIES, AlertLatency, AlertSender
 from gateway.daemon.runtime.faults import FaultRegister
@@ -43,7 +44,9 @@ class Site:
         self.arrived = threading.Condition()
         self.faults = FaultRegister()
         self.writer = OutboxWriter(folder, self.faults)
-        self.sender = AlertSender("key", self.writer, lambda: 0, self.note)
+        self.sender = AlertSender(
+            "key", self.writer, lambda: 0, self.note, MessageSigner(lambda: None, "0" * 12, lambda: 0)
+        )
         self.writer.start()
         self.sender.start()
 

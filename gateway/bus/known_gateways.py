@@ -6,25 +6,39 @@ statement can prove that the recording was written again, even with the gateway'
 
 import hashlib
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from gateway.atomic_io import write_private
+from gateway.configuration.model import GatewaySection
 from gateway.configuration.user_state import user_state_folder
 from gateway.errors import InputError
 from gateway.file_input import decode_json, parse_json, read_bounded
 from gateway.messages import NewestStatement
-from gateway.recording.chain.signing_key import fingerprint
+from gateway.pki.signing_key import fingerprint
 
 FOLDER = "gateways"
 FIELD = "newest_statement"
 DEEPEST = 8
 """Levels of JSON below which no statement is looked for. Basis: a choice; those of `remote status --json` are three deep."""
+
+
+@dataclass(frozen=True, slots=True)
+class Signers:
+    """The public keys of gateways that a person has put into a folder, or that lie in those of this machine."""
+
+    read: Callable[[], Collection[str]] = tuple
+    """Returns the keys that are there now."""
+    are_all: bool = False
+    """A person has named the folder: no other key is pinned at the first contact."""
+
+
+NO_SIGNERS = Signers()
 
 
 def remember_statement(heard: NewestStatement, environment: Mapping[str, str] = os.environ) -> str | None:
@@ -42,6 +56,25 @@ def remember_statement(heard: NewestStatement, environment: Mapping[str, str] = 
         with suppress(OSError):
             write_private(path, msgspec.json.encode(heard), 0o600)
     return None
+
+
+def can_pin(gateway: str, environment: Mapping[str, str] = os.environ) -> bool:
+    """Return whether a name is that of one gateway, and there is a place to pin its key."""
+    unnamed = f"/{GatewaySection.model_fields['site'].default}/" in gateway  # many gateways have this name
+    return not unnamed and _path(gateway, environment) is not None
+
+
+def pin_key(gateway: str, public_key: str, environment: Mapping[str, str] = os.environ) -> bool:
+    """Pin the key of a gateway, in place of another one; return whether that was possible."""
+    path = _path(gateway, environment)
+    if path is None or not can_pin(gateway, environment):
+        return False
+    nothing_heard = NewestStatement(gateway=gateway, segment=0, sha256="", public_key=public_key)
+    try:
+        write_private(path, msgspec.json.encode(nothing_heard), 0o600)
+    except OSError:
+        return False
+    return True
 
 
 def known_statement(gateway: str, environment: Mapping[str, str] = os.environ) -> NewestStatement | None:
