@@ -25,6 +25,7 @@ def _introduction() -> Iterator[str]:
         "to be multiplied by *step*; *float* the same value as 32 bits in two registers "
         f"| {NOT_KNOWN} (0x{NOT_KNOWN:X}); in two registers {NOT_KNOWN_LONG}; NaN |"
     )
+    yield "| MQTT | *name* is the field of the JSON object; a code is its word | null |"
 
 
 def _values() -> Iterator[str]:

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 
 from gateway.bridge.heard_messages import READ_TOPICS, HeardMessages
 from gateway.bridge.plant_snapshot import PlantSnapshot
+from gateway.bus.alert_receiver import AlertReceiver
 from gateway.bus.credentials import Credentials
 from gateway.bus.fleet_client import FleetClient
 from gateway.bus.fleet_inbox import FleetBatch
@@ -22,7 +23,8 @@ class GatewayReader:
 
     def __init__(self, connect: str, key: str, credentials: Credentials | None, *, demonstration: bool = False) -> None:
         """`demonstration`: see `HeardMessages`. Raises `BusError` for an endpoint that cannot be used."""
-        self._connect, self._key, self._credentials = connect, key, credentials
+        self.key = key
+        self._connect, self._credentials = connect, credentials
         self._heard = HeardMessages(key, demonstration=demonstration)
         self._lock = threading.Lock()
         self._closing = threading.Event()
@@ -45,6 +47,10 @@ class GatewayReader:
             self._heard.take(batch, now_s, is_linked=self._linked)
             return self._heard.snapshot(time.monotonic(), datetime.now(UTC))
 
+    def receive_alerts(self, position: str) -> AlertReceiver:
+        """Return a receiver of the gateway's alerts behind a position. Raises `InputError` for one that is none."""
+        return AlertReceiver(self._connect, self.key, states=position, credentials=self._credentials)
+
     def close(self) -> None:
         """Leave the bus."""
         self._closing.set()
@@ -54,7 +60,7 @@ class GatewayReader:
     def _open(self) -> bool:
         """Open the session, which from then on restores a lost link by itself; return False where nobody answers."""
         try:
-            client = FleetClient(self._connect, self._key, self._credentials, READ_TOPICS)
+            client = FleetClient(self._connect, self.key, self._credentials, READ_TOPICS)
         except UnreachableError:
             return False
         with self._lock:

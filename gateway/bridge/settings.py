@@ -1,10 +1,11 @@
 """The settings of the bridges: a file of their own, so that the gateway never reads the passwords and keys of other servers."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field, ValidationError
+from pydantic import AfterValidator, Field, ValidationError, model_validator
 
+from gateway.configuration.bus_section import is_loopback
 from gateway.configuration.section import Section
 from gateway.errors import InputError, describe_problems
 from gateway.file_input import MAX_TOML_BYTES, parse_toml, read_bounded, reason_of
@@ -17,6 +18,7 @@ def _check_address(text: str) -> str:
     return text
 
 
+TopicPrefix = Annotated[str, Field(pattern=r"^[^/+#$\s][^+#\s]*$", max_length=100)]
 Address = Annotated[str, AfterValidator(_check_address)]
 
 
@@ -34,6 +36,41 @@ class ModbusSection(Section):
     idle_s: float = Field(30, gt=0, le=3600, description="a connection without a request is closed after this time")
 
 
+class MqttSection(Section):
+    """The broker, and how to sign in there."""
+
+    host: str = Field("127.0.0.1", min_length=1, description="name or address of the broker")
+    port: int = Field(1883, ge=1, le=65_535, description="1883, with TLS 8883")
+    version: Literal["5", "3.1.1"] = Field("5", description="of MQTT; states expire with 5 alone")
+    client_id: str | None = Field(None, max_length=200, description="default: plumbline-<site>-<crane>-<sensor>")
+    user: str | None = Field(None, description="name of the user")
+    password_file: Path | None = Field(None, description="file with the password of the user, and nothing else")
+    ca: Path | None = Field(None, description="certificate of the CA that has issued the broker's: switches TLS on")
+    certificate: Path | None = Field(None, description="certificate of this client, where the broker asks for one")
+    key: Path | None = Field(None, description="its private key")
+    allow_unencrypted: bool = Field(False, description="reach a broker on another machine without TLS")
+    prefix: TopicPrefix = Field("plumbline", description="first part of the topics")
+    home_assistant: TopicPrefix | None = Field(
+        None, description="prefix of Home Assistant's discovery, usually homeassistant; default: none"
+    )
+    interval_s: float = Field(
+        0.25, ge=0.1, le=1, description="time between two states where nothing changes but numbers"
+    )
+    position_file: Path = Field(
+        Path("mqtt-position.json"), description="remembers the last alert that the broker has taken"
+    )
+
+    @model_validator(mode="after")
+    def _check_security(self) -> Self:
+        if (self.certificate is None) != (self.key is None) or (self.key is not None and self.ca is None):
+            raise ValueError("certificate and key belong together, and need ca")
+        if self.password_file is not None and self.user is None:
+            raise ValueError("password_file needs user")
+        if self.ca is None and not self.allow_unencrypted and not is_loopback(f"tcp/{self.host}:{self.port}"):
+            raise ValueError(f"{self.host} is reached without TLS; set ca, or allow_unencrypted = true")
+        return self
+
+
 class BridgeSettings(Section):
     """The whole file."""
 
@@ -41,6 +78,7 @@ class BridgeSettings(Section):
         False, description="states the values of a simulated crane or a recording as if a sensor had measured them"
     )
     modbus: ModbusSection = ModbusSection()
+    mqtt: MqttSection = MqttSection()
 
 
 def load_settings(path: Path | None) -> BridgeSettings:

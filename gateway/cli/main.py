@@ -91,8 +91,8 @@ COMMANDS: dict[str, str | CommandGroup] = {
     ),
     "bridge": CommandGroup(
         "give the values of a gateway to a plant by its own protocols",
-        "bridge modbus --gateway plumbline/v1/yard/crane-1/hook --settings bridge.toml",
-        ("bridge_modbus",),
+        "bridge mqtt --gateway plumbline/v1/yard/crane-1/hook --settings bridge.toml",
+        ("bridge_mqtt", "bridge_modbus"),
         part="protocol",
     ),
     "simulate": "analysis",

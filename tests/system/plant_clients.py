@@ -1,11 +1,14 @@
 """Naive consumers: each looks at the angle alone, and takes it for what it says."""
 
 from contextlib import suppress
+from pathlib import Path
+from typing import Any
 
 from gateway.bridge.modbus.registers import NOT_KNOWN
 from gateway.bridge.plant_state import STATE_CODES
 from tests.gateway.bridge.modbus_client import ModbusClient
 from tests.ports import unused_port
+from tests.system.mosquitto import Mosquitto, Subscriber
 
 ANSWER_S = 1.0
 """Time-out of a controller's request."""
@@ -16,7 +19,7 @@ class ModbusPlant:
 
     protocol = "modbus"
 
-    def __init__(self) -> None:
+    def __init__(self, _folder: Path) -> None:
         self._port = unused_port()
         self.settings = f'[modbus]\nlisten = "127.0.0.1:{self._port}"\n'
 
@@ -35,3 +38,29 @@ class ModbusPlant:
 
     def close(self) -> None:
         """Nothing is held."""
+
+
+class MqttPlant:
+    """Holds the last state that it got; MQTT 3.1.1, whose states do not expire."""
+
+    protocol = "mqtt"
+
+    def __init__(self, folder: Path) -> None:
+        self._broker = Mosquitto(folder)
+        self._subscriber = Subscriber(self._broker.port, "plumbline/#", version="3.1.1")
+        position = folder / "position.json"
+        self.settings = f'[mqtt]\nport = {self._broker.port}\nversion = "3.1.1"\nposition_file = "{position}"\n'
+
+    def _last(self) -> dict[str, Any]:
+        return self._subscriber.last("/state") or {}
+
+    def angle_deg(self) -> float | None:
+        return self._last().get("angle_deg")
+
+    def state(self) -> str | None:
+        return self._last().get("state")
+
+    def close(self) -> None:
+        """End subscriber and broker."""
+        self._subscriber.close()
+        self._broker.stop()

@@ -1,5 +1,6 @@
 """A bridge as a process of its own, and what consumers that look at the angle alone see of it."""
 
+import itertools
 import os
 import signal
 import subprocess
@@ -10,6 +11,8 @@ from typing import Protocol
 from tests.system.bus_query import KEY
 from tests.system.conftest import ROOT
 from tests.waiting import PATIENCE_S
+
+NUMBERS = itertools.count()
 
 
 class PlantClient(Protocol):
@@ -26,33 +29,42 @@ class RunningBridge:
     """`plumbline bridge`."""
 
     def __init__(self, protocol: str, endpoint: str, settings: Path, key: str = KEY) -> None:
-        self.process = subprocess.Popen(
-            [
-                *(sys.executable, "-m", "gateway", "bridge", protocol),
-                *("--settings", str(settings), "--gateway", key, "--connect", endpoint),
-            ],
-            cwd=ROOT,
-            env={**os.environ, "PYTHONUNBUFFERED": "1"},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        self._log = settings.with_name(f"bridge-{next(NUMBERS)}.log")
+        with self._log.open("w") as log:
+            self.process = subprocess.Popen(
+                [
+                    *(sys.executable, "-m", "gateway", "bridge", protocol),
+                    *("--settings", str(settings), "--gateway", key, "--connect", endpoint),
+                ],
+                cwd=ROOT,
+                env={**os.environ, "PYTHONUNBUFFERED": "1"},
+                stdout=subprocess.PIPE,
+                stderr=log,
+                text=True,
+            )
         assert self.process.stdout is not None
         self.said = self.process.stdout.readline()
         if not self.said:
-            raise AssertionError(self.process.communicate()[1])
+            raise AssertionError(f"{self.process.wait()}: {self._said()}")
 
     def signal(self, what: signal.Signals) -> None:
         self.process.send_signal(what)
 
+    def says(self, text: str) -> bool:
+        """Whether its log has a text."""
+        return text in self._said()
+
+    def _said(self) -> str:
+        return self._log.read_text()
+
     def stop(self) -> tuple[int, str]:
         """(exit code, standard error)."""
         self.process.send_signal(signal.SIGTERM)
-        _, err = self.process.communicate(timeout=PATIENCE_S)
-        return self.process.returncode, err
+        self.process.communicate(timeout=PATIENCE_S)
+        return self.process.returncode, self._said()
 
     def end(self) -> None:
         """Kill it, whatever it does."""
-        if self.process.poll() is None:
+        if self.process.stdout is not None and not self.process.stdout.closed:
             self.process.kill()
-        self.process.communicate()
+            self.process.communicate()

@@ -11,14 +11,14 @@ import pytest
 
 from gateway.bridge.plant_state import PlantState
 from tests.system.conftest import ROOT, RunningGateway, StartGateway
-from tests.system.plant_clients import ModbusPlant
+from tests.system.plant_clients import ModbusPlant, MqttPlant
 from tests.system.running_bridge import PlantClient, RunningBridge
 from tests.system.test_alert_delivery import CHATTERING, Radio
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow
 
-PLANTS = (ModbusPlant,)
+PLANTS = (ModbusPlant, MqttPlant)
 
 
 class Plant:
@@ -26,7 +26,7 @@ class Plant:
 
     def __init__(self, folder: Path, endpoint: str, *, demonstration: bool = True) -> None:
         self._settings, self._endpoint = folder / "bridge.toml", endpoint
-        self.clients = {kind.protocol: kind() for kind in PLANTS}
+        self.clients = {kind.protocol: kind(folder) for kind in PLANTS}
         head = "demonstration = true\n" if demonstration else ""
         self._settings.write_text(head + "".join(client.settings for client in self.clients.values()))
         self.bridges = {name: self.start(name) for name in self.clients}
