@@ -2,8 +2,11 @@
 
 from collections.abc import Iterator
 
+from asyncua import ua
+
 from gateway.bridge.modbus.registers import NOT_KNOWN, NOT_KNOWN_LONG, REGISTERS
-from gateway.bridge.plant_state import LEVEL_CODES, SOURCE_CODES, STATE_CODES, Code
+from gateway.bridge.opcua.opcua_values import STATUS
+from gateway.bridge.plant_state import LEVEL_CODES, SOURCE_CODES, STATE_CODES, Code, PlantState
 from gateway.bridge.plant_values import PLANT_VALUES, PlantValue
 
 
@@ -25,7 +28,17 @@ def _introduction() -> Iterator[str]:
         "to be multiplied by *step*; *float* the same value as 32 bits in two registers "
         f"| {NOT_KNOWN} (0x{NOT_KNOWN:X}); in two registers {NOT_KNOWN_LONG}; NaN |"
     )
+    yield (
+        "| OPC UA | *name* is the variable below the object of the gateway; measured values are Double, others UInt32 "
+        f"| no value; status {', '.join(f'{name} ({state})' for state, name in _statuses())} |"
+    )
     yield "| MQTT | *name* is the field of the JSON object; a code is its word | null |"
+
+
+def _statuses() -> Iterator[tuple[str, str]]:
+    for state, number in STATUS.items():
+        if state is not PlantState.BRIDGE_GONE:
+            yield ("there is none" if state is PlantState.FINE else state), ua.StatusCode(number).name
 
 
 def _values() -> Iterator[str]:

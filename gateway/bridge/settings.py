@@ -71,6 +71,25 @@ class MqttSection(Section):
         return self
 
 
+class OpcuaSection(Section):
+    """The server of OPC UA, which takes encrypted links alone."""
+
+    listen: Address = Field("127.0.0.1:4840", description="where to serve; default: only this machine")
+    certificate: Path | None = Field(None, description="certificate of this server, with an RSA key; needed")
+    key: Path | None = Field(None, description="its private key; needed")
+    trusted: Path | None = Field(None, description="folder with certificates of the clients, or of their CA; needed")
+    revoked: Path | None = Field(None, description="folder with revocation lists")
+    user: str | None = Field(None, min_length=1, description="name of a user; others sign in by a trusted certificate")
+    password_file: Path | None = Field(None, description="file with the password of the user, and nothing else")
+    max_connections: int = Field(16, ge=1, le=100, description="connections at the same time; further ones are closed")
+
+    @model_validator(mode="after")
+    def _check_user(self) -> Self:
+        if (self.user is None) != (self.password_file is None):
+            raise ValueError("user and password_file belong together")
+        return self
+
+
 class BridgeSettings(Section):
     """The whole file."""
 
@@ -79,6 +98,7 @@ class BridgeSettings(Section):
     )
     modbus: ModbusSection = ModbusSection()
     mqtt: MqttSection = MqttSection()
+    opcua: OpcuaSection = OpcuaSection()
 
 
 def load_settings(path: Path | None) -> BridgeSettings:
@@ -91,3 +111,11 @@ def load_settings(path: Path | None) -> BridgeSettings:
         raise InputError(f"{path}: " + "; ".join(describe_problems(error))) from error
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: {reason_of(error)}; config/bridge.toml is an example") from error
+
+
+def read_password(path: Path | None, key: str) -> str | None:
+    """Return the password in a file; `key` names it in the settings. Raises `InputError`."""
+    try:
+        return None if path is None else path.read_text().rstrip("\n")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{key}: {path}: cannot be read") from error

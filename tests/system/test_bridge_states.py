@@ -11,14 +11,14 @@ import pytest
 
 from gateway.bridge.plant_state import PlantState
 from tests.system.conftest import ROOT, RunningGateway, StartGateway
-from tests.system.plant_clients import ModbusPlant, MqttPlant
+from tests.system.plant_clients import ModbusPlant, MqttPlant, OpcuaPlant
 from tests.system.running_bridge import PlantClient, RunningBridge
 from tests.system.test_alert_delivery import CHATTERING, Radio
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow
 
-PLANTS = (ModbusPlant, MqttPlant)
+PLANTS = (ModbusPlant, MqttPlant, OpcuaPlant)
 
 
 class Plant:

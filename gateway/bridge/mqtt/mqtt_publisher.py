@@ -22,7 +22,7 @@ from gateway.bridge.mqtt.alert_delivery import AlertDelivery
 from gateway.bridge.mqtt.mqtt_messages import EXPIRE_AFTER_S, MqttTopics, discovery, encode_state
 from gateway.bridge.plant_snapshot import BRIDGE_GONE, PlantSnapshot
 from gateway.bridge.plant_state import PlantState
-from gateway.bridge.settings import MqttSection
+from gateway.bridge.settings import MqttSection, read_password
 from gateway.errors import InputError
 
 log = logging.getLogger("plumbline.mqtt")
@@ -96,7 +96,7 @@ class MqttPublisher:
         name = section.client_id or "plumbline-" + self._topics.place.replace("/", "-")
         client = Client(CallbackAPIVersion.VERSION2, name, protocol=MQTTv5 if self._is_v5 else MQTTv311)
         if section.user is not None:
-            client.username_pw_set(section.user, _password(section.password_file))
+            client.username_pw_set(section.user, read_password(section.password_file, "mqtt.password_file"))
         if section.ca is not None:
             try:
                 client.tls_set(str(section.ca), _text(section.certificate), _text(section.key))
@@ -212,13 +212,6 @@ def read_position(path: Path) -> str:
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: is no position of a bridge; delete it to begin with the next change") from error
     return content
-
-
-def _password(path: Path | None) -> str | None:
-    try:
-        return None if path is None else path.read_text().rstrip("\n")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"mqtt.password_file: {path}: cannot be read") from error
 
 
 def _text(path: Path | None) -> str | None:

@@ -45,6 +45,24 @@ def test_a_bridge_has_one_gateway(key: str, capsys: pytest.CaptureFixture[str]) 
     assert "a bridge has one gateway, plumbline/v1/<site>/<crane>/<sensor>" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("toml", "why"),
+    [
+        ("", "opcua.trusted is needed"),
+        ('[opcua]\ntrusted = "{folder}"\n', "opcua.certificate and opcua.key are needed"),
+        ('[opcua]\nuser = "ann"\n', "user and password_file belong together"),
+    ],
+)
+def test_opc_ua_is_not_served_without_certificates(
+    toml: str, why: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = tmp_path / "bridge.toml"
+    settings.write_text(toml.replace("{folder}", str(tmp_path)))
+    arguments = ("--settings", str(settings), "--gateway", KEY, "--connect", "tcp/127.0.0.1:1")
+    assert main(["bridge", "opcua", *arguments]) == BAD_INPUT
+    assert why in capsys.readouterr().err
+
+
 def test_a_file_that_is_not_there_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bridge", "modbus", "--settings", "/nowhere.toml", "--gateway", KEY]) == BAD_INPUT
     assert "/nowhere.toml: No such file or directory" in capsys.readouterr().err
