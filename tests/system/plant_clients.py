@@ -27,11 +27,11 @@ class ModbusPlant:
     protocol = "modbus"
 
     def __init__(self, _folder: Path) -> None:
-        self._port = unused_port()
-        self.settings = f'[modbus]\nlisten = "127.0.0.1:{self._port}"\n'
+        self.port = unused_port()
+        self.settings = f'[modbus]\nlisten = "127.0.0.1:{self.port}"\nmax_connections = 24\n'
 
     def _read(self, register: int) -> int | None:
-        with suppress(OSError, EOFError), ModbusClient(self._port, ANSWER_S) as client:
+        with suppress(OSError, EOFError), ModbusClient(self.port, ANSWER_S) as client:
             return client.read(register, 1)[0]
         return None
 
@@ -53,10 +53,10 @@ class MqttPlant:
     protocol = "mqtt"
 
     def __init__(self, folder: Path) -> None:
-        self._broker = Mosquitto(folder)
-        self._subscriber = Subscriber(self._broker.port, "plumbline/#", version="3.1.1")
+        self.broker = Mosquitto(folder)
+        self._subscriber = Subscriber(self.broker.port, "plumbline/#", version="3.1.1")
         position = folder / "position.json"
-        self.settings = f'[mqtt]\nport = {self._broker.port}\nversion = "3.1.1"\nposition_file = "{position}"\n'
+        self.settings = f'[mqtt]\nport = {self.broker.port}\nversion = "3.1.1"\nposition_file = "{position}"\n'
 
     def _last(self) -> dict[str, Any]:
         return self._subscriber.last("/state") or {}
@@ -70,7 +70,7 @@ class MqttPlant:
     def close(self) -> None:
         """End subscriber and broker."""
         self._subscriber.close()
-        self._broker.stop()
+        self.broker.stop()
 
 
 class OpcuaSite:
@@ -88,7 +88,7 @@ class OpcuaSite:
         self.url = f"opc.tcp://127.0.0.1:{port}/plumbline"
         self.settings = (
             f'[opcua]\nlisten = "127.0.0.1:{port}"\ncertificate = "{self.server}"\nkey = "{self.keys}/server-key.pem"\n'
-            f'trusted = "{trusted}"\nuser = "ann"\npassword_file = "{password}"\n'
+            f'trusted = "{trusted}"\nuser = "ann"\npassword_file = "{password}"\nmax_connections = 24\n'
         )
 
     async def connect(
@@ -119,8 +119,8 @@ class OpcuaPlant:
     protocol = "opcua"
 
     def __init__(self, folder: Path) -> None:
-        self._site = OpcuaSite(folder)
-        self.settings = self._site.settings
+        self.site = OpcuaSite(folder)
+        self.settings = self.site.settings
         self._runner = asyncio.Runner()
         self._client: Client | None = None
 
@@ -133,7 +133,7 @@ class OpcuaPlant:
 
     async def _ask(self, name: str) -> Any:
         if self._client is None:
-            self._client = await self._site.connect(timeout_s=3 * ANSWER_S)
+            self._client = await self.site.connect(timeout_s=3 * ANSWER_S)
         found = await asyncio.wait_for(read_node(self._client, name), ANSWER_S)
         return found.Value.Value if found.Value is not None else None
 

@@ -25,14 +25,14 @@ class Plant:
     """Consumers of every protocol, and the bridges between them and a gateway."""
 
     def __init__(self, folder: Path, endpoint: str, *, demonstration: bool = True) -> None:
-        self._settings, self._endpoint = folder / "bridge.toml", endpoint
+        self._settings, self.endpoint = folder / "bridge.toml", endpoint
         self.clients = {kind.protocol: kind(folder) for kind in PLANTS}
         head = "demonstration = true\n" if demonstration else ""
         self._settings.write_text(head + "".join(client.settings for client in self.clients.values()))
         self.bridges = {name: self.start(name) for name in self.clients}
 
     def start(self, protocol: str) -> RunningBridge:
-        return RunningBridge(protocol, self._endpoint, self._settings)
+        return RunningBridge(protocol, self.endpoint, self._settings)
 
     def _until(self, condition: Callable[[PlantClient], object], what: str) -> None:
         for name, client in self.clients.items():
