@@ -140,8 +140,7 @@ class OpcuaPlant:
     def _leave(self) -> None:
         client, self._client = self._client, None
         if client is not None:
-            with suppress(OSError, TimeoutError, ua.UaError):
-                self._runner.run(client.disconnect_socket())  # a server that hangs answers no farewell
+            client.disconnect_socket()  # a server that hangs answers no farewell
 
     def angle_deg(self) -> float | None:
         angle_deg = self._read("angle_deg")
