@@ -9,6 +9,7 @@ from pathlib import Path
 
 from gateway.cli.main import parser
 from tests.generated_effects import effects_page
+from tests.generated_plant import plant_values_page
 
 DOCS = Path(__file__).parents[1] / "docs"
 
@@ -81,7 +82,11 @@ def _examples(epilog: str) -> list[str]:
     return [line for line in text.replace(" | plumbline", "\nplumbline").split("\n") if line.strip()]
 
 
-PAGES: dict[str, Callable[[], str]] = {"commands.md": commands_page, "effects.md": effects_page}
+PAGES: dict[str, Callable[[], str]] = {
+    "commands.md": commands_page,
+    "effects.md": effects_page,
+    "plant_values.md": plant_values_page,
+}
 """Generated pages by their name under docs/."""
 
 

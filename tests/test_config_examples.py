@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from gateway.bridge.settings import load_settings
 from gateway.configuration.device_sections import DEVICE_SECTIONS
 from gateway.configuration.loading import load
 from gateway.configuration.model import Configuration
@@ -13,7 +14,11 @@ KINDS = {f"{kind}.toml": kind for kind in DEVICE_SECTIONS if kind != "replay"}
 
 
 def test_there_are_no_others() -> None:
-    assert {path.name for path in FOLDER.iterdir()} == set(KINDS)
+    assert {path.name for path in FOLDER.iterdir()} == {*KINDS, "bridge.toml"}
+
+
+def test_the_example_of_the_bridges_states_their_defaults() -> None:
+    assert load_settings(FOLDER / "bridge.toml") == load_settings(None)
 
 
 @pytest.mark.parametrize("name", KINDS)

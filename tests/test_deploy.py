@@ -12,6 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 UNIT = ROOT / "deploy" / "plumbline.service"
+BRIDGE_UNIT = ROOT / "deploy" / "plumbline-bridge@.service"
 MOST_EXPOSURE = 2.0
 
 Completed = subprocess.CompletedProcess[str]
@@ -31,17 +32,19 @@ def analyze() -> Callable[..., Completed]:
     return run
 
 
-def test_systemd_accepts_the_unit(analyze: Callable[..., Completed], tmp_path: Path) -> None:
-    unit = tmp_path / "plumbline.service"
+@pytest.mark.parametrize(("source", "name"), [(UNIT, UNIT.name), (BRIDGE_UNIT, "plumbline-bridge@mqtt.service")])
+def test_systemd_accepts_the_unit(analyze: Callable[..., Completed], tmp_path: Path, source: Path, name: str) -> None:
+    unit = tmp_path / name
     # The program is not installed here: any executable stands in for it.
-    unit.write_text(UNIT.read_text().replace("/opt/plumbline/current/.venv/bin/python", sys.executable))
+    unit.write_text(source.read_text().replace("/opt/plumbline/current/.venv/bin/python", sys.executable))
     done = analyze("verify", "--man=no", unit)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
-def test_the_sandbox_is_tight(analyze: Callable[..., Completed]) -> None:
-    done = analyze("security", "--offline=true", UNIT)
-    exposure = re.search(r"exposure level for plumbline.service: ([\d.]+)", done.stdout)
+@pytest.mark.parametrize("unit", [UNIT, BRIDGE_UNIT])
+def test_the_sandbox_is_tight(analyze: Callable[..., Completed], unit: Path) -> None:
+    done = analyze("security", "--offline=true", unit)
+    exposure = re.search(r"exposure level for plumbline\S*.service: ([\d.]+)", done.stdout)
     assert exposure is not None, done.stdout + done.stderr
     assert float(exposure[1]) <= MOST_EXPOSURE
 

@@ -1,6 +1,7 @@
 """The client of all gateways on a router: one session that receives their states and liveliness."""
 
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 
@@ -23,16 +24,20 @@ LARGEST_STATUS = 1 << 20
 class FleetClient:
     """Receives the states of the gateways that match a pattern. The library restores a lost link by itself."""
 
-    def __init__(self, connect: str, pattern: str, credentials: Credentials | None = None) -> None:
-        """Connect and subscribe. Raises `BusError` where nobody answers."""
+    def __init__(
+        self,
+        connect: str,
+        pattern: str,
+        credentials: Credentials | None = None,
+        topics: Sequence[str] = STATE_TOPICS,
+    ) -> None:
+        """Connect and subscribe to topics. Raises `BusError` where nobody answers."""
         self.inbox = FleetInbox()
         self._pattern = pattern
         credentials = credentials or load_credentials()
         self._authenticity = Authenticity(credentials.signers)
         self._session = open_client_session(connect, credentials)
-        self._subscribers = [
-            self._session.declare_subscriber(f"{pattern}/{topic}", self._receive) for topic in STATE_TOPICS
-        ]
+        self._subscribers = [self._session.declare_subscriber(f"{pattern}/{topic}", self._receive) for topic in topics]
         self._liveliness = self._session.liveliness().declare_subscriber(
             f"{pattern}/{ALIVE}", self._receive_alive, history=True
         )

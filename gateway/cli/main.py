@@ -89,6 +89,12 @@ COMMANDS: dict[str, str | CommandGroup] = {
         "fleet status --expect gateways.txt",
         ("fleet_status", "fleet_page", "fleet_metrics", "fleet_router", "fleet_drift", "fleet_deflection"),
     ),
+    "bridge": CommandGroup(
+        "give the values of a gateway to a plant by its own protocols",
+        "bridge mqtt --gateway plumbline/v1/yard/crane-1/hook --settings bridge.toml",
+        ("bridge_mqtt", "bridge_modbus", "bridge_opcua"),
+        part="protocol",
+    ),
     "simulate": "analysis",
     "reconcile": "analysis",
     "effects": "analysis",

@@ -6,6 +6,7 @@ from itertools import takewhile
 
 from tests.benchmarks import (
     alert_latency,
+    bridges,
     calibration,
     chain,
     conditions,
@@ -54,6 +55,7 @@ ALL: dict[str, Callable[..., None]] = {
     "serial_decoders": serial_decoders.main,
     "fleet": fleet.main,
     "page": page.main,
+    "bridges": bridges.main,
 }
 
 names = list(takewhile(lambda argument: not argument.startswith("-"), sys.argv[1:]))
@@ -61,7 +63,14 @@ options = sys.argv[1 + len(names) :]
 unknown = [name for name in names if name not in ALL]
 if unknown:
     sys.exit(f"no benchmark {', '.join(unknown)}; there are {', '.join(ALL)}")
-if options and names not in (["footprint"], ["motion"], ["motion_gyro"], ["real_cranes"], ["record_info"]):
-    sys.exit("only the benchmarks footprint, motion, motion_gyro, real_cranes and record_info have options")
+if options and names not in (
+    ["bridges"],
+    ["footprint"],
+    ["motion"],
+    ["motion_gyro"],
+    ["real_cranes"],
+    ["record_info"],
+):
+    sys.exit("only the benchmarks bridges, footprint, motion, motion_gyro, real_cranes and record_info have options")
 for name in names or ALL:
     ALL[name](*([options] if options else []))

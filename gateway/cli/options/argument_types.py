@@ -122,6 +122,16 @@ def require_http() -> None:
     _require(("starlette", "uvicorn"), "page")
 
 
+def require_mqtt() -> None:
+    """Raise `InputError` where the client of MQTT is missing."""
+    _require(("paho",), "mqtt")
+
+
+def require_opcua() -> None:
+    """Raise `InputError` where the server of OPC UA is missing."""
+    _require(("asyncua",), "opcua")
+
+
 def require_certificates() -> None:
     """Raise `InputError` where the library for certificates is missing."""
     _require(("cryptography",), "security")

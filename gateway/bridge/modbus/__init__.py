@@ -1,0 +1,1 @@
+"""The server of Modbus TCP: input registers that are read and never written."""

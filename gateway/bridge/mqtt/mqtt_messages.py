@@ -1,0 +1,104 @@
+"""Topics and payloads. Pure."""
+
+import json
+from dataclasses import dataclass
+
+from gateway.bridge.plant_snapshot import PlantSnapshot
+from gateway.bridge.plant_state import UNHEARD
+from gateway.bridge.plant_values import PLANT_VALUES
+from gateway.bus.alert_event import AlertEvent
+from gateway.topics import encode
+
+DIGITS = 4
+"""Decimals of a value. Basis: a choice; a hundredth of the smallest uncertainty of an angle."""
+EXPIRE_AFTER_S = 2
+"""A state that is not renewed is void after this time. Basis: whole seconds, and several times the interval of publishing."""
+
+
+@dataclass(frozen=True, slots=True)
+class MqttTopics:
+    """The topics of one gateway."""
+
+    prefix: str
+    key: str
+    """`plumbline/v1/<site>/<crane>/<sensor>`."""
+
+    @property
+    def place(self) -> str:
+        """Site, crane and sensor."""
+        return self.key.removeprefix("plumbline/v1/")
+
+    @property
+    def state(self) -> str:
+        """The state, retained; void when it is not renewed, and replaced by the broker when the bridge is gone."""
+        return f"{self.prefix}/{self.place}/state"
+
+    @property
+    def alert(self) -> str:
+        """The changes of alerts, not retained."""
+        return f"{self.prefix}/{self.place}/alert"
+
+
+def encode_state(snapshot: PlantSnapshot) -> bytes:
+    """Return the values as JSON; null: not known."""
+    values = {value.name: _stated(value.read(snapshot), value.number(snapshot)) for value in PLANT_VALUES}
+    sample_time = snapshot.sample_time
+    return json.dumps(
+        {
+            **values,
+            "available": snapshot.state not in UNHEARD,
+            "boot_id": snapshot.boot_id,
+            "sample_utc": None if sample_time is None else sample_time.isoformat(timespec="milliseconds"),
+        }
+    ).encode()
+
+
+def _stated(value: float | int | str | None, number: float | int | None) -> float | int | str | None:
+    """Return words as words, and numbers within their range."""
+    if isinstance(value, str):
+        return value
+    return round(number, DIGITS) if isinstance(number, float) else number
+
+
+def encode_alert(event: AlertEvent) -> bytes:
+    """Return a change as the message of the bus; or the numbers of changes that the gateway no longer has."""
+    if event.change is not None:
+        return encode(event.change)
+    missed = event.missed
+    return json.dumps({"missed": None if missed is None else {"first": missed.first, "last": missed.last}}).encode()
+
+
+SHOWN: dict[str, tuple[str, dict[str, object]]] = {
+    "angle_deg": (
+        "Angle",
+        {"unit_of_measurement": "°", "suggested_display_precision": 1, "state_class": "measurement"},
+    ),
+    "level": ("Level", {"device_class": "enum", "options": ["unknown", "normal", "warn", "trip"]}),
+    "battery_percent": ("Battery", {"unit_of_measurement": "%", "device_class": "battery"}),
+    "calibration_age_days": (
+        "Calibration age",
+        {"unit_of_measurement": "d", "device_class": "duration", "suggested_display_precision": 0},
+    ),
+}
+"""Names and kinds of the entities in Home Assistant, by value. Definition: its MQTT discovery."""
+
+
+def discovery(topics: MqttTopics, prefix: str) -> dict[str, bytes]:
+    """Return the retained messages by which Home Assistant finds the entities, by topic."""
+    node = "plumbline_" + "".join(each if each.isalnum() else "_" for each in topics.place)
+    device = {"identifiers": [topics.key], "name": topics.place, "manufacturer": "Plumbline"}
+    found = {}
+    for name, (title, kind) in SHOWN.items():
+        entity = {
+            "name": title,
+            "unique_id": f"{topics.key}/{name}",
+            "state_topic": topics.state,
+            "value_template": f"{{{{ value_json.{name} }}}}",
+            "availability_topic": topics.state,
+            "availability_template": "{{ 'online' if value_json.available else 'offline' }}",
+            "expire_after": EXPIRE_AFTER_S,
+            "device": device,
+            **kind,
+        }
+        found[f"{prefix}/sensor/{node}/{name}/config"] = json.dumps(entity).encode()
+    return found

@@ -1,0 +1,218 @@
+"""The connection to the broker, which may be away, slow or unwilling at any time: nothing waits for it, and nothing piles up.
+
+The library's thread connects, sends and calls back; the callbacks only note what has happened.
+"""
+
+import json
+import logging
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from paho.mqtt.client import Client, ConnectFlags, DisconnectFlags, MQTTv5, MQTTv311
+from paho.mqtt.enums import CallbackAPIVersion, MQTTErrorCode
+from paho.mqtt.packettypes import PacketTypes
+from paho.mqtt.properties import Properties
+from paho.mqtt.reasoncodes import ReasonCode
+
+from gateway.atomic_io import write_durably
+from gateway.bridge.mqtt.alert_delivery import AlertDelivery
+from gateway.bridge.mqtt.mqtt_messages import EXPIRE_AFTER_S, MqttTopics, discovery, encode_state
+from gateway.bridge.plant_snapshot import BRIDGE_GONE, PlantSnapshot
+from gateway.bridge.plant_state import PlantState
+from gateway.bridge.settings import MqttSection, read_password
+from gateway.errors import InputError
+
+log = logging.getLogger("plumbline.mqtt")
+STEP_S = 0.05
+"""Longest wait before the state is looked at again. Basis: a choice; half the time between two readings."""
+BUSY_STEP_S = 0.005
+"""The same while the broker has a change to take. Basis: a choice; a broker answers in milliseconds."""
+KEEP_ALIVE_S = 1
+"""A broker that hears nothing for one and a half times this publishes the will. Definition: the smallest of MQTT."""
+RETRY_S = (1, 10)
+"""Shortest and longest pause between two attempts to connect. Basis: a choice; a restart of a broker is over soon."""
+REFUSED_PAUSE_S = 5.0
+"""Pause before a change that the broker has refused is sent again. Basis: a choice; rights are changed by people."""
+MOST_QUEUED = 64
+"""Messages that the library keeps until the broker has taken them. Basis: a choice; those of some reconnections."""
+LAST_WORD_S = 1.0
+"""Longest wait at the end for the broker to take the last state. Basis: a choice; the will says the same later."""
+FIRST_REFUSAL = 128
+"""Definition: MQTT 5, section 2.4, reason codes from this one on are refusals."""
+
+
+class MqttPublisher:
+    """Publishes what is known of a gateway. `step` is called again and again by one thread."""
+
+    def __init__(
+        self,
+        section: MqttSection,
+        topics: MqttTopics,
+        snapshot: Callable[[], PlantSnapshot],
+        alerts: AlertDelivery,
+    ) -> None:
+        """Begin to connect. Raises `InputError` for files that cannot be used."""
+        self._section, self._topics, self._snapshot, self._alerts = section, topics, snapshot, alerts
+        self._is_v5 = section.version == "5"
+        self._connected, self._greet = False, False
+        self._acknowledged: dict[int, bool] = {}
+        """Whether the broker has taken a message, by its number."""
+        self._lock = threading.Lock()
+        self._sent: int | None = None
+        """Number of the change that the broker has not answered yet."""
+        self._retry_s = self._published_s = float("-inf")
+        self._published: tuple[object, ...] = ()
+        self._complaint: str | None = None
+        """What the log has said of the broker since it was connected last."""
+        self._client = self._make_client()
+        self._client.connect_async(section.host, section.port, KEEP_ALIVE_S, **self._session())
+        self._client.loop_start()
+
+    def step(self) -> None:
+        """Pass on what has come, and publish the state where it is due."""
+        self._alerts.receive(STEP_S if self._alerts.oldest is None or not self._connected else BUSY_STEP_S)
+        if self._connected:
+            if self._greet:
+                self._greet = False
+                self._introduce()
+            self._deliver(time.monotonic())
+            self._publish_state(time.monotonic())
+
+    def close(self) -> None:
+        """Say that the bridge is gone, as the broker would, and leave."""
+        if self._connected:
+            last = self._put(self._topics.state, encode_state(BRIDGE_GONE), qos=1)
+            end_s = time.monotonic() + LAST_WORD_S
+            while last not in self._acknowledged and time.monotonic() < end_s:
+                time.sleep(BUSY_STEP_S)
+        self._client.disconnect()
+        self._client.loop_stop()
+
+    def _make_client(self) -> Client:
+        section = self._section
+        name = section.client_id or "plumbline-" + self._topics.place.replace("/", "-")
+        client = Client(CallbackAPIVersion.VERSION2, name, protocol=MQTTv5 if self._is_v5 else MQTTv311)
+        if section.user is not None:
+            client.username_pw_set(section.user, read_password(section.password_file, "mqtt.password_file"))
+        if section.ca is not None:
+            try:
+                client.tls_set(str(section.ca), _text(section.certificate), _text(section.key))
+            except (OSError, ValueError) as error:
+                raise InputError(f"mqtt.ca, certificate and key cannot be used: {error}") from error
+        client.will_set(self._topics.state, encode_state(BRIDGE_GONE), qos=1, retain=True)
+        client.max_queued_messages_set(MOST_QUEUED)
+        client.reconnect_delay_set(*RETRY_S)
+        client.on_connect_fail = self._on_connect_fail
+        client.on_connect, client.on_disconnect, client.on_publish = (
+            self._on_connect,
+            self._on_disconnect,
+            self._on_publish,
+        )
+        return client
+
+    def _session(self) -> dict[str, Any]:
+        return {"clean_start": True} if self._is_v5 else {}
+
+    def _on_connect(
+        self, _client: Client, _data: object, _flags: ConnectFlags, reason: ReasonCode, _properties: Properties | None
+    ) -> None:
+        if reason.is_failure:
+            self._complain(f"refuses the connection: {reason}")
+        else:
+            self._complaint = None
+            log.info("connected to %s:%d", self._section.host, self._section.port)
+            self._connected = self._greet = True
+
+    def _on_connect_fail(self, _client: Client, _data: object) -> None:
+        self._complain("does not answer, or does not agree on TLS")
+
+    def _on_disconnect(
+        self,
+        _client: Client,
+        _data: object,
+        _flags: DisconnectFlags,
+        reason: ReasonCode,
+        _properties: Properties | None,
+    ) -> None:
+        if self._complaint is None:
+            self._complain(f"has ended the connection: {reason}")
+        self._connected = False
+
+    def _complain(self, what: str) -> None:
+        """Log what is wrong, once until it is something else."""
+        if what != self._complaint:
+            log.warning("%s:%d %s", self._section.host, self._section.port, what)
+        self._complaint = what
+
+    def _on_publish(
+        self, _client: Client, _data: object, number: int, reason: ReasonCode, _properties: Properties | None
+    ) -> None:
+        taken = reason.value < FIRST_REFUSAL
+        if not taken:
+            log.error("the broker refuses a message: %s; does its ACL let this client write?", reason)
+        with self._lock:
+            self._acknowledged[number] = taken
+
+    def _introduce(self) -> None:
+        """Publish what a broker that has lost its memory needs. A refusal of the first state shows in the log."""
+        self._put(self._topics.state, encode_state(PlantSnapshot(state=PlantState.NO_DATA)), qos=1)
+        if self._section.home_assistant is not None:
+            for topic, payload in discovery(self._topics, self._section.home_assistant).items():
+                self._put(topic, payload, qos=1, expires=False)
+        self._published_s = float("-inf")
+
+    def _deliver(self, now_s: float) -> None:
+        """Send the oldest change, and note it when the broker has taken it: at most one is on its way, so that none overtakes."""
+        with self._lock:
+            answers, self._acknowledged = self._acknowledged, {}
+        if self._sent is not None and (taken := answers.get(self._sent)) is not None:
+            self._sent = None
+            if taken:
+                self._remember(self._alerts.taken())
+            else:
+                self._retry_s = now_s + REFUSED_PAUSE_S
+        oldest = self._alerts.oldest
+        if oldest is not None and self._sent is None and now_s >= self._retry_s:
+            self._sent = self._put(self._topics.alert, oldest.payload, qos=1, retain=False)
+
+    def _remember(self, position: str) -> None:
+        try:
+            write_durably(self._section.position_file, position.encode())
+        except OSError as error:
+            log.error("%s: %s; alerts are sent again after a restart", self._section.position_file, error.strerror)
+
+    def _publish_state(self, now_s: float) -> None:
+        """Publish a new state at once and a new reading when it is due; not while the broker takes nothing."""
+        snapshot = self._snapshot()
+        word = (snapshot.state, snapshot.level, snapshot.active_alerts, snapshot.alert_number)
+        is_due = now_s - self._published_s >= self._section.interval_s
+        if (is_due or word != self._published) and not self._client.want_write():
+            self._put(self._topics.state, encode_state(snapshot), qos=0)
+            self._published, self._published_s = word, now_s
+
+    def _put(self, topic: str, payload: bytes, qos: int, *, retain: bool = True, expires: bool = True) -> int | None:
+        """Hand a message to the library; return its number, None where there is no room."""
+        properties = None
+        if self._is_v5:
+            properties = Properties(PacketTypes.PUBLISH)
+            if retain and expires:
+                properties.MessageExpiryInterval = EXPIRE_AFTER_S
+        info = self._client.publish(topic, payload, qos, retain, properties)
+        return None if info.rc == MQTTErrorCode.MQTT_ERR_QUEUE_SIZE else info.mid
+
+
+def read_position(path: Path) -> str:
+    """Return the position of the last run, as a receiver of alerts takes it. Raises `InputError`."""
+    try:
+        content = path.read_text() if path.exists() else "{}"
+        json.loads(content)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: is no position of a bridge; delete it to begin with the next change") from error
+    return content
+
+
+def _text(path: Path | None) -> str | None:
+    return None if path is None else str(path)

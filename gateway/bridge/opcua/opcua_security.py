@@ -1,0 +1,101 @@
+"""Who may connect: applications whose certificate is trusted, and users by password or certificate; nobody without a name."""
+
+import hmac
+import logging
+from pathlib import Path
+
+from asyncua import Server, ua
+from asyncua.common.utils import ServiceError
+from asyncua.crypto.permission_rules import SimpleRoleRuleset, User, UserRole
+from asyncua.crypto.truststore import TrustStore
+from asyncua.crypto.uacrypto import x509_from_der
+from asyncua.crypto.validator import CertificateValidator, CertificateValidatorOptions
+from cryptography import x509
+
+from gateway.bridge.settings import OpcuaSection
+from gateway.errors import InputError
+
+log = logging.getLogger("plumbline.opcua")
+POLICIES = [
+    ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt,
+    ua.SecurityPolicyType.Aes256Sha256RsaPss_SignAndEncrypt,
+]
+CHECKED = (
+    CertificateValidatorOptions.TIME_RANGE
+    | CertificateValidatorOptions.URI
+    | CertificateValidatorOptions.TRUSTED
+    | CertificateValidatorOptions.REVOKED
+    | CertificateValidatorOptions.PEER_CLIENT
+)
+
+
+class PlantUsers:
+    """Knows one user by password, and those whose certificates are trusted. All may read and nothing else."""
+
+    def __init__(self, name: str | None, password: str | None, trusted: TrustStore) -> None:
+        self._name, self._password, self._trusted = name, password, trusted
+
+    def get_user(
+        self,
+        iserver: object,
+        username: str | None = None,
+        password: str | None = None,
+        certificate: bytes | None = None,
+    ) -> User | None:
+        """Return the user; None refuses. Called by the library, for a certificate after it has checked the signature."""
+        del iserver
+        if username is not None:
+            known = self._name is not None and self._password is not None and password is not None
+            if known and username == self._name and hmac.compare_digest(str(password), str(self._password)):
+                return User(role=UserRole.User, name=username)
+        elif certificate is not None and self._trusted.validate(x509_from_der(certificate)):
+            return User(role=UserRole.User, name="certificate")
+        log.warning("a user is refused: %s", "certificate" if username is None else username)
+        return None
+
+
+async def secure(server: Server, section: OpcuaSection, users_of: TrustStore) -> None:
+    """Let a server take encrypted links of trusted applications and named users alone. Raises `InputError`."""
+    if section.certificate is None or section.key is None:
+        raise InputError("opcua.certificate and opcua.key are needed: a certificate of this server with an RSA key")
+    try:
+        await users_of.load()
+        await server.load_certificate(section.certificate)
+        await server.load_private_key(section.key)
+    except (OSError, ValueError) as error:
+        raise InputError(f"opcua: certificate, key, trusted or revoked cannot be used: {error}") from error
+    server.set_security_policy(POLICIES, permission_ruleset=SimpleRoleRuleset())
+    server.set_identity_tokens([ua.X509IdentityToken, ua.UserNameIdentityToken])
+    checker = CertificateValidator(CHECKED, users_of)
+
+    async def validate(certificate: x509.Certificate, application: ua.ApplicationDescription) -> None:
+        try:
+            await checker.validate(certificate, application)
+        except ServiceError as error:
+            log.warning(
+                "a client is refused: %s, %s", certificate.subject.rfc4514_string(), ua.StatusCode(error.code).name
+            )
+            raise
+
+    server.set_certificate_validator(validate)
+    if (uri := _application_uri(section.certificate)) is not None:
+        await server.set_application_uri(uri)
+
+
+def trust_store(section: OpcuaSection) -> TrustStore:
+    """Return the store of the certificates in the folders of the settings; it is loaded later. Raises `InputError`."""
+    if section.trusted is None or not section.trusted.is_dir():
+        raise InputError("opcua.trusted is needed: a folder with the certificates of the clients, or of their CA")
+    return TrustStore([section.trusted], [] if section.revoked is None else [section.revoked])
+
+
+def _application_uri(certificate: Path) -> str | None:
+    """Return the name of the application in a certificate, which clients compare with the server's."""
+    content = certificate.read_bytes()
+    try:
+        is_text = content.lstrip().startswith(b"-----")
+        loaded = x509.load_pem_x509_certificate(content) if is_text else x509.load_der_x509_certificate(content)
+        names = loaded.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    except (ValueError, x509.ExtensionNotFound):
+        return None
+    return next(iter(names.get_values_for_type(x509.UniformResourceIdentifier)), None)

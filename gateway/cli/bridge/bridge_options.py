@@ -1,0 +1,77 @@
+"""The options and the life of every bridge: its gateway, its settings, and its end by a signal."""
+
+import argparse
+import asyncio
+import logging
+import os
+import signal
+import sys
+from collections.abc import Callable, Coroutine
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gateway.cli.options.bus_link import add_connect, client_credentials, connect_endpoint
+
+if TYPE_CHECKING:
+    from gateway.bridge.gateway_reader import GatewayReader
+    from gateway.bridge.settings import BridgeSettings
+
+Serve = Callable[["BridgeSettings", "GatewayReader", Callable[[], None]], Coroutine[None, None, None]]
+"""Serves with settings and a reader until cancelled, and says when it has begun."""
+
+
+def add_bridge_options(verb: argparse.ArgumentParser) -> None:
+    """Add `--settings`, `--gateway`, `--connect` and `--credentials`."""
+    verb.add_argument(
+        "--settings", type=Path, metavar="FILE", help="settings of the bridges (TOML); config/bridge.toml is an example"
+    )
+    verb.add_argument(
+        "--gateway",
+        metavar="KEY",
+        help="plumbline/v1/<site>/<crane>/<sensor> (default: the gateway that is installed on this machine)",
+    )
+    add_connect(verb)
+
+
+def gateway_key(arguments: argparse.Namespace) -> str:
+    """Return the key of the one gateway. Raises `InputError`."""
+    from gateway.bus.untrusted import GATEWAY_KEY
+    from gateway.configuration.loading import is_installed, load_installed
+    from gateway.errors import InputError
+
+    if arguments.gateway is None and not is_installed():
+        raise InputError("name the gateway: --gateway plumbline/v1/<site>/<crane>/<sensor>")
+    key = load_installed().gateway.key if arguments.gateway is None else str(arguments.gateway)
+    if GATEWAY_KEY.fullmatch(key) is None:
+        raise InputError(f"--gateway {key}: a bridge has one gateway, plumbline/v1/<site>/<crane>/<sensor>")
+    return key
+
+
+def run_bridge(arguments: argparse.Namespace, serve: Serve, description: Callable[["BridgeSettings"], str]) -> int:
+    """Serve until SIGINT or SIGTERM; print what is served when it has begun."""
+    from gateway.bridge.gateway_reader import GatewayReader
+    from gateway.bridge.settings import load_settings
+
+    logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
+    settings, key = load_settings(arguments.settings), gateway_key(arguments)
+    reader = GatewayReader(
+        connect_endpoint(arguments), key, client_credentials(arguments), demonstration=settings.demonstration
+    )
+    try:
+        asyncio.run(
+            _until_signal(serve(settings, reader, lambda: print(f"{description(settings)}, of {key}", flush=True)))
+        )
+    except BaseException:
+        reader.close()
+        raise
+    sys.stdout.flush()
+    os._exit(0)  # a thread of the bus that does not end would hold the process; there is nothing to save
+
+
+async def _until_signal(serving: Coroutine[None, None, None]) -> None:
+    task, loop = asyncio.ensure_future(serving), asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, task.cancel)
+    with suppress(asyncio.CancelledError):
+        await task

@@ -1,0 +1,304 @@
+"""What the bridges cost and how late they are, how soon a consumer sees a failure, and alerts over failures of MQTT's parties.
+
+script/bench bridges [--minutes N] [--seed N]: N minutes of failures; real processes all of them.
+"""
+
+import argparse
+import asyncio
+import os
+import random
+import signal
+import statistics
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Sequence
+from datetime import datetime
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from asyncua import ua
+
+from tests.gateway.bridge.modbus_client import ModbusClient
+from tests.system.bus_query import KEY
+from tests.system.conftest import BusPeer, RunningGateway
+from tests.system.mosquitto import Mosquitto, Subscriber
+from tests.system.plant_clients import ModbusPlant, MqttPlant, OpcuaPlant, OpcuaSite
+from tests.system.running_bridge import PlantClient, RunningBridge
+from tests.system.test_alert_delivery import CHATTERING, stored
+from tests.system.test_bridge_states import Plant
+from tests.waiting import wait_until
+
+CLIENTS = 20
+MEASURE_S = 20.0
+POLL_S = 0.01
+RUNS = 3
+TICKS = os.sysconf("SC_CLK_TCK")
+
+
+def main(options: Sequence[str] = ()) -> None:
+    """Print the figures."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--minutes", type=float, default=5)
+    parser.add_argument("--seed", type=int, default=1)
+    chosen = parser.parse_args(options)
+    print(f"bridges: simulated crane, load {os.getloadavg()[0]:.0f}", flush=True)
+    for part in (_costs, _failures):
+        with tempfile.TemporaryDirectory() as folder:
+            part(Path(folder))
+    with tempfile.TemporaryDirectory() as folder:
+        _campaign(Path(folder), 60 * chosen.minutes, random.Random(chosen.seed))
+
+
+def _cpu_s(process_id: int) -> float:
+    fields = Path(f"/proc/{process_id}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / TICKS
+
+
+def _resident_mib(process_id: int) -> float:
+    return int(Path(f"/proc/{process_id}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def _late_ms(sample: datetime) -> float:
+    return 1e3 * (time.time() - sample.timestamp())
+
+
+def _costs(folder: Path) -> None:
+    gateway = RunningGateway(folder, CHATTERING)
+    plant = Plant(folder, gateway.endpoint)
+    plant.until_angle()
+    gateway_s, begun_s = _cpu_s(gateway.process.pid), time.monotonic()
+    for clients, consume in ((0, {}), (CLIENTS, {"modbus": _modbus, "mqtt": _mqtt, "opcua": _opcua})):
+        for name, bridge in plant.bridges.items():
+            before_s, start_s = _cpu_s(bridge.process.pid), time.monotonic()
+            late_ms = consume[name](plant) if consume else _rest(plant)
+            cpu_percent = 100 * (_cpu_s(bridge.process.pid) - before_s) / (time.monotonic() - start_s)
+            print(
+                f"  {name:<7} {clients:2} clients: {cpu_percent:5.1f} % of a core, {_resident_mib(bridge.process.pid):4.0f} MiB"
+                + (f", sample to client {_quantiles(late_ms)} ms" if late_ms else ""),
+                flush=True,
+            )
+    daemon_percent = 100 * (_cpu_s(gateway.process.pid) - gateway_s) / (time.monotonic() - begun_s)
+    print(f"  the gateway itself, meanwhile: {daemon_percent:.1f} % of a core", flush=True)
+    peer = BusPeer(gateway.endpoint)
+    time.sleep(MEASURE_S / 2)
+    bus_ms = [
+        (at_ns - time_ns) / 1e6
+        for (at_ns, key, _), time_ns in zip(
+            [each for each in peer.heard if each[1].endswith("/motion")],
+            [message["time_ns"] for message in peer.messages("motion")],
+            strict=False,
+        )
+    ]
+    print(f"  without a bridge, on the bus: sample to client {_quantiles(bus_ms)} ms", flush=True)
+    peer.close()
+    plant.end()
+    gateway.stop()
+
+
+def _rest(_plant: Plant) -> list[float]:
+    time.sleep(MEASURE_S)
+    return []
+
+
+def _quantiles(values: list[float]) -> str:
+    ordered = sorted(values)
+    return f"p50 {statistics.median(ordered):.0f}, p99 {ordered[int(0.99 * (len(ordered) - 1))]:.0f} (n {len(ordered)})"
+
+
+def _modbus(plant: Plant) -> list[float]:
+    """Poll 20 times at 10 Hz, and one of them as fast as it goes, whose counter is compared with the bus."""
+    server = plant.clients["modbus"]
+    assert isinstance(server, ModbusPlant)
+    port = server.port
+    ending = threading.Event()
+
+    def poll() -> None:
+        with ModbusClient(port) as client:
+            while not ending.wait(0.1):
+                client.read()
+
+    pollers = [threading.Thread(target=poll) for _ in range(CLIENTS - 1)]
+    for each in pollers:
+        each.start()
+    peer, late_ms, last = BusPeer(plant.endpoint, f"{KEY}/motion"), [], -1
+    with ModbusClient(port) as client:
+        end_s = time.monotonic() + MEASURE_S
+        while time.monotonic() < end_s:
+            counter = client.read(2, 1)[0]
+            if counter != last and peer.heard:
+                late_ms.append((time.time_ns() - peer.messages("motion")[-1]["time_ns"]) / 1e6)
+                peer.heard.clear()
+            last = counter
+            time.sleep(POLL_S)
+    ending.set()
+    for each in pollers:
+        each.join()
+    peer.close()
+    return late_ms[1:]
+
+
+def _mqtt(plant: Plant) -> list[float]:
+    client = plant.clients["mqtt"]
+    assert isinstance(client, MqttPlant)
+    subscribers = [Subscriber(client.broker.port, "plumbline/#") for _ in range(CLIENTS)]
+    late_ms: list[float] = []
+    last, end_s = None, time.monotonic() + MEASURE_S
+    while time.monotonic() < end_s:
+        state = subscribers[0].last("/state")
+        if state is not None and state["sample_utc"] not in (None, last):
+            last = state["sample_utc"]
+            late_ms.append(_late_ms(datetime.fromisoformat(last)))
+        time.sleep(POLL_S)
+    for each in subscribers:
+        each.close()
+    return late_ms[1:]
+
+
+class _Late:
+    """How late the changes of a subscription are."""
+
+    def __init__(self) -> None:
+        self.late_ms: list[float] = []
+
+    def datachange_notification(self, _node: object, _value: object, data: Any) -> None:
+        sample = data.monitored_item.Value.SourceTimestamp
+        if sample is not None:
+            self.late_ms.append(_late_ms(sample))
+
+
+def _opcua(plant: Plant) -> list[float]:
+    client = plant.clients["opcua"]
+    assert isinstance(client, OpcuaPlant)
+    return asyncio.run(_subscribe(client.site))
+
+
+async def _subscribe(site: OpcuaSite) -> list[float]:
+    late = _Late()
+    clients = [await site.connect(timeout_s=30) for _ in range(CLIENTS)]
+    index = await clients[0].get_namespace_index("urn:plumbline:bridge")
+    for number, client in enumerate(clients):
+        subscription = await client.create_subscription(100, late if number == 0 else _Late())
+        node = client.get_node(ua.NodeId(f"{KEY.removeprefix('plumbline/v1/')}/angle_deg", index))
+        await subscription.subscribe_data_change(node)
+    await asyncio.sleep(MEASURE_S)
+    for client in clients:
+        await client.disconnect()
+    return late.late_ms[1:]
+
+
+def _failures(folder: Path) -> None:
+    """Print how soon a consumer that looks at the angle alone sees that there is none."""
+    gateway = RunningGateway(folder, CHATTERING)
+    environment = {"PLUMBLINE_BUS__LISTEN": f'["{gateway.endpoint}"]'}
+    plant = Plant(folder, gateway.endpoint)
+    for name, client in plant.clients.items():
+        found: dict[str, list[float]] = {
+            "gateway held": [],
+            "bridge held": [],
+            "gateway killed": [],
+            "bridge killed": [],
+        }
+        for _ in range(RUNS):
+            for what, process in (("gateway held", gateway.process), ("bridge held", plant.bridges[name].process)):
+                plant.until_angle()
+                found[what].append(_time_to_nothing(client, partial(process.send_signal, signal.SIGSTOP)))
+                process.send_signal(signal.SIGCONT)
+            plant.until_angle()
+            found["gateway killed"].append(_time_to_nothing(client, gateway.process.kill))
+            gateway.wait()
+            gateway = RunningGateway(folder, CHATTERING, environment=environment)
+            plant.until_angle()
+            found["bridge killed"].append(_time_to_nothing(client, plant.bridges[name].process.kill))
+            plant.bridges[name].end()
+            plant.bridges[name] = plant.start(name)
+        said = ", ".join(f"{what} {statistics.median(times):.2f} ({max(times):.2f})" for what, times in found.items())
+        print(f"  no angle at a consumer of {name}, s after: {said}", flush=True)
+    plant.end()
+    gateway.stop()
+
+
+def _time_to_nothing(client: PlantClient, act: Callable[[], object]) -> float:
+    begin_s = time.monotonic()
+    act()
+    wait_until(lambda: client.angle_deg() is None, "no angle")
+    return time.monotonic() - begin_s
+
+
+def _campaign(folder: Path, duration_s: float, chance: random.Random) -> None:
+    """Kill, hold and restart broker, bridge and gateway at random, and compare what came with what was sent."""
+    broker = Mosquitto(folder)
+    gateway = RunningGateway(folder, CHATTERING)
+    endpoint = gateway.endpoint
+    settings = folder / "bridge.toml"
+    settings.write_text(
+        f'demonstration = true\n[mqtt]\nport = {broker.port}\nposition_file = "{folder}/position.json"\n'
+    )
+    bridge = RunningBridge("mqtt", endpoint, settings)
+    subscriber = Subscriber(broker.port, "#")
+    steady = RunningBridge("modbus", endpoint, settings)
+
+    def received() -> list[tuple[str, int]]:
+        return [
+            (each["boot_id"], each["alert_number"]) for each in subscriber.contents("/alert") if "missed" not in each
+        ]
+
+    wait_until(lambda: len(subscriber.contents("/state")) > 30, "states")
+    first = len(stored(gateway))
+    counts: dict[str, int] = {}
+    resident: list[tuple[float, float]] = []
+    end_s = time.monotonic() + duration_s
+    while time.monotonic() < end_s:
+        what = chance.choice(["broker restarted", "broker held", "bridge killed", "bridge held", "gateway killed"])
+        counts[what] = counts.get(what, 0) + 1
+        pause_s = chance.uniform(0.5, 6)
+        if what == "broker restarted":
+            broker.stop()
+            time.sleep(pause_s)
+            broker.start()
+        elif what == "broker held":
+            broker.signal(signal.SIGSTOP)
+            time.sleep(pause_s)
+            broker.signal(signal.SIGCONT)
+        elif what == "bridge killed":
+            bridge.end()
+            time.sleep(pause_s)
+            bridge = RunningBridge("mqtt", endpoint, settings)
+        elif what == "bridge held":
+            bridge.signal(signal.SIGSTOP)
+            time.sleep(pause_s)
+            bridge.signal(signal.SIGCONT)
+        else:
+            gateway.process.kill()
+            gateway.wait()
+            gateway = RunningGateway(folder, CHATTERING, environment={"PLUMBLINE_BUS__LISTEN": f'["{endpoint}"]'})
+        time.sleep(chance.uniform(1, 5))
+        resident.append((time.monotonic(), _resident_mib(steady.process.pid)))
+    wait_until(lambda: stored(gateway)[-1] in received(), "the last alert")
+    gateway.stop()
+    time.sleep(5)
+    sent, got = stored(gateway)[first:], received()
+    wanted = [each for each in dict.fromkeys(got) if each in set(sent)]
+    is_ordered = wanted == [each for each in sent if each in set(got)]
+    print(
+        f"  {duration_s / 60:.0f} minutes of failures {counts}: {len(sent)} alerts sent, {len(set(sent) - set(got))} lost, "
+        f"{len(got) - len(set(got))} twice, order {'kept' if is_ordered else 'BROKEN'}; "
+        f"Modbus bridge beside it {resident[0][1]:.1f} MiB at first, {resident[-1][1]:.1f} at the end, {_slope(resident)}",
+        flush=True,
+    )
+    subscriber.close()
+    for each in (bridge, steady):
+        each.end()
+    broker.stop()
+
+
+def _slope(points: list[tuple[float, float]]) -> str:
+    """Return the slope of a line through points, with its standard uncertainty."""
+    times = [at_s / 3600 for at_s, _ in points]
+    values = [value for _, value in points]
+    fit = statistics.linear_regression(times, values)
+    rest = [value - fit.intercept - fit.slope * at for at, value in zip(times, values, strict=True)]
+    spread = sum((at - statistics.fmean(times)) ** 2 for at in times)
+    u = (sum(each**2 for each in rest) / (len(points) - 2) / spread) ** 0.5
+    return f"slope {fit.slope:.2f} MiB/h, u {u:.2f}"
