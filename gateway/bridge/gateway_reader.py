@@ -21,11 +21,11 @@ LINK_LOOK_S = 0.1
 class GatewayReader:
     """Reads one gateway. A thread only opens the session; what was heard is judged by who asks."""
 
-    def __init__(self, connect: str, key: str, credentials: Credentials | None, *, demonstration: bool = False) -> None:
-        """`demonstration`: see `HeardMessages`. Raises `BusError` for an endpoint that cannot be used."""
+    def __init__(self, connect: str, key: str, credentials: Credentials | None, heard: HeardMessages) -> None:
+        """`heard`: takes the messages. Raises `BusError` for an endpoint that cannot be used."""
         self.key = key
         self._connect, self._credentials = connect, credentials
-        self._heard = HeardMessages(key, demonstration=demonstration)
+        self._heard = heard
         self._lock = threading.Lock()
         self._closing = threading.Event()
         self._linked = False
@@ -43,7 +43,7 @@ class GatewayReader:
                 was_linked, self._linked, self._looked_s = self._linked, client.connected, now_s
                 if self._linked and not was_linked:
                     client.request_latest()  # the calibration comes every ten seconds only
-            batch = FleetBatch() if client is None else client.inbox.drain()
+            batch = FleetBatch() if client is None else client.receive()
             self._heard.take(batch, now_s, is_linked=self._linked)
             return self._heard.snapshot(time.monotonic(), datetime.now(UTC))
 

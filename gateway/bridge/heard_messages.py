@@ -3,13 +3,15 @@
 import math
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
+from typing import Any, Self
 
 from pydantic import ValidationError
 
 from gateway.bridge.plant_snapshot import PlantSnapshot
 from gateway.bridge.plant_state import STATED, UNHEARD, WITHOUT_SENSOR, PlantState
+from gateway.bridge.settings import BridgeSettings
 from gateway.bus.alert_receiver import PATIENCE_S
+from gateway.bus.authenticity import DOUBT_S, Doubt, newer_doubt
 from gateway.bus.fleet_inbox import FleetArrival, FleetBatch
 from gateway.gateway_state import GatewayPresence, is_overdue
 from gateway.messages import Alert, Calibration, Health, Level, Message, Motion
@@ -42,12 +44,19 @@ class _Reading:
 class HeardMessages:
     """Takes what a gateway sends, and says at any time what is known. All methods are called from one thread at a time."""
 
-    def __init__(self, key: str, *, demonstration: bool = False) -> None:
-        """`demonstration`: values of a simulated crane or a recording count as known, and `source` says what they are."""
+    def __init__(self, key: str, *, demonstration: bool = False, allow_unsigned: bool = False) -> None:
+        """`demonstration`: values of a simulated crane or a recording count as known, and `source` says what they are.
+
+        `allow_unsigned`: messages of a gateway that has no key count as its own.
+        """
         self.key = key
         self.invalid = 0
         """Number of payloads that are not a valid message of their topic."""
-        self._demonstration = demonstration
+        self._demonstration, self._allow_unsigned = demonstration, allow_unsigned
+        self._is_signed = False
+        """Authentic messages have come: no other is taken any more."""
+        self._doubt: tuple[Doubt, float] | None = None
+        """The last doubt about a message, and when it came."""
         self._presence = GatewayPresence()
         self._linked = False
         self._reading: _Reading | None = None
@@ -56,19 +65,26 @@ class HeardMessages:
         self._calibration: Calibration | None = None
         self._heartbeat = 0
 
+    @classmethod
+    def of(cls, key: str, settings: BridgeSettings) -> Self:
+        """Return them as the settings want them."""
+        return cls(key, demonstration=settings.demonstration, allow_unsigned=settings.allow_unsigned)
+
     def take(self, batch: FleetBatch, now_s: float, *, is_linked: bool) -> None:
         """Take what has come since the last call, and whether somebody is connected."""
         if is_linked and not self._linked:
             self._presence.connected_s = now_s
         self._linked = is_linked
         self._presence.is_alive = batch.alive.get(self.key, self._presence.is_alive)
+        if (doubt := batch.doubts.get(self.key)) is not None:
+            self._doubt = newer_doubt(self._doubt, *doubt)
         taken = [topic for topic in READ_TOPICS if self._take(topic, batch.arrivals.get((self.key, topic)))]
         if "motion" in taken and self._judge(now_s) is PlantState.FINE:
             self._heartbeat = (self._heartbeat + 1) % HEARTBEATS
 
     def _take(self, topic: str, arrival: FleetArrival | None) -> bool:
         """Take a message; return whether it says something new."""
-        if arrival is None:
+        if arrival is None or not self._admit(arrival.doubt):
             return False
         try:
             message: Message = adapter(topic).validate_json(arrival.payload)
@@ -91,19 +107,32 @@ class HeardMessages:
                 return False
         return True
 
+    def _admit(self, doubt: Doubt | None) -> bool:
+        """Return whether a message counts as the gateway's own."""
+        if doubt is None and not self._is_signed:  # what came before may have been forged
+            self._is_signed = True
+            self._presence.alert, self._presence.heard_s = None, -math.inf
+            self._reading = self._health = self._calibration = None
+        return doubt is None or (self._allow_unsigned and not self._is_signed and doubt.kind == "unsigned")
+
     def _judge(self, now_s: float) -> PlantState:
         """Return the one word that decides whether the measured values are known."""
         stated = STATED[self._presence.judge(now_s, PATIENCE_S, is_linked=self._linked)]
         if stated in UNHEARD:
-            return stated
+            return stated if stated is PlantState.LINK_GONE else self._doubted(now_s, stated)
         health = self._current_health()
         if self._presence.alert is None or health is None:
-            return PlantState.NO_DATA
+            return self._doubted(now_s, PlantState.NO_DATA)
         if IDENTITY_FAULT in health.standing_faults:
             return PlantState.DUPLICATE
         if stated is PlantState.FINE and not self._demonstration:
             stated = WITHOUT_SENSOR.get(health.device_kind, stated)
         return self._judge_reading(now_s) if stated is PlantState.FINE else stated
+
+    def _doubted(self, now_s: float, unheard: PlantState) -> PlantState:
+        """Return the state where nothing is heard that counts as the gateway's own."""
+        is_doubted = self._doubt is not None and self._doubt[0].kind != "unproved" and now_s - self._doubt[1] <= DOUBT_S
+        return PlantState.NOT_AUTHENTICATED if is_doubted else unheard
 
     def _judge_reading(self, now_s: float) -> PlantState:
         """Return the state by the newest reading, where nothing else speaks against it."""

@@ -22,6 +22,7 @@ class PlantState(StrEnum):
     REPLAY = "replay"
     DUPLICATE = "duplicate"
     BRIDGE_GONE = "bridge gone"
+    NOT_AUTHENTICATED = "not authenticated"
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +47,7 @@ STATE_CODES: dict[str, Code] = {
     PlantState.REPLAY: Code(10, "the gateway replays a recording"),
     PlantState.DUPLICATE: Code(11, "two gateways use this name at the same time"),
     PlantState.BRIDGE_GONE: Code(12, "the bridge has ended or hangs; MQTT alone can say this"),
+    PlantState.NOT_AUTHENTICATED: Code(13, "what comes under the gateway's name is not signed with its key"),
 }
 """Definition: the numbers that stand for these words."""
 LEVEL_CODES: dict[str, Code] = {
@@ -66,13 +68,20 @@ STATED: dict[GatewayState, PlantState] = {
     GatewayState.FINE: PlantState.FINE,
     GatewayState.NOT_KNOWN: PlantState.NOT_KNOWN,
     GatewayState.UNCALIBRATED: PlantState.UNCALIBRATED,
+    GatewayState.NOT_AUTHENTICATED: PlantState.NOT_AUTHENTICATED,
     GatewayState.SUSPENDED: PlantState.SUSPENDED,
     GatewayState.SENSOR_GONE: PlantState.SENSOR_GONE,
     GatewayState.GATEWAY_GONE: PlantState.GATEWAY_GONE,
     GatewayState.LINK_GONE: PlantState.LINK_GONE,
 }
 """The words of the bus, which this list extends."""
-UNHEARD = (PlantState.NO_DATA, PlantState.GATEWAY_GONE, PlantState.LINK_GONE, PlantState.BRIDGE_GONE)
+UNHEARD = (
+    PlantState.NO_DATA,
+    PlantState.GATEWAY_GONE,
+    PlantState.LINK_GONE,
+    PlantState.NOT_AUTHENTICATED,
+    PlantState.BRIDGE_GONE,
+)
 """States in which nothing that the gateway has said holds any longer."""
 WITHOUT_SENSOR: dict[str, PlantState] = {"simulated": PlantState.SIMULATED, "replay": PlantState.REPLAY}
 """By the kind of the device."""

@@ -53,7 +53,7 @@ def _angle(name: str, register: int, float_register: int, meaning: str) -> Plant
 PLANT_VALUES: tuple[PlantValue, ...] = (
     PlantValue(name="schema_version", meaning="version of this table; a wrong address shows here", register=0, low=1),
     PlantValue(
-        name="state", meaning="1: the values below are known now; else why not", register=1, high=12, codes=STATE_CODES
+        name="state", meaning="1: the values below are known now; else why not", register=1, high=13, codes=STATE_CODES
     ),
     PlantValue(
         name="heartbeat",

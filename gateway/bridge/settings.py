@@ -96,6 +96,9 @@ class BridgeSettings(Section):
     demonstration: bool = Field(
         False, description="states the values of a simulated crane or a recording as if a sensor had measured them"
     )
+    allow_unsigned: bool = Field(
+        False, description="states the values of a gateway that has no key: whoever reaches its bus can forge them"
+    )
     modbus: ModbusSection = ModbusSection()
     mqtt: MqttSection = MqttSection()
     opcua: OpcuaSection = OpcuaSection()

@@ -18,6 +18,7 @@ from gateway.bridge.plant_values import PLANT_VALUES, PlantValue
 from gateway.bridge.settings import OpcuaSection, host_and_port, read_password
 from gateway.bus.alert_event import AlertEvent
 from gateway.bus.alert_receiver import AlertReceiver
+from gateway.bus.authenticity import Doubt
 from gateway.errors import InputError
 from gateway.messages import Alert, Level
 
@@ -106,12 +107,12 @@ class OpcuaServer:
         while True:
             for event in await asyncio.to_thread(self._poll):
                 if event.change is not None:
-                    await self._send(event.change)
+                    await self._send(event.change, event.doubt)
 
     def _poll(self) -> list[AlertEvent]:
         return list(self._alerts.poll(STEP_S))
 
-    async def _send(self, change: Alert) -> None:
+    async def _send(self, change: Alert, doubt: Doubt | None) -> None:
         """Send a change as the event of a condition; those who are not subscribed now do not get it."""
         if self._events is None:
             return
@@ -121,7 +122,8 @@ class OpcuaServer:
         event.AlertNumber, event.BootId, event.Level = change.alert_number or 0, change.boot_id or "", level
         setattr(event, "ActiveState/Id", level != "normal")
         setattr(event, "AckedState/Id", any(each.acknowledged_by for each in change.active if each.rule == change.rule))
-        await self._events.trigger(message=change.change or change.text)
+        text = change.change or change.text
+        await self._events.trigger(message=text if doubt is None else f"{doubt}: {text}")
 
 
 async def _add_value(server: Server, crane: Node, index: int, name: str, value: PlantValue) -> Node:

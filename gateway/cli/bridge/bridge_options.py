@@ -51,12 +51,13 @@ def gateway_key(arguments: argparse.Namespace) -> str:
 def run_bridge(arguments: argparse.Namespace, serve: Serve, description: Callable[["BridgeSettings"], str]) -> int:
     """Serve until SIGINT or SIGTERM; print what is served when it has begun."""
     from gateway.bridge.gateway_reader import GatewayReader
+    from gateway.bridge.heard_messages import HeardMessages
     from gateway.bridge.settings import load_settings
 
     logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
     settings, key = load_settings(arguments.settings), gateway_key(arguments)
     reader = GatewayReader(
-        connect_endpoint(arguments), key, client_credentials(arguments), demonstration=settings.demonstration
+        connect_endpoint(arguments), key, client_credentials(arguments), HeardMessages.of(key, settings)
     )
     try:
         asyncio.run(

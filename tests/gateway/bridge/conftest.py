@@ -8,6 +8,7 @@ import pytest
 
 from gateway.bridge.heard_messages import HeardMessages
 from gateway.bridge.plant_snapshot import PlantSnapshot
+from gateway.bus.authenticity import Doubt
 from gateway.bus.fleet_inbox import FleetInbox
 from gateway.messages import Message
 from gateway.topics import TOPIC_OF, encode
@@ -20,16 +21,21 @@ NOW_UTC = datetime.fromtimestamp(SAMPLE_TIME_NS / 1e9, UTC)
 class Listener:
     """A scene, and what a bridge that listens to it knows."""
 
-    def __init__(self, *, demonstration: bool = False) -> None:
+    def __init__(self, *, demonstration: bool = False, allow_unsigned: bool = False) -> None:
         self.scene = Scene()
         self.changes: dict[str, dict[str, Any]] = {"alert": {"validity": "valid", "boot_id": "b00t", "alert_number": 7}}
         """Fields that differ from those of the scene, by topic."""
         self.linked = True
         self.inbox = FleetInbox()
-        self.heard = HeardMessages(KEY, demonstration=demonstration)
+        self.heard = HeardMessages(KEY, demonstration=demonstration, allow_unsigned=allow_unsigned)
 
     def hear(
-        self, at_s: float, topics: tuple[str, ...] = ("motion", "alert", "health", "calibration"), *, live: bool = True
+        self,
+        at_s: float,
+        topics: tuple[str, ...] = ("motion", "alert", "health", "calibration"),
+        *,
+        live: bool = True,
+        doubt: Doubt | None = None,
     ) -> None:
         """The gateway sends a message of each topic, and the bridge takes them."""
         self.inbox.put_alive(f"{KEY}/alive", True)
@@ -37,7 +43,7 @@ class Listener:
             topic = TOPIC_OF[type(message)].name
             if topic in topics:
                 changed: Message = replace(message, **self.changes.get(topic, {}))
-                self.inbox.put(f"{KEY}/{topic}", encode(changed), at_s, live=live)
+                self.inbox.put(f"{KEY}/{topic}", encode(changed), at_s, live=live, doubt=doubt)
         self.take(at_s)
 
     def take(self, now_s: float) -> None:

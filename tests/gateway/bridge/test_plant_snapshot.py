@@ -8,6 +8,7 @@ import pytest
 from gateway.bridge.plant_snapshot import LONGEST_AGE_MS, PlantSnapshot
 from gateway.bridge.plant_state import LEVEL_CODES, SOURCE_CODES, STATE_CODES, PlantState
 from gateway.bridge.plant_values import PLANT_VALUES
+from gateway.bus.authenticity import Doubt
 from gateway.messages import Level, Validity
 from tests.gateway.bridge.conftest import KEY, Listener
 from tests.gateway.page.conftest import SAMPLE_TIME_NS
@@ -33,7 +34,7 @@ def test_all_values_are_stated_while_they_are_known(listener: Listener) -> None:
     listener.hear(10.0)
     snapshot = listener.snapshot(10.2)
     assert snapshot.state is PlantState.FINE
-    assert measured(snapshot) == pytest.approx([1.2, 0.196, 2.3, 0.196, 2.3, 0.294, 1.7], rel=1e-3)
+    assert measured(snapshot) == pytest.approx([1.15, 0.196, 2.3, 0.196, 2.3, 0.196, 1.7], rel=1e-3)
     assert (snapshot.level, snapshot.active_alerts, snapshot.alert_number, snapshot.boot_id) == ("normal", 0, 7, "b00t")
     assert (snapshot.source, snapshot.battery_percent, snapshot.battery_v) == ("sensor", 64.0, 3.61)
     assert snapshot.calibration_age_days == pytest.approx(5.0)
@@ -114,6 +115,38 @@ def test_nothing_measured_is_stated_and_nothing_is_calm_when_it_is_not_known(eve
     assert listener.snapshot(13.1).heartbeat == snapshot.heartbeat
 
 
+UNSIGNED, WRONG = Doubt("unsigned", "it is not signed"), Doubt("wrong", "its signature is wrong")
+
+
+@pytest.mark.parametrize(("doubt", "allow_unsigned"), [(UNSIGNED, False), (WRONG, False), (WRONG, True)])
+def test_what_is_not_signed_is_no_number(doubt: Doubt, allow_unsigned: bool) -> None:
+    listener = Listener(allow_unsigned=allow_unsigned)
+    listener.hear(10.0, doubt=doubt)
+    snapshot = listener.snapshot(10.1)
+    assert snapshot.state is PlantState.NOT_AUTHENTICATED
+    assert measured(snapshot) == [None] * len(MEASURED)
+    assert (snapshot.level, snapshot.heartbeat, snapshot.source) == ("unknown", 0, "unknown")
+
+
+def test_a_gateway_without_a_key_has_values_where_that_is_allowed() -> None:
+    listener = Listener(allow_unsigned=True)
+    listener.hear(10.0, doubt=UNSIGNED)
+    assert listener.snapshot(10.1).angle_deg is not None
+
+
+def test_forged_messages_beside_authentic_ones_change_nothing() -> None:
+    listener = Listener(allow_unsigned=True)
+    listener.hear(10.0, doubt=UNSIGNED)
+    listener.hear(11.0)
+    listener.changes["motion"] = {"angle_deg": 0.0}
+    listener.changes["alert"] |= {"validity": "suspended"}
+    listener.hear(11.2, doubt=UNSIGNED)
+    snapshot = listener.snapshot(11.3)
+    assert (snapshot.state, snapshot.angle_deg) == (PlantState.FINE, pytest.approx(1.15))
+    listener.hear(15.0, doubt=WRONG)
+    assert listener.snapshot(15.1).state is PlantState.NOT_AUTHENTICATED
+
+
 @pytest.mark.parametrize("validity", ["no_samples", "not_known"])
 def test_an_alarm_stands_while_the_gateway_says_so_though_it_cannot_see_its_end(validity: Validity) -> None:
     listener = Listener()
@@ -142,7 +175,7 @@ def test_a_demonstration_states_the_values_and_their_source() -> None:
     listener.hear(10.0)
     snapshot = listener.snapshot(10.1)
     assert (snapshot.state, snapshot.source) == (PlantState.FINE, "simulated")
-    assert snapshot.angle_deg == 1.2
+    assert snapshot.angle_deg == pytest.approx(1.15)
 
 
 def test_stored_messages_prove_nothing_but_the_calibration(listener: Listener) -> None:
