@@ -26,9 +26,10 @@ class FleetClient:
         pattern: str,
         credentials: Credentials | None = None,
         topics: Sequence[str] = STATE_TOPICS,
+        inbox: FleetInbox | None = None,
     ) -> None:
         """Connect and subscribe to topics. Raises `BusError` where nobody answers."""
-        self.inbox = FleetInbox()
+        self.inbox = FleetInbox() if inbox is None else inbox
         self._pattern = pattern
         self._session = open_client_session(connect, credentials)
         self._subscribers = [self._session.declare_subscriber(f"{pattern}/{topic}", self._receive) for topic in topics]
