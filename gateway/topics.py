@@ -83,6 +83,7 @@ TOPICS: dict[str, Topic] = {
 message in five is recorded. Basis: its low-pass leaves nothing that is faster than 2 Hz."""
 
 STATE_TOPICS = tuple(topic.name for topic in TOPICS.values() if topic.is_state)
+UNSIGNED_TOPICS = tuple(topic.name for topic in TOPICS.values() if not topic.signed)
 TOPIC_OF: dict[type[Any], Topic] = {topic.type: topic for topic in TOPICS.values()}
 
 

@@ -21,7 +21,16 @@ def _hints() -> Iterator[tuple[str, str, str]]:
 
 def test_every_installation_hint_names_this_distribution_and_one_of_its_extras() -> None:
     hints = list(_hints())
-    assert {extra for _, _, extra in hints} == {"laser", "opcua", "page", "relay", "security", "signing", "twin"}
+    assert {extra for _, _, extra in hints} == {
+        "foxglove",
+        "laser",
+        "opcua",
+        "page",
+        "relay",
+        "security",
+        "signing",
+        "twin",
+    }
     for file, distribution, extra in hints:
         assert (file, distribution) == (file, PROJECT["name"])
         assert extra in PROJECT["optional-dependencies"]

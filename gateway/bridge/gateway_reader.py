@@ -2,6 +2,7 @@
 
 import threading
 import time
+from collections.abc import Sequence
 from datetime import UTC, datetime
 
 from gateway.bridge.heard_messages import READ_TOPICS, HeardMessages
@@ -9,7 +10,7 @@ from gateway.bridge.plant_snapshot import PlantSnapshot
 from gateway.bus.alert_receiver import AlertReceiver
 from gateway.bus.credentials import Credentials
 from gateway.bus.fleet_client import FleetClient
-from gateway.bus.fleet_inbox import FleetBatch
+from gateway.bus.fleet_inbox import FleetBatch, FleetInbox
 from gateway.bus.session import UnreachableError
 
 RETRY_S = 0.5
@@ -21,9 +22,22 @@ LINK_LOOK_S = 0.1
 class GatewayReader:
     """Reads one gateway. A thread only opens the session; what was heard is judged by who asks."""
 
-    def __init__(self, connect: str, key: str, credentials: Credentials | None, heard: HeardMessages) -> None:
-        """`heard`: takes the messages. Raises `BusError` for an endpoint that cannot be used."""
+    def __init__(
+        self,
+        connect: str,
+        key: str,
+        credentials: Credentials | None,
+        heard: HeardMessages,
+        *,
+        topics: Sequence[str] = READ_TOPICS,
+        inbox: FleetInbox | None = None,
+    ) -> None:
+        """`heard`: judges the messages; `inbox`: takes those of `topics`, where a bridge needs more than the newest.
+
+        Raises `BusError` for an endpoint that cannot be used.
+        """
         self.key = key
+        self._topics, self._inbox = topics, inbox
         self._connect, self._credentials = connect, credentials
         self._heard = heard
         self._lock = threading.Lock()
@@ -60,7 +74,7 @@ class GatewayReader:
     def _open(self) -> bool:
         """Open the session, which from then on restores a lost link by itself; return False where nobody answers."""
         try:
-            client = FleetClient(self._connect, self.key, self._credentials, READ_TOPICS)
+            client = FleetClient(self._connect, self.key, self._credentials, self._topics, self._inbox)
         except UnreachableError:
             return False
         with self._lock:

@@ -3,13 +3,12 @@
 import math
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any, Self
+from typing import Any
 
 from pydantic import ValidationError
 
 from gateway.bridge.plant_snapshot import PlantSnapshot
 from gateway.bridge.plant_state import STATED, UNHEARD, WITHOUT_SENSOR, PlantState
-from gateway.bridge.settings import BridgeSettings
 from gateway.bus.alert_receiver import PATIENCE_S
 from gateway.bus.authenticity import DOUBT_S, Doubt, newer_doubt
 from gateway.bus.fleet_inbox import FleetArrival, FleetBatch
@@ -64,11 +63,6 @@ class HeardMessages:
         self._health_s = -math.inf
         self._calibration: Calibration | None = None
         self._heartbeat = 0
-
-    @classmethod
-    def of(cls, key: str, settings: BridgeSettings) -> Self:
-        """Return them as the settings want them."""
-        return cls(key, demonstration=settings.demonstration, allow_unsigned=settings.allow_unsigned)
 
     def take(self, batch: FleetBatch, now_s: float, *, is_linked: bool) -> None:
         """Take what has come since the last call, and whether somebody is connected."""
@@ -126,7 +120,7 @@ class HeardMessages:
         if IDENTITY_FAULT in health.standing_faults:
             return PlantState.DUPLICATE
         if stated is PlantState.FINE and not self._demonstration:
-            stated = WITHOUT_SENSOR.get(health.device_kind, stated)
+            stated = WITHOUT_SENSOR.get(_kind(self._presence.alert, health), stated)
         return self._judge_reading(now_s) if stated is PlantState.FINE else stated
 
     def _doubted(self, now_s: float, unheard: PlantState) -> PlantState:
@@ -173,12 +167,18 @@ class HeardMessages:
             "calibration_age_days": None if created is None else (now_utc - created).total_seconds() / DAY_S
         }
         if health is not None and not is_overdue(now_s - self._health_s, HEALTH_PATIENCE_S):
-            known["source"] = health.device_kind if health.device_kind in WITHOUT_SENSOR else "sensor"
+            kind = _kind(alert, health)
+            known["source"] = kind if kind in WITHOUT_SENSOR else "sensor"
             known |= {"battery_percent": _known(health.battery_percent), "battery_v": _known(health.battery_v)}
         if alert is not None:
             known |= {"alert_number": alert.alert_number, "boot_id": alert.boot_id}
             known["active_alerts"] = None if state in WITHOUT_SENSOR.values() else len(alert.active)
         return known
+
+
+def _kind(alert: Alert | None, health: Health) -> str:
+    """Return what takes the samples: a recording that is played states the kind of device that it was made with."""
+    return "replay" if alert is not None and alert.clock == "replayed" else health.device_kind
 
 
 def _level(alert: Alert | None, state: PlantState) -> Level:

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, ValidationError, field_validator, model_validator
 
 from gateway.configuration.bus_section import is_loopback
 from gateway.configuration.section import Section
@@ -90,6 +90,21 @@ class OpcuaSection(Section):
         return self
 
 
+class FoxgloveSection(Section):
+    """The server for viewers, on this machine alone: its library knows no sign-in."""
+
+    listen: Address = Field("127.0.0.1:8765", description="where to serve; on this machine")
+
+    @field_validator("listen")
+    @classmethod
+    def _check_loopback(cls, listen: str) -> str:
+        if not is_loopback(f"tcp/{listen}"):
+            raise ValueError(
+                f"{listen} is open to others, and the protocol's library knows no tokens; use a tunnel (ssh -L)"
+            )
+        return listen
+
+
 class BridgeSettings(Section):
     """The whole file."""
 
@@ -102,6 +117,7 @@ class BridgeSettings(Section):
     modbus: ModbusSection = ModbusSection()
     mqtt: MqttSection = MqttSection()
     opcua: OpcuaSection = OpcuaSection()
+    foxglove: FoxgloveSection = FoxgloveSection()
 
 
 def load_settings(path: Path | None) -> BridgeSettings:

@@ -92,7 +92,7 @@ COMMANDS: dict[str, str | CommandGroup] = {
     "bridge": CommandGroup(
         "give the values of a gateway to a plant by its own protocols",
         "bridge mqtt --gateway plumbline/v1/yard/crane-1/hook --settings bridge.toml",
-        ("bridge_mqtt", "bridge_modbus", "bridge_opcua"),
+        ("bridge_mqtt", "bridge_modbus", "bridge_opcua", "bridge_foxglove"),
         part="protocol",
     ),
     "simulate": "analysis",

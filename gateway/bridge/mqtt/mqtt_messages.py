@@ -61,7 +61,7 @@ def _stated(value: float | int | str | None, number: float | int | None) -> floa
 
 
 def encode_alert(event: AlertEvent) -> bytes:
-    """Return a change as the message of the bus, marked where it is not authenticated; or the numbers of changes that are lost."""
+    """Return a change as the message of the bus, marked where it is not authenticated, or the numbers of lost ones."""
     if event.change is not None and event.doubt is not None:
         return json.dumps(json.loads(encode(event.change)) | {"not_authenticated": event.doubt.text}).encode()
     if event.change is not None:

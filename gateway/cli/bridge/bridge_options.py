@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Coroutine
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gateway.cli.options.bus_link import add_connect, client_credentials, connect_endpoint
 
@@ -48,17 +48,18 @@ def gateway_key(arguments: argparse.Namespace) -> str:
     return key
 
 
-def run_bridge(arguments: argparse.Namespace, serve: Serve, description: Callable[["BridgeSettings"], str]) -> int:
-    """Serve until SIGINT or SIGTERM; print what is served when it has begun."""
+def run_bridge(
+    arguments: argparse.Namespace, serve: Serve, description: Callable[["BridgeSettings"], str], **heard: Any
+) -> int:
+    """Serve until SIGINT or SIGTERM; print what is served when it has begun. `heard`: `inbox` and `topics` of the reader."""
     from gateway.bridge.gateway_reader import GatewayReader
     from gateway.bridge.heard_messages import HeardMessages
     from gateway.bridge.settings import load_settings
 
     logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
     settings, key = load_settings(arguments.settings), gateway_key(arguments)
-    reader = GatewayReader(
-        connect_endpoint(arguments), key, client_credentials(arguments), HeardMessages.of(key, settings)
-    )
+    messages = HeardMessages(key, demonstration=settings.demonstration, allow_unsigned=settings.allow_unsigned)
+    reader = GatewayReader(connect_endpoint(arguments), key, client_credentials(arguments), messages, **heard)
     try:
         asyncio.run(
             _until_signal(serve(settings, reader, lambda: print(f"{description(settings)}, of {key}", flush=True)))

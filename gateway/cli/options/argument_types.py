@@ -132,6 +132,11 @@ def require_opcua() -> None:
     _require(("asyncua",), "opcua")
 
 
+def require_foxglove() -> None:
+    """Raise `InputError` where the server for viewers is missing."""
+    _require(("foxglove",), "foxglove")
+
+
 def require_certificates() -> None:
     """Raise `InputError` where the library for certificates is missing."""
     _require(("cryptography",), "security")

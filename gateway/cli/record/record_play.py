@@ -9,7 +9,8 @@ from gateway.cli.options.recording_options import add_selection, interval
 EXAMPLE = """examples:
   plumbline record play plumbline-data --last 10:00 --speed 4
   plumbline record play incident.mcap --connect tcp/10.0.0.5:7447
-  plumbline remote watch      (in another terminal)"""
+  plumbline remote watch      (in another terminal)
+  plumbline bridge foxglove --gateway plumbline/v1/yard/crane-1/hook-replayed      (for viewers)"""
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

@@ -100,6 +100,7 @@ def repeat_the_sample(listener: Listener) -> None:
         (say("motion", angle_deg=None), PlantState.NOT_KNOWN),
         (say("health", device_kind="simulated"), PlantState.SIMULATED),
         (say("health", device_kind="replay"), PlantState.REPLAY),
+        (say("alert", clock="replayed"), PlantState.REPLAY),
         (say("health", standing_faults={"identity": "twice"}), PlantState.DUPLICATE),
     ],
 )
@@ -142,7 +143,8 @@ def test_forged_messages_beside_authentic_ones_change_nothing() -> None:
     listener.changes["alert"] |= {"validity": "suspended"}
     listener.hear(11.2, doubt=UNSIGNED)
     snapshot = listener.snapshot(11.3)
-    assert (snapshot.state, snapshot.angle_deg) == (PlantState.FINE, pytest.approx(1.15))
+    assert snapshot.state is PlantState.FINE
+    assert snapshot.angle_deg == pytest.approx(1.15)
     listener.hear(15.0, doubt=WRONG)
     assert listener.snapshot(15.1).state is PlantState.NOT_AUTHENTICATED
 

@@ -1,0 +1,1 @@
+"""The Foxglove WebSocket protocol, by which viewers look at a gateway live."""
