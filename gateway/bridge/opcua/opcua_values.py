@@ -31,6 +31,7 @@ STATUS: dict[PlantState, int] = {
     PlantState.REPLAY: ua.StatusCodes.BadNotSupported,
     PlantState.DUPLICATE: ua.StatusCodes.BadConfigurationError,
     PlantState.BRIDGE_GONE: ua.StatusCodes.BadShutdown,
+    PlantState.NOT_AUTHENTICATED: ua.StatusCodes.BadSecurityChecksFailed,
 }
 """Why a value is not known; in a fine state: there is none, such as a coming peak of a load at rest."""
 
