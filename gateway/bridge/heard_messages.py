@@ -166,9 +166,10 @@ class HeardMessages:
         known: dict[str, Any] = {
             "calibration_age_days": None if created is None else (now_utc - created).total_seconds() / DAY_S
         }
-        if health is not None and not is_overdue(now_s - self._health_s, HEALTH_PATIENCE_S):
+        if health is not None:
             kind = _kind(alert, health)
             known["source"] = kind if kind in WITHOUT_SENSOR else "sensor"
+        if health is not None and not is_overdue(now_s - self._health_s, HEALTH_PATIENCE_S):
             known |= {"battery_percent": _known(health.battery_percent), "battery_v": _known(health.battery_v)}
         if alert is not None:
             known |= {"alert_number": alert.alert_number, "boot_id": alert.boot_id}

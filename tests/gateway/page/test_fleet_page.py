@@ -17,12 +17,16 @@ from typing import Any
 import pytest
 import zenoh
 from axe_playwright_python.sync_playwright import Axe
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from playwright.sync_api import Browser, Page, expect
 
+from gateway.authorization.message_signature import MessageSigner, Question
+from gateway.bus.authenticity import CHALLENGE
 from gateway.fleet.fleet_page import CARD_STYLES
 from gateway.fleet.gateway_status import STATE_LABELS
 from gateway.languages import LANGUAGES, read_texts
 from gateway.messages import Health
+from gateway.pki.signing_key import SigningKey
 from gateway.stages.conditions.verdict import DISTURBING, UNUSABLE
 from gateway.topics import TOPIC_OF, encode
 from tests.gateway.page.conftest import Scene
@@ -36,6 +40,8 @@ GATEWAY = Path(__file__).parents[3] / "gateway"
 DAEMON = GATEWAY / "daemon"
 INSPECTION = Path(__file__).with_name("layout.js").read_text(encoding="utf-8")
 SMALLEST_TEXT_PX = 15.9
+CRANES_KEY = SigningKey(Ed25519PrivateKey.from_private_bytes(bytes(32)))
+"""The same in all tests: the key of a name stays pinned."""
 URL = "http://crane-2.example:8321/"
 LONG_REASON = "the magnitude is not that of a hanging load, which a swing would have at its turning point; " * 4
 
@@ -53,6 +59,9 @@ class Site:
         self.scenes: dict[str, Scene] = {}
         self.pages: dict[str, str] = {}
         self._tokens: dict[str, zenoh.LivelinessToken] = {}
+        self._signer = MessageSigner(lambda: CRANES_KEY, "0123456789ab", time.monotonic_ns)
+        challenged = f"{self._key('*')}/{CHALLENGE}"
+        self._answering = self.session.declare_queryable(challenged, self._answer)
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._speak)
         self._thread.start()
@@ -75,6 +84,12 @@ class Site:
     def _key(self, crane: str) -> str:
         return f"plumbline/v1/north-yard/{crane}/hook"
 
+    def _answer(self, query: zenoh.Query) -> None:
+        """Prove to who asks which key the cranes have, and what their time is."""
+        sent = [b"" if part is None else part.to_bytes() for part in (query.payload, query.attachment)]
+        name, payload = str(query.key_expr), b"{}"
+        query.reply(name, payload, attachment=self._signer.sign_answer(name, payload, Question(*sent), accepted=True))
+
     def _speak(self) -> None:
         sequence = 0
         while not self._ended.wait(0.2):
@@ -82,7 +97,8 @@ class Site:
             for crane, scene in list(self.scenes.items()):
                 for message in scene.messages(sequence, time.time_ns()):
                     stated = replace(message, page=self.pages.get(crane)) if isinstance(message, Health) else message
-                    self.session.put(f"{self._key(crane)}/{TOPIC_OF[type(message)].name}", encode(stated))
+                    name, payload = f"{self._key(crane)}/{TOPIC_OF[type(message)].name}", encode(stated)
+                    self.session.put(name, payload, attachment=self._signer.sign_message(name, payload))
 
 
 @pytest.fixture

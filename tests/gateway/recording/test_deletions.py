@@ -110,11 +110,11 @@ def test_a_segment_that_the_quota_had_kept_is_missed(record: Record, start_ns: i
 
 def test_deletions_of_a_changed_quota_stand_apart(record: Record, folder: Path, start_ns: int, capsys: Capture) -> None:
     first = verify(capsys, folder)[2]["first_segment"]
-    record(start_ns + LATER_NS, segments=1, quota_mb=0.08)
+    record(start_ns + LATER_NS, segments=1, quota_mb=0.1)
     code, text, result = verify(capsys, folder)
     assert code == 0
-    assert [(each["first"], each["quota_mb"]) for each in result["missing"]] == [(1, 0.2), (first, 0.08)]
-    assert "deleted by the quota of 0.08 MB" in text
+    assert [(each["first"], each["quota_mb"]) for each in result["missing"]] == [(1, 0.2), (first, 0.1)]
+    assert "deleted by the quota of 0.1 MB" in text
 
 
 def test_a_deletion_is_stated_before_the_next_sync(record: Record, start_ns: int, capsys: Capture) -> None:
