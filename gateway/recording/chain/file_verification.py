@@ -66,7 +66,7 @@ class RecomputedSummary:
     def end(self, start: int, found: bytes) -> bytes:
         """Return the bytes that follow the data section; `found` are those that do."""
         if not self._section.chunk_count:  # no message was recorded, and the definitions stand here alone
-            for opcode, content in records_of(found):
+            for opcode, content in records_of(found.removesuffix(MCAP0_MAGIC)):
                 self._define(opcode, content)
         return self._section.encode(start) + MCAP0_MAGIC
 

@@ -117,6 +117,13 @@ def test_deletions_of_a_changed_quota_stand_apart(record: Record, folder: Path, 
     assert "deleted by the quota of 0.1 MB" in text
 
 
+def test_a_segment_without_a_message_is_as_it_was_signed(record: Record, start_ns: int, capsys: Capture) -> None:
+    """A gateway that is stopped before its first sample, or a segment that a tiny quota ends at once."""
+    folder = record(start_ns, segments=0, compacted=False)[0].parent
+    code, _, result = verify(capsys, folder)
+    assert (code, result["problems"]) == (0, [])
+
+
 def test_a_deletion_is_stated_before_the_next_sync(record: Record, start_ns: int, capsys: Capture) -> None:
     folder = record(start_ns, segments=8, quota_mb=QUOTA_MB, compacted=False, closed=False)[0].parent
     (folder / "chain.json").unlink()
