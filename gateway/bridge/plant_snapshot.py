@@ -19,7 +19,7 @@ class PlantSnapshot:
     state: PlantState
     source: str = "unknown"
     heartbeat: int = 0
-    """Number of valid readings, modulo 65536: it stands still while nothing is known."""
+    """Rises with each valid reading that is taken, modulo 65536: it stands still while nothing is known."""
     age_s: float | None = None
     """Since the newest reading arrived at the bridge; None: none has."""
     sample_time_ns: int | None = None

@@ -57,7 +57,7 @@ PLANT_VALUES: tuple[PlantValue, ...] = (
     ),
     PlantValue(
         name="heartbeat",
-        meaning="number of valid readings, modulo 65536; it stands still while nothing is known",
+        meaning="rises with each valid reading that is taken, modulo 65536; it stands still while nothing is known",
         register=2,
         high=65_535,
     ),

@@ -209,6 +209,9 @@ def test_another_key_is_not_authenticated_until_a_person_accepts_it(site: Site) 
     (reason,) = [each for each in site.card()["reasons"] if "--accept-key" in each]
     accept = reason.partition("plumbline remote status ")[2].split()
     assert accept[:2] == ["--gateway", KEY]
+    nobodys = site.run("remote", "status", *site.link, "--gateway", KEY, "--accept-key", "0000-0000-0000-0000")
+    assert (nobodys.returncode, nobodys.stdout) == (2, "")
+    assert "none that answers has this fingerprint" in nobodys.stderr
     assert site.run("remote", "status", *site.link, *accept).stderr == ""
     wait_until(lambda: site.card()["authenticated"], "the accepted key")
 

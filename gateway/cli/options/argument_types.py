@@ -3,6 +3,7 @@
 import argparse
 import importlib.util
 import math
+import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
@@ -51,6 +52,13 @@ def day_count(text: str) -> int:
     if not 1 <= days <= 36500:
         raise argparse.ArgumentTypeError(f"{text} is not a number of days from 1 to 36500")
     return days
+
+
+def key_fingerprint(text: str) -> str:
+    """Parse the fingerprint of a key."""
+    if re.fullmatch(r"[0-9a-f]{4}(-[0-9a-f]{4}){3}", text) is None:
+        raise argparse.ArgumentTypeError(f"{text} is not a fingerprint such as 2693-bcf2-69b1-0e1d")
+    return text
 
 
 def recording_time(text: str) -> "RecordingTime":

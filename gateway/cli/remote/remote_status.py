@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gateway.cli.options.argument_types import key_fingerprint
 from gateway.cli.options.bus_link import add_address, client_credentials, connect_endpoint
 from gateway.text import printable
 
@@ -37,6 +38,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     )
     verb.add_argument(
         "--accept-key",
+        type=key_fingerprint,
         metavar="FINGERPRINT",
         help="take the key with this fingerprint for that of the gateway, in place of one that was pinned; compare it with "
         "what plumbline run prints at the gateway",
@@ -59,6 +61,10 @@ def _status(arguments: argparse.Namespace) -> int:
         answers = query_status(session, arguments.gateway, authenticity)
     if not answers:
         raise InputError(f"no gateway {arguments.gateway} answers at {connect}")
+    if arguments.accept_key is not None and not any(_is_pinned(key, arguments.accept_key) for key in answers):
+        raise InputError(
+            f"--accept-key {arguments.accept_key}: no key is pinned: none that answers has this fingerprint"
+        )
     now_s, now_utc = time.monotonic(), datetime.now(UTC)
     pages, gateways = [], {}
     for key, answer in answers.items():
@@ -75,6 +81,14 @@ def _status(arguments: argparse.Namespace) -> int:
         topics["drift"] = drift
     show("\n\n".join(pages), gateways, arguments.json)
     return 0
+
+
+def _is_pinned(gateway: str, accepted: str) -> bool:
+    from gateway.bus.known_gateways import known_statement
+    from gateway.pki.signing_key import fingerprint
+
+    known = known_statement(gateway)
+    return known is not None and fingerprint(known.public_key) == accepted
 
 
 def note_statement(health: dict[str, Any] | None) -> None:

@@ -2,7 +2,7 @@ import argparse
 
 import pytest
 
-from gateway.cli.options.argument_types import above_zero, recording_time, whole_number
+from gateway.cli.options.argument_types import above_zero, key_fingerprint, recording_time, whole_number
 
 
 def test_a_number_above_zero_is_accepted() -> None:
@@ -26,3 +26,10 @@ def test_other_texts_are_refused_with_the_forms_of_a_time() -> None:
     assert recording_time("1:30").value_ns == 90 * 10**9
     with pytest.raises(argparse.ArgumentTypeError, match=r"soon is neither seconds from the start .* nor UTC"):
         recording_time("soon")
+
+
+def test_a_fingerprint_has_the_form_that_the_gateway_prints() -> None:
+    assert key_fingerprint("2693-bcf2-69b1-0e1d") == "2693-bcf2-69b1-0e1d"
+    for text in ("zz", "2693bcf269b10e1d", "2693-BCF2-69B1-0E1D", ""):
+        with pytest.raises(argparse.ArgumentTypeError, match="is not a fingerprint"):
+            key_fingerprint(text)
