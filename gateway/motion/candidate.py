@@ -7,7 +7,6 @@ import numpy as np
 
 from gateway.motion.bin_noise import BinNoise
 from gateway.motion.binning import ForceBin
-from gateway.motion.fast_oscillation import FastOscillation
 from gateway.motion.gyro_reading import GyroPrior
 from gateway.motion.motion_filter import EXPECTED_SQUARED, MotionFilter
 from gateway.motion.state_vector import GRAVITY, indices
@@ -104,7 +103,3 @@ class MotionCandidate:
         sigma_rad_s = self._gyro_noise.sigma_g((self._gyro.noise_rad_s or 0.0) / math.sqrt(one.count))
         squared = min(self.filter.update_rate(one.rate_rad_s, sigma_rad_s), LARGEST_SQUARED)
         self.rate_squared += (1 - INNOVATION_MEMORY) * (squared - self.rate_squared)
-
-    def follow_line(self, found: FastOscillation | None) -> None:
-        """Model the fast oscillation that was found."""
-        self.filter.follow_line(found)

@@ -185,7 +185,7 @@ class MotionTracker:
             self._noise.add(one.force_g)
             if self._oscillation.add(one.force_g):
                 for candidate in self.candidates:
-                    candidate.follow_line(self._oscillation.found)
+                    candidate.filter.follow_line(self._oscillation.found)
         else:
             self._clear_noise()
         for group in self._groups.add(one):
