@@ -12,6 +12,7 @@ from gateway.calibration.poses.faces import FACES
 from gateway.calibration.record import FigureSeries, RecordFigure
 from gateway.documents.format import format_fixed
 from gateway.numerics.array import Array
+from gateway.numerics.stats import means_by_group
 
 N_POINTS = 20
 """Number of temperatures of a series. Basis: a choice; a line or a parabola needs fewer."""
@@ -72,5 +73,10 @@ def thermal_figure(found: ThermalCalibration) -> RecordFigure:
 
 
 def _mean_reading(ramps: Sequence[Ramp], face: str, axis: int, grid_c: Array) -> Array:
-    curves = [np.interp(grid_c, ramp.temperature_c, ramp.mean[:, axis]) for ramp in ramps if ramp.face == face]
+    curves = []
+    for ramp in ramps:
+        if ramp.face == face:
+            nearest = np.abs(np.subtract.outer(ramp.temperature_c, grid_c)).argmin(axis=1)
+            means, _ = means_by_group(nearest, np.column_stack([ramp.temperature_c, ramp.mean[:, axis]]))
+            curves.append(np.interp(grid_c, *means.T))
     return np.asarray(np.mean(curves, axis=0))
