@@ -102,7 +102,20 @@ def test_unequal_rotations_show_a_load_off_mid_span_and_widen_the_uncertainty() 
     assert abs(found.deflection_m - true_m) < found.u_m
     assert found.u_m == pytest.approx(0.02 * true_m, rel=0.1)
     far = girder_deflection(EndRotation(2e-3, 1e-6, 0.0), EndRotation(-1e-4, 1e-6, 0.0), girder)
-    assert "an axis is turned round" in far.warnings[0]
+    assert "the ends turn in opposite senses" in far.warnings[0]
+
+
+def test_an_axis_the_wrong_way_round_shows_under_a_load_at_mid_span() -> None:
+    """The rotations then cancel: 20 mm read as 0.1 mm."""
+    found = girder_deflection(
+        EndRotation(5.06e-3, 2e-5, 0.01), EndRotation(-4.89e-3, 2e-5, 0.01), Girder(half_span_m=5.0)
+    )
+    assert "an axis is the wrong way round" in found.warnings[0]
+
+
+def test_an_end_that_does_not_turn_beyond_its_noise_is_no_wrong_axis() -> None:
+    found = girder_deflection(EndRotation(5e-5, 2e-5, 0.01), EndRotation(-4e-5, 2e-5, 0.01), Girder(half_span_m=5.0))
+    assert not found.warnings
 
 
 def test_the_uncertainty_holds_angles_and_dimensions() -> None:
