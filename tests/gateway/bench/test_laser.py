@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gateway.bench.laser.board import DotBoard
-from gateway.bench.laser.displacement import displacement, measure_photograph
+from gateway.bench.laser.displacement import check_different, displacement, measure_photograph
 from gateway.bench.laser.output import draw_overlay
 from gateway.bench.laser.photograph import Photograph
 from gateway.calibration.record import NotDeterminedError
@@ -112,6 +112,36 @@ def test_a_board_that_is_cut_off_is_refused() -> None:
 
 def test_two_spots_are_refused() -> None:
     refuse(replace(PLAIN, spots=((3.0, -40.0), (3.0, 20.0))), "two laser spots, at pixels")
+
+
+def test_the_same_photograph_twice_is_refused() -> None:
+    with pytest.raises(NotDeterminedError, match=r"is the same photograph as rendered\.png"):
+        check_different(
+            [
+                measured(PLAIN),
+                replace(measured(PLAIN), photograph=replace(measured(PLAIN).photograph, path=Path("b.png"))),
+            ]
+        )
+
+
+def test_a_bent_board_is_refused() -> None:
+    """A sag of 4 mm seen at 15 degrees: the dots leave a third of a millimetre, and d was wrong by half of one."""
+    bent = render(replace(PLAIN, tilt_deg=(0.0, 15.0)))
+    y, x = np.mgrid[: bent.shape[0], : bent.shape[1]].astype(np.float32)
+    wave = 5 * 1.1 * np.sin(2 * np.pi * (x - 150) / 600).astype(np.float32)
+    photograph = Photograph(Path("bent.png"), cv2.remap(bent, x + wave, y, cv2.INTER_CUBIC).astype(np.uint8), "red")
+    with pytest.raises(NotDeterminedError, match="rms off a flat lattice; flatten the board"):
+        measure_photograph(photograph, BOARD)
+
+
+def test_a_spot_at_the_rim_of_a_glare_is_refused() -> None:
+    pixels = render(PLAIN).astype(np.float64)
+    y, x = np.mgrid[: pixels.shape[0], : pixels.shape[1]]
+    spot_x, spot_y = measured(PLAIN).spot.centre_px
+    glare = 600 * np.exp(-((x - spot_x - 20) ** 2 + (y - spot_y) ** 2) / 2 / 14**2)
+    photograph = Photograph(Path("glare.png"), np.clip(pixels + glare[..., None], 0, 255).astype(np.uint8), "red")
+    with pytest.raises(NotDeterminedError, match=r"glare\.png: "):
+        measure_photograph(photograph, BOARD)
 
 
 def test_too_many_hidden_dots_are_refused() -> None:
