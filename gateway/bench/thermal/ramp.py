@@ -18,9 +18,11 @@ MIN_RAMP_C = 10.0
 """Smallest range of a ramp, °C. Basis: at 0.1 mg/°C the offset changes by 1 mg."""
 MIN_RAMP_AVERAGES = 24
 """Least number of averages of a ramp. Basis: a choice; a curvature and the scatter show."""
-MAX_MOTION_G = 0.025
-"""Largest deviation of an average from its ramp's own parabola, g; beyond it the sensor was moved. Basis: the scatter at which a
-pose is not at rest, `windows.STILL_LIMIT_G`."""
+MAX_JUMP_G = 0.010
+"""Largest jump between the means of `JUMP_AVERAGES` before and after a moment, g, from the ramp's own parabola; beyond it the
+sensor was moved. Basis: half a degree across the vertical; what a lag of seconds leaves of a parabola is smaller and slow."""
+JUMP_AVERAGES = 4
+"""Number of averages on either side of a jump: 2 s. Basis: a choice; noise falls to a half, and a temperature hardly changes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +77,13 @@ def read_ramp(readings: FileReadings, nominal: NominalSensitivity) -> Ramp:
     if face is None:
         raise NotDeterminedError(f"{path}: lies on no face; a ramp needs one axis up or down throughout")
     _, residual, _ = _parabola(mean_c - mean_c.mean(), means)
-    moved_g = float(np.max(np.abs(residual))) / nominal.units_per_g
-    if moved_g > MAX_MOTION_G + 6 * float(noise.max()) / nominal.units_per_g:
-        raise NotDeterminedError(f"{path}: a reading stands {moved_g * 1000:.0f} mg off its ramp: the sensor was moved")
+    sums = np.cumsum(np.vstack([np.zeros(3), residual]), axis=0)
+    means_of = (sums[JUMP_AVERAGES:] - sums[:-JUMP_AVERAGES]) / JUMP_AVERAGES
+    jump_g = float(np.max(np.abs(means_of[JUMP_AVERAGES:] - means_of[:-JUMP_AVERAGES]))) / nominal.units_per_g
+    if jump_g > MAX_JUMP_G + 6 * float(noise.max()) / nominal.units_per_g:
+        raise NotDeterminedError(
+            f"{path}: the readings jump by {jump_g * 1000:.0f} mg in the ramp: the sensor was moved"
+        )
     return Ramp(path, face, averages[:, 0], mean_c, means, noise, len(raw))
 
 

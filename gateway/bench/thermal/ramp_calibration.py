@@ -13,8 +13,8 @@ from gateway.bench.thermal.datasheet_limits import (
     overall,
 )
 from gateway.bench.thermal.ramp import Ramp, read_ramp
-from gateway.bench.thermal.ramp_regression import AxisRegression, fit_ramps
-from gateway.calibration.methods.calibration_fit import CalibrationFit
+from gateway.bench.thermal.ramp_regression import AxisRegression, RampRegression, fit_ramps
+from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind
 from gateway.calibration.methods.six_position import PLACEMENT_U_DEG, fit_six_positions
 from gateway.calibration.offline.calibrate_files import estimate_sensitivity
 from gateway.calibration.offline.readings_file import FileReadings
@@ -24,6 +24,9 @@ from gateway.calibration.record import NotDeterminedError
 from gateway.calibration.thermal_model import AXES, AxisThermalModel, ThermalModel
 from gateway.errors import InputError
 
+MAX_DRIFT_G = 0.002
+"""Largest drift in time over a ramp, g. Basis: a choice; three times what a hysteresis of 0.5 mg shows as, and a sixth of what a
+ramp in °F differs by at 0.5 mg/°C."""
 USUAL_REFERENCE_C = 25.0
 """Temperature at which data sheets state offset and sensitivity, °C. Definition: of data sheets."""
 
@@ -109,7 +112,24 @@ def calibrate_ramps(
         thermal=model.model_dump(mode="json"),
         temperature_c={"mean": reference_c, "min": low_c, "max": high_c},
     )
+    if worst := _find_disagreement(ramps, regression):
+        fit = replace(fit, warnings=(*fit.warnings, worst))
     return ThermalCalibration(fit, files[0].unit, summary, (low_c, high_c), tuple(ramps))
+
+
+def _find_disagreement(ramps: Sequence[Ramp], regression: RampRegression) -> FitWarning | None:
+    """Return a warning if the ramps do not have one coefficient: the drift between them is larger than that of any part."""
+    axis = max(range(3), key=lambda place: regression.axes[place].drift_g)
+    drift_g = regression.axes[axis].drift_g
+    if drift_g < MAX_DRIFT_G:
+        return None
+    slopes = [np.polyfit(ramp.temperature_c, ramp.mean[:, axis], 1)[0] for ramp in ramps]
+    worst = ramps[int(np.argmax(np.abs(slopes - np.median(slopes))))]
+    text = (
+        f"the ramps disagree by {1000 * drift_g:.1f} mg in {AXES[axis]}, {worst.path} most: its temperatures are in another unit "
+        "(°F), its sensor is another one or has slipped; take it again"
+    )
+    return FitWarning(WarningKind.OUTLIER, text)
 
 
 def _shared_range(ramps: Sequence[Ramp]) -> tuple[float, float]:

@@ -45,6 +45,11 @@ class AxisRegression:
     """The coefficients as combinations of those of the fit."""
     fit: RecordingCoefficients
 
+    @property
+    def drift_g(self) -> float:
+        """Standard deviation of the drift over a ramp, g."""
+        return abs(self.fit.drift / float(self.sensitivity[0]))
+
     def coverage_factor(self, row: Array) -> float:
         """Return the factor of a two-sided 95 % interval of row . coefficients."""
         return self.fit.coverage_factor(row @ self.rows)

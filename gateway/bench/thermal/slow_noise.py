@@ -44,6 +44,8 @@ class RecordingCoefficients:
     """Of the blocks, made white, shape (recordings x blocks,)."""
     sigma: float
     """Standard deviation of the white noise of a block."""
+    drift: float
+    """Standard deviation of the drift over a recording."""
     drift_root: Array
     """Effect on the coefficients of one standard deviation of drift of each recording, shape (p, recordings)."""
     freedom: int
@@ -108,6 +110,7 @@ class RecordingNoise:
             covariance=inverse @ inverse.T * sigma**2,
             residual=residual,
             sigma=max(sigma, np.finfo(float).tiny),
+            drift=sigma * float(np.sqrt(self._ratios.drift)),
             drift_root=inverse @ (orthogonal.T @ line) * sigma * np.sqrt(self._ratios.drift),
             freedom=freedom,
             drift_freedom=max(axes * (recordings - size), 1),

@@ -54,6 +54,8 @@ class Disturbances:
     """Drift in time over a recording."""
     lag_s: float = 0.0
     """Time constant by which the thermometer follows the element; negative: by which the element follows the thermometer."""
+    placement_deg: float = 0.2
+    """Of a face, about each axis."""
     loop_g: float = 0.0
     """Hysteresis: the offset's distance between warming and cooling."""
 
@@ -137,7 +139,7 @@ def six_recordings(
         driven_c = make(random, duration_s, there_and_back)
         element_c = lagged(driven_c, -added.lag_s)
         measured_c = thermometer(random, lagged(driven_c, added.lag_s))
-        placed = up + np.cross(random.normal(0, np.radians(0.2), 3), up)
+        placed = up + np.cross(random.normal(0, np.radians(added.placement_deg), 3), up)
         raw = truth.reading_g(placed / np.linalg.norm(placed), element_c) + disturb(random, len(driven_c), added)
         if added.loop_g:
             raw += added.loop_g / 2 * loop(element_c, 4.0)[:, None]
