@@ -189,6 +189,8 @@ def _warnings(left: EndRotation, right: EndRotation, off_centre: float) -> list[
             "the ends turn in opposite senses, which no load between two supports does: an axis is the wrong way round "
             "(--left-axis, --right-axis), or a sensor has slipped"
         )
+    elif left.rotation_rad + right.rotation_rad < -2 * K_OFF_CENTRE * math.hypot(left.u_rad, right.u_rad):
+        texts.append("the girder rises: left and right are exchanged, or the zero was taken under load")
     elif abs(off_centre) > OFF_CENTRE_LIMIT:
         side = "left" if off_centre > 0 else "right"
         texts.append(f"the load stands off mid-span by {abs(off_centre) * 100:.0f} % of the span to the {side}")
