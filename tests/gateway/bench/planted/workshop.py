@@ -84,8 +84,9 @@ def turn(
 def laser_pairs(random: np.random.Generator, a_z_off_g: float, distance_mm: float, count: int = 8) -> Values:
     """Return displacements, mm, and raw relative angles, deg, (n, 2) (Zhu et al. 2020, eq. 11 and 19)."""
     actual_deg = np.linspace(-4.0, 4.0, count) + random.uniform(-0.2, 0.2, count)
-    raw_deg = actual_deg * np.exp(-a_z_off_g) + random.normal(0, 0.001, count)
-    d_mm = distance_mm * np.tan(np.radians(actual_deg)) + random.normal(0, 0.05, count)
+    half = np.sqrt(0.5)  # of the variance is that of the zero, which all pairs share
+    raw_deg = actual_deg * np.exp(-a_z_off_g) + half * 0.001 * (random.normal(0, 1, count) + random.normal())
+    d_mm = distance_mm * np.tan(np.radians(actual_deg)) + half * 0.05 * (random.normal(0, 1, count) + random.normal())
     return np.column_stack([d_mm, raw_deg])
 
 
