@@ -70,7 +70,7 @@ def fit_rotation(turns: tuple[TurnReadings, ...], mounting_u_deg: float = MOUNTI
         axes = " and ".join("xyz"[fit.rotation_axis] for fit in fits)
         raise NotDeterminedError(f"turns about {axes}: give one turn, or two about different axes")
     sines = [sine for fit in fits for sine in fit.axis_sines()]
-    dm = max(sine.prediction / sine.scale for sine in sines)
+    dm = max(sine.prediction / sine.scale for sine in sines)  # eq. 14
     if len(fits) == 1:
         return RotationFit(fits, (_phase_pair(fits[0]),), (0.0,), dm, None)
     return _fit_two_turns(fits, dm, np.radians(mounting_u_deg))
