@@ -261,3 +261,16 @@ def test_the_terminal_shows_the_deflection() -> None:
     lines = out.getvalue().splitlines()
     assert lines[0] == "right end: no tilt yet"
     assert "deflection +10.000 +- 0.000 mm" in lines[-1]
+
+
+def test_a_load_step_that_ends_see_at_different_seconds_gives_one_warning_at_most(
+    write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    left, right = write("left.csv", LEFT_AXIS, 0.01), write("right.csv", RIGHT_AXIS, 0.01)
+    rows = np.loadtxt(right, delimiter=",", skiprows=1)
+    rows[:, 0] += 4.5  # the clock of the right end
+    np.savetxt(right, rows, delimiter=",", header="time_s,ax_g,ay_g,az_g", comments="", fmt="%.7f")
+    out = tmp_path / "d.json"
+    assert main(["fleet", "deflection", str(left), str(right), "--half-span-m", "5", "--json", str(out)]) == 0
+    capsys.readouterr()
+    assert len(json.loads(out.read_text())["warnings"]) <= 1
