@@ -11,6 +11,7 @@ import pytest
 
 from devices.block import DeviceInfo, SampleBlock
 from gateway.bench.thermal.datasheet_limits import LIMITS_BY_PART, judge_interval
+from gateway.bench.thermal.output import thermal_figure
 from gateway.bench.thermal.ramp_calibration import ThermalCalibration, calibrate_ramps
 from gateway.bench.thermal.rest_calibration import learn_at_rest
 from gateway.calibration.acceptance import change_since
@@ -81,6 +82,16 @@ def test_the_intervals_hold_the_planted_coefficients_in_95_of_100_cases() -> Non
                 ):
                     hits.append(found.ci95[0] <= value <= found.ci95[1])
     assert 0.92 <= np.mean(hits) <= 0.98
+
+
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_the_figure_shows_the_half_sums_of_opposite_ramps(
+    calibrations: dict[str, ThermalCalibration], sensor: str
+) -> None:
+    """Sawicki and Walendziuk 2016, eq. 8, in mg from the reference on."""
+    *_, offset_mg, _ = planted(sensor)
+    for axis, series in enumerate(thermal_figure(calibrations[sensor]).series):
+        np.testing.assert_allclose(series.y, offset_mg[axis] * (np.array(series.x) - 25), atol=1.0)
 
 
 def test_the_verdicts_are_those_of_the_published_tables(calibrations: dict[str, ThermalCalibration]) -> None:
