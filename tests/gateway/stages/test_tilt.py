@@ -43,7 +43,8 @@ def test_angles_are_unfolded_after_the_arccosine() -> None:
     assert math.degrees(fused_tilt(rolled(-100.0)).roll_rad) == pytest.approx(-100.0)
 
 
-@given(st.floats(0, math.pi / 2), st.floats(-math.pi, math.pi))
+@pytest.mark.parametrize("azimuth_rad", np.arange(-3.0, 3.1, 0.75).tolist())
+@pytest.mark.parametrize("tilt_rad", [0.0, 0.01, 0.4, 1.0, 1.5])
 def test_both_branches_take_the_geometric_sum_of_the_other_two_axes(tilt_rad: float, azimuth_rad: float) -> None:
     """Łuczak n.d., eq. 16 and 17: turned about two axes at once, the sine of an angle is the component of its own axis."""
     across = math.sin(tilt_rad)
@@ -127,6 +128,12 @@ def test_a_vertical_x_axis_leaves_no_roll() -> None:
     assert math.isnan(roll_about_x(np.array([1.0, 0.0, 0.0])))
     assert math.isnan(roll_from_angles(0.0, math.pi / 2))
     assert math.isnan(roll_from_angles(0.0, -math.pi / 2))
+
+
+def test_angles_that_no_attitude_has_give_a_roll_of_a_right_angle() -> None:
+    """Noise makes the sine of beta exceed the cosine of alpha."""
+    for sign in (1, -1):
+        assert roll_from_angles(sign * math.radians(80.0), math.radians(11.0)) == pytest.approx(sign * math.pi / 2)
 
 
 def test_the_lean_direction_points_to_the_load() -> None:
