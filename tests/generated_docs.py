@@ -83,9 +83,9 @@ def _examples(epilog: str) -> list[str]:
 
 
 PAGES: dict[str, Callable[[], str]] = {
-    "commands.md": commands_page,
-    "effects.md": effects_page,
-    "plant_values.md": plant_values_page,
+    "reference/commands.md": commands_page,
+    "reference/effects.md": effects_page,
+    "reference/plant_values.md": plant_values_page,
 }
 """Generated pages by their name under docs/."""
 

@@ -6,7 +6,7 @@ from tests.gateway.bench.blunders.campaign import run
 from tests.gateway.bench.blunders.table import BLUNDERS, SOUND, Blunder
 
 SHOWN_NOWHERE = {"the camera turned by a quarter", "a reflection beside the spot", "one ramp in °F"}
-"""Blunders that some sessions do not show, by `docs/blunders.md`."""
+"""Blunders that some sessions do not show, by `docs/evidence/blunders.md`."""
 
 
 @pytest.mark.parametrize("blunder", BLUNDERS, ids=lambda blunder: f"{blunder.method}: {blunder.text}")

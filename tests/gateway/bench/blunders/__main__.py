@@ -1,4 +1,4 @@
-"""Runs the campaign: `python -m tests.gateway.bench.blunders --sessions 10`; `--write` puts the table into docs/blunders.md."""
+"""Runs the campaign: `python -m tests.gateway.bench.blunders --sessions 10`; `--write` puts the table into docs/evidence/blunders.md."""
 
 import argparse
 from pathlib import Path
