@@ -15,7 +15,7 @@ ROOMS = ("guides", "reference", "evidence", "development")
 
 
 def test_topic_table_is_the_codes() -> None:
-    text = (ROOT / "docs" / "development" / "architecture.md").read_text()
+    text = (ROOT / "docs" / "reference" / "messages.md").read_text()
     rows = re.findall(
         r"^\| (\w+) \| ((?:plumbline|foxglove)\.\w+) \| (.+?) \| (yes|no) \| (yes|no) \|$", text, re.MULTILINE
     )
