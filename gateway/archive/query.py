@@ -1,0 +1,90 @@
+"""Questions to an archive in SQL, by DuckDB over its tables. Rows that rest on recordings that are not verified are marked."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import duckdb
+
+from gateway.archive.rows import RECORDINGS, TABLES
+from gateway.archive.tables import Archive
+from gateway.errors import InputError
+
+Row = tuple[Any, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class QueryAnswer:
+    """The rows of an answer."""
+
+    columns: tuple[str, ...]
+    rows: tuple[Row, ...]
+    is_verified: tuple[bool, ...]
+    """Of each row: it is the same without all recordings that are not verified."""
+    trust: dict[str, int]
+    """Recordings that count, by trust."""
+
+
+@contextmanager
+def open_database(archive: Archive, *, verified_only: bool = False) -> Iterator[duckdb.DuckDBPyConnection]:
+    """Yield a database with one view for each table, of the rows that count. Raises `ArchiveError`.
+
+    It sees nothing but the tables: no file and no network, whatever the SQL says.
+    """
+    with duckdb.connect(":memory:") as database:
+        database.execute("SET TimeZone = 'UTC'; SET python_enable_replacements = false")
+        for name in (*TABLES, RECORDINGS):
+            database.register(f"all_{name}", archive.open(name).to_pyarrow_dataset())
+        chosen = "status = 'counted'" + (" AND trust = 'verified'" if verified_only else "")
+        database.execute(
+            f"CREATE TEMP TABLE counted_recordings AS SELECT DISTINCT recording FROM all_{RECORDINGS} WHERE {chosen}"
+        )
+        for name in TABLES:
+            database.execute(
+                f"CREATE TEMP VIEW {name} AS SELECT * FROM all_{name} WHERE recording IN (FROM counted_recordings)"
+            )
+        shown = "trust = 'verified'" if verified_only else "true"
+        database.execute(f"CREATE TEMP VIEW {RECORDINGS} AS SELECT * FROM all_{RECORDINGS} WHERE {shown}")
+        database.execute("SET enable_external_access = false; SET lock_configuration = true")
+        yield database
+
+
+def ask(archive: Archive, sql: str, *, verified_only: bool = False) -> QueryAnswer:
+    """Return the answer to a question, with a mark at each row. Raises `InputError` for SQL that is none, and `ArchiveError`."""
+    return answer(archive, lambda database: _select(database, sql), verified_only=verified_only)
+
+
+Question = Callable[[duckdb.DuckDBPyConnection], tuple[tuple[str, ...], list[Row]]]
+"""Returns columns and rows."""
+
+
+def answer(archive: Archive, question: Question, *, verified_only: bool = False) -> QueryAnswer:
+    """Put a question to all rows that count, and, where some are not verified, again to those that are."""
+    with open_database(archive, verified_only=verified_only) as database:
+        counts = database.execute(
+            f"SELECT trust, count(DISTINCT recording) FROM {RECORDINGS} WHERE status = 'counted' GROUP BY trust ORDER BY trust"
+        )
+        trust = dict(counts.fetchall())
+        columns, rows = question(database)
+    if set(trust) <= {"verified"}:
+        return QueryAnswer(columns, tuple(rows), (True,) * len(rows), trust)
+    with open_database(archive, verified_only=True) as database:
+        proven = Counter(map(repr, question(database)[1]))
+    marks = []
+    for row in rows:
+        marks.append(proven[repr(row)] > 0)
+        proven[repr(row)] -= 1
+    return QueryAnswer(columns, tuple(rows), tuple(marks), trust)
+
+
+def _select(database: duckdb.DuckDBPyConnection, sql: str) -> tuple[tuple[str, ...], list[Row]]:
+    try:
+        statements = database.extract_statements(sql)
+        if len(statements) != 1 or statements[0].type != duckdb.StatementType.SELECT:
+            raise InputError(f"{sql!r}: is not one SELECT; ask one question")
+        result = database.execute(statements[0])
+        return tuple(column[0] for column in result.description or ()), result.fetchall()
+    except duckdb.Error as error:
+        raise InputError(f"{sql!r}: {str(error).strip().partition(chr(10))[0]}") from error
