@@ -1,17 +1,21 @@
 """Questions to an archive in SQL, by DuckDB over its tables. Rows that rest on recordings that are not verified are marked."""
 
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
+from urllib.parse import unquote
 
 import duckdb
 
-from gateway.archive.rows import RECORDINGS, TABLES
-from gateway.archive.tables import Archive
+from gateway.archive.rows import RECORDINGS, TABLES, schema_of
+from gateway.archive.tables import Archive, partition_name
 from gateway.errors import InputError
 
+GLOB = re.compile(r"[*?\[]")
+"""Characters with a meaning in names of files."""
 Row = tuple[Any, ...]
 
 
@@ -31,12 +35,11 @@ class QueryAnswer:
 def open_database(archive: Archive, *, verified_only: bool = False) -> Iterator[duckdb.DuckDBPyConnection]:
     """Yield a database with one view for each table, of the rows that count. Raises `ArchiveError`.
 
-    It sees nothing but the tables: no file and no network, whatever the SQL says.
+    It sees nothing but the tables: no other file and no network, whatever the SQL says.
     """
     with duckdb.connect(":memory:") as database:
         database.execute("SET TimeZone = 'UTC'; SET python_enable_replacements = false")
-        for name in (*TABLES, RECORDINGS):
-            database.register(f"all_{name}", archive.open(name).to_pyarrow_dataset())
+        files = [file for name in (*TABLES, RECORDINGS) for file in _attach(database, archive, name)]
         chosen = "status = 'counted'" + (" AND trust = 'verified'" if verified_only else "")
         database.execute(
             f"CREATE TEMP TABLE counted_recordings AS SELECT DISTINCT recording FROM all_{RECORDINGS} WHERE {chosen}"
@@ -47,8 +50,30 @@ def open_database(archive: Archive, *, verified_only: bool = False) -> Iterator[
             )
         shown = "trust = 'verified'" if verified_only else "true"
         database.execute(f"CREATE TEMP VIEW {RECORDINGS} AS SELECT * FROM all_{RECORDINGS} WHERE {shown}")
+        database.execute("SET allowed_paths = $1", [files])
         database.execute("SET enable_external_access = false; SET lock_configuration = true")
         yield database
+
+
+def _attach(database: duckdb.DuckDBPyConnection, archive: Archive, name: str) -> list[str]:
+    """Make the view of all rows of a table, and return the files that it reads itself.
+
+    DuckDB's own reader of Parquet is four times as fast as the one of Arrow, and has no access to object stores here.
+    """
+    table = archive.open(name)
+    files = list(map(unquote, table.file_uris()))
+    if files and "://" not in archive.place and not any(map(GLOB.search, files)):
+        database.register(
+            f"no_{name}", schema_of(name).empty_table()
+        )  # has the columns of this version, in their order
+        types = f"{{'crane': VARCHAR, '{partition_name(name)}': VARCHAR}}"
+        listed = ", ".join("'" + file.replace("'", "''") + "'" for file in files)
+        rows = f"FROM no_{name} UNION ALL BY NAME FROM read_parquet([{listed}], union_by_name=true, hive_types={types})"
+    else:
+        database.register(f"read_{name}", table.to_pyarrow_dataset())
+        files, rows = [], f"FROM read_{name}"
+    database.execute(f"CREATE TEMP VIEW all_{name} AS {rows}")
+    return files
 
 
 def ask(archive: Archive, sql: str, *, verified_only: bool = False) -> QueryAnswer:

@@ -158,6 +158,11 @@ def _text(value: str) -> str:
     return "'" + value.replace("'", "''") + "'"
 
 
+def partition_name(name: str) -> str:
+    """Return the column by which a table is divided, beside the crane."""
+    return _spec(name).partition
+
+
 def partition_of(name: str, utc_ns: int) -> str:
     """Return the partition of a recording that begins at a time: its day or its month, UTC."""
     day = f"{pa.scalar(utc_ns // 1000, pa.timestamp('us', tz='UTC')).as_py():%Y-%m-%d}"

@@ -16,7 +16,7 @@ from gateway.recording.segments.recorder import Recorder
 
 START_NS = 1_767_225_600_000_000_000
 """2026-01-01 00:00:00 UTC."""
-SECOND_NS = 1_000_000_000
+NS_PER_S = 1_000_000_000
 LIMIT_DEG = 5.0
 
 
@@ -33,6 +33,7 @@ class SmallCrane:
     segment_s: int = 20
     start_ns: int = START_NS
     wall_offset_ns: int = 0
+    boot: str = "b00t"
     closed: bool = True
     """False: the last segment is cut off, as by a power failure."""
     sent: list[messages.Motion] = field(default_factory=list)
@@ -52,11 +53,11 @@ class SmallCrane:
     def record(self) -> "SmallCrane":
         """Write the segments."""
         chain = self._chain()
-        header = RecordingHeader("0.2.0", self.site, self.crane, "hook", f"boot-{self.crane}", "")
+        header = RecordingHeader("0.2.0", self.site, self.crane, "hook", self.boot, "")
         recorder = Recorder(self.folder, header, segment_s=self.segment_s, fsync_s=1.0, quota_mb=1000.0, chain=chain)
         recorder.start(self.start_ns)
         for second in range(self.segments * self.segment_s - 1):
-            now_ns = self.start_ns + second * SECOND_NS
+            now_ns = self.start_ns + second * NS_PER_S
             for topic, message in self._messages(second, now_ns):
                 recorder.write(encode_message(topic, message, now_ns))
             recorder.tick(now_ns)
@@ -138,7 +139,7 @@ class SmallCrane:
         active = messages.ActiveAlert(
             rule="swing",
             level="trip",
-            since_ns=self.start_ns + raised_s * SECOND_NS,
+            since_ns=self.start_ns + raised_s * NS_PER_S,
             value_deg=angle_deg,
             limit_deg=LIMIT_DEG,
             incident=f"{self.crane}-1",
@@ -163,7 +164,7 @@ class SmallCrane:
             state="running",
             device_id=f"part-{self.crane}",
             device_kind="adxl355",
-            boot_id=f"boot-{self.crane}",
+            boot_id=self.boot,
             software="0.2.0",
             uptime_s=float(second),
             measured_rate_hz=1000.0,

@@ -13,7 +13,7 @@ from gateway.errors import BAD_INPUT, WITH_LOSSES
 from gateway.messages import Motion
 from gateway.recording.segments.copying import recover
 from tests.gateway.archive.archive_rows import content, indexed, keys_file, select
-from tests.gateway.archive.small_recordings import SECOND_NS, START_NS, SmallCrane
+from tests.gateway.archive.small_recordings import NS_PER_S, START_NS, SmallCrane
 from tests.gateway.recorded_crane import RecordedCrane
 
 
@@ -149,7 +149,7 @@ def test_a_recovered_copy_counts_only_while_nothing_signed_is_there(
 
 def test_a_clock_that_is_an_hour_wrong_makes_no_row_count_twice_or_vanish(tmp_path: Path) -> None:
     """A start at the right time, then one whose clock is an hour behind: both say that they recorded the same minute."""
-    hour_ns = 3600 * SECOND_NS
+    hour_ns = 3600 * NS_PER_S
     source = tmp_path / "source"
     right = SmallCrane(source / "right", segments=2).record()
     SmallCrane(source / "wrong", segments=2, start_ns=START_NS + hour_ns, wall_offset_ns=-hour_ns).record()
