@@ -1,6 +1,5 @@
 """Questions to an archive in SQL, by DuckDB over its tables. Rows that rest on recordings that are not verified are marked."""
 
-import re
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,8 +13,6 @@ from gateway.archive.rows import RECORDINGS, TABLES, schema_of
 from gateway.archive.tables import Archive, partition_name
 from gateway.errors import InputError
 
-GLOB = re.compile(r"[*?\[]")
-"""Characters with a meaning in names of files."""
 Row = tuple[Any, ...]
 
 
@@ -62,7 +59,7 @@ def _attach(database: duckdb.DuckDBPyConnection, archive: Archive, name: str) ->
     """
     table = archive.open(name)
     files = list(map(unquote, table.file_uris()))
-    if files and "://" not in archive.place and not any(map(GLOB.search, files)):
+    if files and "://" not in archive.place:
         database.register(
             f"no_{name}", schema_of(name).empty_table()
         )  # has the columns of this version, in their order

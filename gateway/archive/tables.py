@@ -23,6 +23,8 @@ from gateway.errors import InputError
 MAX_ATTEMPTS = 50
 """Attempts of a transaction that others overtake. Basis: a choice; each time one of them has got on, so that some suffice for as
 many writers of one gateway."""
+NOT_IN_NAMES = frozenset('%[]{}?*#<>|^"\\')
+"""Characters that mean something in URLs or patterns of files."""
 NO_GATEWAY = "(none)"
 """The writer of files of which nobody knows whose they are."""
 COMPRESSION = WriterProperties(compression="ZSTD")
@@ -39,6 +41,11 @@ class Archive:
     place: str
     options: dict[str, str] = field(default_factory=dict)
     """Settings of the object store, beside those of the environment."""
+
+    def __post_init__(self) -> None:
+        """Raise `ArchiveError` for a name that the libraries of the tables do not take."""
+        if wrong := NOT_IN_NAMES & set(self.place):
+            raise ArchiveError(f"{self.place}: has {' '.join(sorted(wrong))} in its name; choose one without")
 
     def create(self) -> None:
         """Make the tables that are missing, and add columns that this version has and they have not. Raises `ArchiveError`."""

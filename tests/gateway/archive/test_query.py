@@ -80,11 +80,20 @@ def test_a_place_without_tables_is_one_line(tmp_path: Path, capsys: pytest.Captu
 
 
 def test_a_place_with_special_characters_is_read(fleet: list[SmallCrane], tmp_path: Path) -> None:
-    for name in ("größe 7", "a'b", "[x]"):
+    for name in ("größe 7", "a'b", "a=b,c&d"):
         indexed(fleet[0].folder, tmp_path / name / "table")
         assert select(tmp_path / name / "table", "SELECT crane, count(*) FROM motion GROUP BY crane") == [
             ("crane-1", 59)
         ]
+
+
+@pytest.mark.parametrize("name", ["7%20", "[x]", "what?"])
+def test_a_place_that_the_tables_cannot_have_is_one_line(
+    name: str, fleet: list[SmallCrane], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["archive", "index", str(fleet[0].folder), "--into", str(tmp_path / name)]) == BAD_INPUT
+    assert "in its name; choose one without" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_an_empty_archive_has_empty_tables(tmp_path: Path) -> None:
