@@ -1,10 +1,12 @@
 """The recordings of an archive: a folder, or an object store such as `s3://bucket/prefix`."""
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import timedelta
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import obstore
 from obstore.exceptions import BaseError
@@ -12,7 +14,16 @@ from obstore.store import LocalStore, ObjectStore, from_url
 
 from gateway.errors import InputError
 
+if TYPE_CHECKING:
+    from obstore.store import RetryConfig
+
 SUFFIX = ".mcap"
+PATIENT: "RetryConfig" = {
+    "max_retries": 8,
+    "retry_timeout": timedelta(seconds=30),
+    "backoff": {"init_backoff": timedelta(seconds=0.1), "max_backoff": timedelta(seconds=5), "base": 2},
+}
+"""How a request is repeated. Basis: a choice; a mobile link is back after seconds, and a person waits half a minute."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,15 +80,24 @@ def open_source(name: str) -> RecordingSource:
 
     Endpoint, region and credentials of an object store are those of its usual environment, such as `AWS_ENDPOINT_URL`.
     """
-    if "://" not in name:
-        folder = Path(name)
-        if not folder.is_dir():
-            raise InputError(f"{name}: is no folder; give one with recordings, or a URL such as s3://bucket/prefix")
-        return RecordingSource(name, LocalStore(folder.resolve()), folder)
+    if "://" in name:
+        return RecordingSource(name, open_object_store(name, {}))
+    folder = Path(name)
+    if not folder.is_dir():
+        raise InputError(f"{name}: is no folder; give one with recordings, or a URL such as s3://bucket/prefix")
+    return RecordingSource(name, LocalStore(folder.resolve()), folder)
+
+
+def open_object_store(url: str, settings: Mapping[str, str]) -> ObjectStore:
+    """Return the store of a URL, with settings beside those of the environment. Raises `InputError`."""
+    config: Any = dict(settings) or None  # the store checks its keys
+    is_plain = any(value.startswith("http://") for value in settings.values())  # an endpoint that was named so
     try:
-        return RecordingSource(name, from_url(name))
+        return from_url(
+            url, config=config, client_options={"allow_http": True} if is_plain else None, retry_config=PATIENT
+        )
     except (BaseError, ValueError) as error:
-        raise InputError(f"{name}: is no object store that can be used ({reason_of_store(error)})") from error
+        raise InputError(f"{url}: is no object store that can be used ({reason_of_store(error)})") from error
 
 
 def reason_of_store(error: Exception) -> str:
