@@ -19,8 +19,8 @@ from gateway.archive.tables import (
     Archive,
     ArchiveError,
     partition_of,
-    recording_places,
     recordings_table,
+    row_places,
     table_of,
 )
 from gateway.archive.versions import IndexedFile, judge_files
@@ -68,7 +68,7 @@ def index(
         report(number / len(listed))
         if not _is_new(stored, known[stored.path], key_of):
             continue
-        with source.local(stored) as path:
+        with source.local(stored.path) as path:
             new = _new_file(stored, admit(path, key_of))
         held[new.file.gateway].append(new)
         if len(held[new.file.gateway]) >= BATCH_FILES or sum(map(len, held.values())) >= MAX_HELD_FILES:
@@ -98,7 +98,7 @@ def commit(
         changed = [path for path in {**before, **after} if before.get(path) != after.get(path)]
         versions = [known[path] for path in changed for known in (before, after) if path in known]
         months = sorted({partition_of(RECORDINGS, file.utc_ns) for file in versions})
-        places = recording_places(writer, changed if before else [], months)
+        places = row_places(RECORDINGS, writer, changed if before else [], months)
         if archive.replace(table, writer, places, recordings_table([after[path] for path in changed if path in after])):
             return [after[path] for path in fresh]
     raise ArchiveError(f"{archive.place}: others are indexing {writer} all the time; try again later")
@@ -126,7 +126,7 @@ def _exchange_rows(
             if written
             else schema_of(name).empty_table()
         )
-        archive.exchange(name, writer, list(touched), rows, partitions)
+        archive.exchange(name, writer, row_places(name, writer, list(touched), partitions), rows)
 
 
 def _is_new(stored: StoredFile, known: Sequence[IndexedFile], key_of: KeyOf) -> bool:

@@ -9,7 +9,7 @@ from urllib.parse import unquote
 
 import duckdb
 
-from gateway.archive.rows import RECORDINGS, TABLES, schema_of
+from gateway.archive.rows import ALL_TABLES, RECORDINGS, RESULTS, TABLES, schema_of
 from gateway.archive.tables import Archive, partition_name
 from gateway.errors import InputError
 
@@ -36,7 +36,7 @@ def open_database(archive: Archive, *, verified_only: bool = False) -> Iterator[
     """
     with duckdb.connect(":memory:") as database:
         database.execute("SET TimeZone = 'UTC'; SET python_enable_replacements = false")
-        files = [file for name in (*TABLES, RECORDINGS) for file in _attach(database, archive, name)]
+        files = [file for name in ALL_TABLES for file in _attach(database, archive, name)]
         chosen = "status = 'counted'" + (" AND trust = 'verified'" if verified_only else "")
         database.execute(
             f"CREATE TEMP TABLE counted_recordings AS SELECT DISTINCT recording FROM all_{RECORDINGS} WHERE {chosen}"
@@ -46,7 +46,8 @@ def open_database(archive: Archive, *, verified_only: bool = False) -> Iterator[
                 f"CREATE TEMP VIEW {name} AS SELECT * FROM all_{name} WHERE recording IN (FROM counted_recordings)"
             )
         shown = "trust = 'verified'" if verified_only else "true"
-        database.execute(f"CREATE TEMP VIEW {RECORDINGS} AS SELECT * FROM all_{RECORDINGS} WHERE {shown}")
+        for name in (RECORDINGS, RESULTS):
+            database.execute(f"CREATE TEMP VIEW {name} AS SELECT * FROM all_{name} WHERE {shown}")
         database.execute("SET allowed_paths = $1", [files])
         database.execute("SET enable_external_access = false; SET lock_configuration = true")
         yield database

@@ -17,6 +17,9 @@ Status = Literal["counted", "copy", "superseded", "refused"]
 """counted: its rows are in the tables; copy: the same bytes under another name; superseded: a better version of the segment is
 counted; refused: see `reason`."""
 
+TaskState = Literal["done", "refused", "poison"]
+"""done: the command has answered; refused: it said why it cannot answer; poison: it died or took too much in every attempt."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SwingRow:
@@ -182,6 +185,27 @@ class RecordingRow:
     """Messages and records that cannot be read."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ResultRow:
+    """What came of a task: a command of one machine over some recordings of a gateway."""
+
+    gateway_time_ns: int
+    """First message of the first recording."""
+    kind: str
+    task: str
+    """Hash of kind, software and recordings: the same task is done once."""
+    software: str
+    state: TaskState
+    verdict: str
+    reason: str
+    content: str
+    """The command's own JSON; empty where there is none."""
+    recordings: int
+    """Number of them."""
+    attempts: int
+    duration_s: float
+
+
 @dataclass(frozen=True, slots=True)
 class Table:
     """A table of the archive."""
@@ -201,8 +225,9 @@ TABLES: dict[str, Table] = {
     "calibrations": Table(CalibrationRow),
     "clock": Table(ClockRow),
 }
-RECORDINGS = "recordings"
-"""The table of the files, written last."""
+RECORDINGS, RESULTS = "recordings", "results"
+"""The table of the files, which is written last and decides what counts; the one of the results of tasks."""
+ALL_TABLES = {**TABLES, RECORDINGS: Table(RecordingRow), RESULTS: Table(ResultRow)}
 COMMON = {
     "site": pa.string(),
     "crane": pa.string(),
@@ -217,7 +242,7 @@ _TYPES = {int: pa.int64(), float: pa.float64(), bool: pa.bool_(), str: pa.string
 
 def schema_of(table: str) -> pa.Schema:
     """Return the columns of a table."""
-    spec = TABLES.get(table, Table(RecordingRow))
+    spec = ALL_TABLES[table]
     hints = get_type_hints(spec.row)
     own = {field.name: _column_type(field.name, hints[field.name]) for field in fields(spec.row)}
     return pa.schema({**COMMON, **own, spec.partition: pa.string()})

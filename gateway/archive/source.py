@@ -59,19 +59,19 @@ class RecordingSource:
         return sorted(files, key=lambda file: file.path)
 
     @contextmanager
-    def local(self, file: StoredFile) -> Iterator[Path]:
+    def local(self, name: str) -> Iterator[Path]:
         """Yield the path of a recording on this machine, for the length of the block. Raises `InputError`."""
         if self.folder is not None:
-            yield self.folder / file.path
+            yield self.folder / name
             return
         with tempfile.TemporaryDirectory(prefix="plumbline-") as folder:
-            copy = Path(folder) / Path(file.path).name
+            copy = Path(folder) / Path(name).name
             try:
                 with copy.open("wb") as out:
-                    for part in obstore.get(self.store, file.path).stream():
+                    for part in obstore.get(self.store, name).stream():
                         out.write(part)
             except BaseError as error:
-                raise InputError(f"{self.name}/{file.path}: cannot be read ({reason_of_store(error)})") from error
+                raise InputError(f"{self.name}/{name}: cannot be read ({reason_of_store(error)})") from error
             yield copy
 
 

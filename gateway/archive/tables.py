@@ -16,7 +16,7 @@ import pyarrow.dataset as ds
 from deltalake import CommitProperties, DeltaTable, Field, Transaction, WriterProperties, write_deltalake
 from deltalake.exceptions import CommitFailedError, DeltaError, TableNotFoundError
 
-from gateway.archive.rows import RECORDINGS, TABLES, RecordingRow, Table, schema_of
+from gateway.archive.rows import ALL_TABLES, RECORDINGS, RESULTS, RecordingRow, schema_of
 from gateway.archive.versions import IndexedFile
 from gateway.errors import InputError
 
@@ -49,7 +49,7 @@ class Archive:
 
     def create(self) -> None:
         """Make the tables that are missing, and add columns that this version has and they have not. Raises `ArchiveError`."""
-        for name in (*TABLES, RECORDINGS):
+        for name in ALL_TABLES:
             self._create(name)
             table = self.open(name)
             known = set(pa.schema(table.schema()).names)
@@ -63,7 +63,7 @@ class Archive:
                     self._place(name),
                     schema_of(name),
                     mode="ignore",
-                    partition_by=["crane", _spec(name).partition],
+                    partition_by=["crane", ALL_TABLES[name].partition],
                     storage_options=self.options,
                 )
             except (DeltaError, OSError, ValueError) as error:
@@ -93,14 +93,10 @@ class Archive:
             chosen = reduce(and_, (ds.field(name) == value for name, value in parts))
         return [_indexed(row) for row in table.to_pyarrow_dataset().to_table(filter=chosen).to_pylist()]
 
-    def exchange(self, name: str, writer: str, gone: Sequence[str], rows: pa.Table, partitions: Sequence[str]) -> None:
-        """Put rows in place of all rows of some recordings, which lie in these partitions of the writer's crane.
-
-        It is one transaction. Another writer of the same gateway makes it begin again.
-        """
+    def exchange(self, name: str, writer: str, places: "Places", rows: pa.Table) -> None:
+        """Put rows in place of others in one transaction; another writer of the same gateway makes it begin again."""
         for _ in range(MAX_ATTEMPTS):
-            table = self.open(name)
-            if self.replace(table, writer, _places(name, writer, "recording", gone, partitions), rows):
+            if self.replace(self.open(name), writer, places, rows):
                 return
         raise ArchiveError(f"{self._place(name)}: others are writing all the time; try again later")
 
@@ -138,16 +134,13 @@ class Places:
     expression: ds.Expression | None
 
 
-def recording_places(writer: str, paths: Sequence[str], months: Sequence[str]) -> Places:
-    """Return the rows of files in the table of recordings."""
-    return _places(RECORDINGS, writer, "path", paths, months)
-
-
-def _places(name: str, writer: str, column: str, values: Sequence[str], partitions: Sequence[str]) -> Places:
+def row_places(name: str, writer: str, values: Sequence[str], partitions: Sequence[str]) -> Places:
+    """Return the rows of files, of tasks, or of the recordings with these hashes, in partitions of the writer's crane."""
+    column = {RECORDINGS: "path", RESULTS: "task"}.get(name, "recording")
     if not values:
         return Places("", None)
     crane = None if writer == NO_GATEWAY else writer.split("/")[1]
-    partition = _spec(name).partition
+    partition = ALL_TABLES[name].partition
     expression = ds.field(column).isin(list(values))
     if crane is None:
         return Places(f"crane IS NULL AND {_in(column, values)}", ds.field("crane").is_null() & expression)
@@ -167,18 +160,18 @@ def _text(value: str) -> str:
 
 def partition_name(name: str) -> str:
     """Return the column by which a table is divided, beside the crane."""
-    return _spec(name).partition
+    return ALL_TABLES[name].partition
 
 
 def partition_of(name: str, utc_ns: int) -> str:
     """Return the partition of a recording that begins at a time: its day or its month, UTC."""
     day = f"{pa.scalar(utc_ns // 1000, pa.timestamp('us', tz='UTC')).as_py():%Y-%m-%d}"
-    return day if _spec(name).partition == "from_day" else day[:7]
+    return day if ALL_TABLES[name].partition == "from_day" else day[:7]
 
 
 def table_of(name: str, rows: Sequence[Any], file: IndexedFile, wall_offset_ns: int) -> pa.Table:
     """Return rows of a recording as a table of the archive."""
-    schema, spec = schema_of(name), _spec(name)
+    schema, spec = schema_of(name), ALL_TABLES[name]
     site, crane, sensor = file.gateway or (None, None, None)
     count = len(rows)
     columns: dict[str, list[Any]] = {
@@ -212,10 +205,6 @@ def _indexed(row: dict[str, Any]) -> IndexedFile:
 
 def _ns(time: datetime) -> int:
     return round(time.timestamp() * 1_000_000) * 1000
-
-
-def _spec(name: str) -> Table:
-    return TABLES.get(name, Table(RecordingRow))
 
 
 def _reason(error: Exception) -> str:

@@ -98,7 +98,7 @@ COMMANDS: dict[str, str | CommandGroup] = {
     "archive": CommandGroup(
         "many gateways' recordings of years: index them into open tables, ask questions, upload, compute",
         "archive index /srv/recordings --into /srv/archive",
-        ("archive_index", "archive_query", "archive_report", "archive_upload"),
+        ("archive_index", "archive_query", "archive_report", "archive_upload", "archive_compute"),
     ),
     "simulate": "analysis",
     "reconcile": "analysis",

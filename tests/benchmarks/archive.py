@@ -22,7 +22,7 @@ from gateway.archive.report import ReportQuestion, make_report
 from gateway.archive.report_page import render_archive_report
 from gateway.archive.rows import RECORDINGS, schema_of
 from gateway.archive.source import open_source
-from gateway.archive.tables import Archive, recording_places
+from gateway.archive.tables import Archive, row_places
 from tests.gateway.archive.small_recordings import SmallCrane
 
 BEGIN = datetime(2026, 1, 1, tzinfo=UTC)
@@ -102,7 +102,7 @@ def _write_crane(archive: Archive, crane: str, days: int, rng: np.random.Generat
         (RECORDINGS, first | files),
     ):
         rows = _table(name, columns)
-        assert archive.replace(archive.open(name), crane, recording_places(f"yard/{crane}/hook", [], []), rows)
+        assert archive.replace(archive.open(name), crane, row_places(name, f"yard/{crane}/hook", [], []), rows)
 
 
 def _table(name: str, columns: dict[str, Any]) -> pa.Table:

@@ -7,7 +7,7 @@ from typing import Any
 
 from gateway.archive.admission import known_key, read_keys
 from gateway.archive.index import IndexResult, index
-from gateway.archive.query import ask
+from gateway.archive.query import open_database
 from gateway.archive.rows import RECORDINGS, TABLES
 from gateway.archive.source import open_source
 from gateway.archive.tables import Archive
@@ -30,10 +30,15 @@ def keys_file(path: Path, *cranes: SmallCrane) -> Path:
 
 def content(table: Path) -> dict[str, list[str]]:
     """Every row that counts, and the files with their status; what a store says of a file's version is its own."""
-    rows = {name: select(table, f"SELECT * FROM {name}") for name in TABLES}
-    rows[RECORDINGS] = select(table, f"SELECT * EXCLUDE (version) FROM {RECORDINGS}")
-    return {name: sorted(map(repr, found)) for name, found in rows.items()}
+    chosen = dict.fromkeys(TABLES, "*") | {RECORDINGS: "* EXCLUDE (version)"}
+    with open_database(Archive(str(table))) as database:
+        return {
+            name: sorted(map(repr, database.execute(f"SELECT {columns} FROM {name}").fetchall()))
+            for name, columns in chosen.items()
+        }
 
 
 def select(table: Path, sql: str) -> list[tuple[Any, ...]]:
-    return list(ask(Archive(str(table)), sql).rows)
+    """Rows of an answer, without the question of what is verified."""
+    with open_database(Archive(str(table))) as database:
+        return database.execute(sql).fetchall()
