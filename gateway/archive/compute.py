@@ -13,11 +13,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.dataset as ds
 
 from gateway import __version__
+from gateway.archive.row_table import partition_of, table_of
 from gateway.archive.rows import RECORDINGS, RESULTS, ResultRow
-from gateway.archive.tables import Archive, partition_of, row_places, table_of
+from gateway.archive.tables import Archive, row_places, select
 from gateway.archive.task_run import PROCESSES, TaskLimits, TaskOutcome, run_task
 from gateway.archive.tasks import Task, TaskKind, plan_tasks
 from gateway.errors import InputError
@@ -92,11 +92,8 @@ def compute(
 
 def _known(archive: Archive, kind: TaskKind, *, with_failed: bool) -> set[str]:
     """Return the tasks that have a result."""
-    chosen = ds.field("kind") == kind
-    if not with_failed:
-        chosen &= ds.field("state") == "done"
-    found = archive.open(RESULTS).to_pyarrow_dataset().to_table(columns=["task"], filter=chosen)
-    return set(found["task"].to_pylist())
+    chosen = f"kind = '{kind}'" + ("" if with_failed else " AND state = 'done'")
+    return set(select(archive.open(RESULTS), "task", chosen)["task"].to_pylist())
 
 
 @contextmanager
@@ -138,14 +135,13 @@ def _outcomes(
 
 
 def _write(archive: Archive, outcomes: Sequence[tuple[Task, TaskOutcome]]) -> None:
-    """Put results into the table, in one transaction for each gateway."""
-    by_gateway: dict[str, list[tuple[Task, TaskOutcome]]] = {}
-    for task, outcome in outcomes:
-        by_gateway.setdefault("/".join(task.origin.gateway or ()), []).append((task, outcome))
-    for writer, own in by_gateway.items():
-        rows = pa.concat_tables([_row(task, outcome) for task, outcome in own])
-        months = [partition_of(RESULTS, task.origin.utc_ns) for task, _ in own]
-        archive.exchange(RESULTS, writer, row_places(RESULTS, writer, [task.id for task, _ in own], months), rows)
+    """Put results into the table, in one transaction."""
+    if not outcomes:
+        return
+    writers = {"/".join(task.origin.gateway or ()) for task, _ in outcomes}
+    months = [partition_of(RESULTS, task.origin) for task, _ in outcomes]
+    rows = pa.concat_tables([_row(task, outcome) for task, outcome in outcomes])
+    archive.exchange(RESULTS, row_places(RESULTS, writers, [task.id for task, _ in outcomes], months), rows)
 
 
 def _row(task: Task, outcome: TaskOutcome) -> pa.Table:

@@ -11,28 +11,19 @@ from dataclasses import dataclass, field
 import pyarrow as pa
 
 from gateway.archive.admission import Admission, KeyOf, admit
+from gateway.archive.row_table import partition_of, recordings_table, table_of
 from gateway.archive.rows import RECORDINGS, TABLES, RecordingRow, schema_of
 from gateway.archive.source import RecordingSource, StoredFile
-from gateway.archive.tables import (
-    MAX_ATTEMPTS,
-    NO_GATEWAY,
-    Archive,
-    ArchiveError,
-    partition_of,
-    recordings_table,
-    row_places,
-    table_of,
-)
+from gateway.archive.tables import MAX_ATTEMPTS, NO_GATEWAY, Archive, ArchiveError, row_places
 from gateway.archive.versions import IndexedFile, judge_files
 from gateway.recording.reading.timeline import ReportProgress, ignore_progress
 
-BATCH_FILES = 144
-"""Files of one transaction. Basis: a day of segments of ten minutes; a transaction costs a second on an object store, and a kill
-loses the work of one."""
-MAX_HELD_FILES = 600
-"""Files that are held before some are written. Basis: a choice; at 0.2 MB each, a bound of the memory."""
+BATCH_FILES = 500
+"""Files of one transaction, of whatever gateways. Basis: a choice; at 0.2 MB each a bound of the memory, a kill loses the work of
+minutes, and a transaction in each table costs a second on an object store."""
 
-Gateway = tuple[str, str, str] | None
+Key = tuple[str, str]
+"""Gateway and name of a file: one that was refused under a name may be followed by one that is not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,70 +54,76 @@ def index(
     for file in archive.files(archive.open(RECORDINGS)):
         known[file.row.path].append(file)
     result = IndexResult(len(listed))
-    held: dict[Gateway, list[NewFile]] = defaultdict(list)
+    batch: list[NewFile] = []
     for number, stored in enumerate(listed):
         report(number / len(listed))
         if not _is_new(stored, known[stored.path], key_of):
             continue
         with source.local(stored.path) as path:
-            new = _new_file(stored, admit(path, key_of))
-        held[new.file.gateway].append(new)
-        if len(held[new.file.gateway]) >= BATCH_FILES or sum(map(len, held.values())) >= MAX_HELD_FILES:
-            fullest = max(held, key=lambda gateway: len(held[gateway]))
-            result.read += commit(archive, fullest, held.pop(fullest))
-    for gateway, files in held.items():
-        result.read += commit(archive, gateway, files)
-    taken = {file.row.path for file in result.read if file.gateway is not None}
-    if refused_before := [path for path in taken if any(file.gateway is None for file in known[path])]:
-        commit(archive, None, [], refused_before)
+            batch.append(_new_file(stored, admit(path, key_of)))
+        if len(batch) == BATCH_FILES:
+            result.read += commit(archive, batch)
+            batch = []
+    result.read += commit(archive, batch)
     report(1.0)
     return result
 
 
-def commit(
-    archive: Archive, gateway: Gateway, new: Sequence[NewFile], forgotten: Sequence[str] = ()
-) -> list[IndexedFile]:
-    """Put files of one gateway into the tables, and forget the files of some names; return the former with their status."""
-    writer = NO_GATEWAY if gateway is None else "/".join(gateway)
+def commit(archive: Archive, new: Sequence[NewFile]) -> list[IndexedFile]:
+    """Put files into the tables; return them with their status."""
+    fresh = {_key(each.file): each.file for each in new}
+    writers = {writer for writer, _ in fresh} | {NO_GATEWAY}
+    taken = {path for writer, path in fresh if writer != NO_GATEWAY}
     for _ in range(MAX_ATTEMPTS):
         table = archive.open(RECORDINGS)
-        before = {file.row.path: file for file in archive.files(table, writer)}
-        kept = {path: file for path, file in before.items() if path not in forgotten}
-        fresh = {each.file.row.path: each.file for each in new}
-        after = {file.row.path: file for file in judge_files({**kept, **fresh}.values())}
-        _exchange_rows(archive, writer, before, after, new)
-        changed = [path for path in {**before, **after} if before.get(path) != after.get(path)]
-        versions = [known[path] for path in changed for known in (before, after) if path in known]
-        months = sorted({partition_of(RECORDINGS, file.utc_ns) for file in versions})
-        places = row_places(RECORDINGS, writer, changed if before else [], months)
-        if archive.replace(table, writer, places, recordings_table([after[path] for path in changed if path in after])):
-            return [after[path] for path in fresh]
-    raise ArchiveError(f"{archive.place}: others are indexing {writer} all the time; try again later")
+        before = {_key(file): file for file in archive.files(table, writers)}
+        before = {key: file for key, file in before.items() if key[0] in writers}
+        kept = {key: file for key, file in before.items() if key[0] != NO_GATEWAY or key[1] not in taken}
+        after = _judged({**kept, **fresh})
+        _exchange_rows(archive, before, after, new)
+        changed = [key for key in {**before, **after} if before.get(key) != after.get(key)]
+        if not changed:
+            break
+        versions = [known[key] for key in changed for known in (before, after) if key in known]
+        months = [partition_of(RECORDINGS, file) for file in versions]
+        replaced = [path for _, path in changed] if any(key in before for key in changed) else []
+        places = row_places(RECORDINGS, {writer for writer, _ in changed}, replaced, months)
+        if archive.replace(table, places, recordings_table([after[key] for key in changed if key in after])):
+            break
+    else:
+        raise ArchiveError(f"{archive.place}: others are indexing the same gateways all the time; try again later")
+    return [after[key] for key in fresh]
+
+
+def _judged(files: dict[Key, IndexedFile]) -> dict[Key, IndexedFile]:
+    by_writer: dict[str, list[IndexedFile]] = defaultdict(list)
+    for (writer, _), file in files.items():
+        by_writer[writer].append(file)
+    return {_key(file): file for own in by_writer.values() for file in judge_files(own)}
+
+
+def _key(file: IndexedFile) -> Key:
+    return NO_GATEWAY if file.gateway is None else "/".join(file.gateway), file.row.path
 
 
 def _exchange_rows(
-    archive: Archive,
-    writer: str,
-    before: dict[str, IndexedFile],
-    after: dict[str, IndexedFile],
-    new: Sequence[NewFile],
+    archive: Archive, before: dict[Key, IndexedFile], after: dict[Key, IndexedFile], new: Sequence[NewFile]
 ) -> None:
     """Put the rows of the new files that count into the tables, and take out those of files that do not count."""
     counted = {file.recording for file in after.values() if file.row.status == "counted"}
-    written = {each.file.recording: each for each in new if each.file.recording in counted}
-    read = [each.file for each in new if each.file.trust != "refused"]
+    unread = [
+        each for each in new if each.file.trust != "refused" and before.get(_key(each.file)) != after[_key(each.file)]
+    ]
+    written = {each.file.recording: each for each in unread if each.file.recording in counted}
     gone = [file for file in before.values() if file.row.status == "counted" and file.recording not in counted]
-    touched = {file.recording: file for file in (*read, *gone)}
+    touched = {file.recording: file for file in (*(each.file for each in unread), *gone)}
     if not touched:
         return
+    writers = {_key(file)[0] for file in touched.values()}
     for name in TABLES:
-        partitions = sorted({partition_of(name, file.utc_ns) for file in touched.values()})
-        rows = (
-            pa.concat_tables([each.tables[name] for each in written.values()])
-            if written
-            else schema_of(name).empty_table()
-        )
-        archive.exchange(name, writer, row_places(name, writer, list(touched), partitions), rows)
+        partitions = [partition_of(name, file) for file in touched.values()]
+        rows = pa.concat_tables([schema_of(name).empty_table(), *(each.tables[name] for each in written.values())])
+        archive.exchange(name, row_places(name, writers, list(touched), partitions), rows)
 
 
 def _is_new(stored: StoredFile, known: Sequence[IndexedFile], key_of: KeyOf) -> bool:

@@ -1,22 +1,20 @@
 """The Delta tables of an archive, and the exchange of the rows of recordings in them, once whatever happens meanwhile.
 
-Each table is a folder of Parquet files with a log of transactions. A writer names the gateway in each transaction: one that
-another writer of the same gateway has overtaken fails, and is computed again from what is there then.
+Each table is a folder of Parquet files with a log of transactions. A writer names its gateways in each transaction: one
+that another writer of one of them has overtaken fails, and is computed again from what is there then.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, fields
-from datetime import datetime
-from functools import reduce
-from operator import and_
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import starmap
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.dataset as ds
-from deltalake import CommitProperties, DeltaTable, Field, Transaction, WriterProperties, write_deltalake
+from deltalake import CommitProperties, DeltaTable, Field, QueryBuilder, Transaction, WriterProperties, write_deltalake
 from deltalake.exceptions import CommitFailedError, DeltaError, TableNotFoundError
 
-from gateway.archive.rows import ALL_TABLES, RECORDINGS, RESULTS, RecordingRow, schema_of
+from gateway.archive.row_table import indexed_file
+from gateway.archive.rows import ALL_TABLES, RECORDINGS, RESULTS, schema_of
 from gateway.archive.versions import IndexedFile
 from gateway.errors import InputError
 
@@ -41,6 +39,8 @@ class Archive:
     place: str
     options: dict[str, str] = field(default_factory=dict)
     """Settings of the object store, beside those of the environment."""
+    _opened: dict[str, DeltaTable] = field(default_factory=dict, compare=False, repr=False)
+    """Of a table with thousands of transactions, the new ones alone are read then."""
 
     def __post_init__(self) -> None:
         """Raise `ArchiveError` for a name that the libraries of the tables do not take."""
@@ -77,42 +77,41 @@ class Archive:
     def open(self, name: str) -> DeltaTable:
         """Return a table as it is now. Raises `ArchiveError`."""
         try:
-            return DeltaTable(self._place(name), storage_options=self.options)
+            if name in self._opened:
+                self._opened[name].update_incremental()
+            else:
+                self._opened[name] = DeltaTable(self._place(name), storage_options=self.options)
         except TableNotFoundError as error:
             raise ArchiveError(f"{self.place}: has no table {name}; make it with plumbline archive index") from error
         except (DeltaError, OSError) as error:
             raise ArchiveError(f"{self._place(name)}: cannot be read ({_reason(error)})") from error
+        return self._opened[name]
 
-    def files(self, table: DeltaTable, writer: str | None = None) -> list[IndexedFile]:
-        """Return the files that a table of recordings knows; of one writer, where it is given."""
-        chosen = None
-        if writer == NO_GATEWAY:
-            chosen = ds.field("crane").is_null()
-        elif writer is not None:
-            parts = zip(("site", "crane", "sensor"), writer.split("/"), strict=True)
-            chosen = reduce(and_, (ds.field(name) == value for name, value in parts))
-        return [_indexed(row) for row in table.to_pyarrow_dataset().to_table(filter=chosen).to_pylist()]
+    def files(self, table: DeltaTable, writers: Collection[str] | None = None) -> list[IndexedFile]:
+        """Return the files that a table of recordings knows; where gateways are given, those of their cranes."""
+        chosen = "true" if writers is None else _in("crane", _cranes(writers))
+        return [indexed_file(row) for row in select(table, "*", chosen).to_pylist()]
 
-    def exchange(self, name: str, writer: str, places: "Places", rows: pa.Table) -> None:
-        """Put rows in place of others in one transaction; another writer of the same gateway makes it begin again."""
+    def exchange(self, name: str, places: "Places", rows: pa.Table) -> None:
+        """Put rows in place of others in one transaction; another writer of the same gateways makes it begin again."""
         for _ in range(MAX_ATTEMPTS):
-            if self.replace(self.open(name), writer, places, rows):
+            if self.replace(self.open(name), places, rows):
                 return
         raise ArchiveError(f"{self._place(name)}: others are writing all the time; try again later")
 
-    def replace(self, table: DeltaTable, writer: str, places: "Places", rows: pa.Table) -> bool:
+    def replace(self, table: DeltaTable, places: "Places", rows: pa.Table) -> bool:
         """Put rows in place of others in one transaction; return whether nobody has overtaken it."""
-        taken = table.to_pyarrow_dataset().count_rows(filter=places.expression) if places.predicate else 0
-        if not taken and not rows.num_rows:
+        is_taken = bool(places.predicate and select(table, places.column, f"{places.predicate} LIMIT 1").num_rows)
+        if not is_taken and not rows.num_rows:
             return True
-        number = (table.transaction_version(writer) or 0) + 1
+        numbers = {writer: (table.transaction_version(writer) or 0) + 1 for writer in sorted(places.writers)}
         settings: dict[str, Any] = {
-            "commit_properties": CommitProperties(app_transactions=[Transaction(writer, number)]),
+            "commit_properties": CommitProperties(app_transactions=list(starmap(Transaction, numbers.items()))),
             "writer_properties": COMPRESSION,
             "storage_options": self.options,
         }
         try:
-            if taken:
+            if is_taken:
                 write_deltalake(table, rows, mode="overwrite", predicate=places.predicate, **settings)
             else:
                 write_deltalake(table, rows, mode="append", **settings)
@@ -128,30 +127,43 @@ class Archive:
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """Rows that are replaced, in SQL for the transaction and as a filter to find them."""
+    """Rows that are replaced, and the gateways that are written."""
 
-    predicate: str
-    expression: ds.Expression | None
+    writers: frozenset[str]
+    column: str
+    """By which the rows are known."""
+    predicate: str = ""
+    """In SQL; empty: none are replaced."""
 
 
-def row_places(name: str, writer: str, values: Sequence[str], partitions: Sequence[str]) -> Places:
-    """Return the rows of files, of tasks, or of the recordings with these hashes, in partitions of the writer's crane."""
+def row_places(name: str, writers: Iterable[str], values: Sequence[str], partitions: Sequence[str | None]) -> Places:
+    """Return the rows of files, of tasks, or of the recordings with these hashes, in partitions of the gateways' cranes."""
+    written = frozenset(writers)
     column = {RECORDINGS: "path", RESULTS: "task"}.get(name, "recording")
     if not values:
-        return Places("", None)
-    crane = None if writer == NO_GATEWAY else writer.split("/")[1]
-    partition = ALL_TABLES[name].partition
-    expression = ds.field(column).isin(list(values))
-    if crane is None:
-        return Places(f"crane IS NULL AND {_in(column, values)}", ds.field("crane").is_null() & expression)
-    return Places(
-        f"crane = {_text(crane)} AND {_in(partition, partitions)} AND {_in(column, values)}",
-        (ds.field("crane") == crane) & ds.field(partition).isin(list(partitions)) & expression,
-    )
+        return Places(written, column)
+    conditions = (_in("crane", _cranes(written)), _in(partition_name(name), partitions), _in(column, values))
+    return Places(written, column, " AND ".join(conditions))
 
 
-def _in(column: str, values: Iterable[str]) -> str:
-    return f"{column} IN ({', '.join(map(_text, sorted(set(values))))})"
+def select(table: DeltaTable, columns: str, condition: str) -> pa.Table:
+    """Return columns of the rows of a table for which a condition in SQL holds. Raises `ArchiveError`."""
+    try:
+        found = QueryBuilder().register("rows", table).execute(f"SELECT {columns} FROM rows WHERE {condition}")
+        return pa.table(found.read_all())
+    except (DeltaError, OSError) as error:
+        raise ArchiveError(f"{table.table_uri}: cannot be read ({_reason(error)})") from error
+
+
+def _cranes(writers: Iterable[str]) -> list[str | None]:
+    return [None if writer == NO_GATEWAY else writer.split("/")[1] for writer in writers]
+
+
+def _in(column: str, values: Collection[str | None]) -> str:
+    """Return whether a column has one of the values, in SQL, in which nothing is equal to NULL."""
+    known = sorted({value for value in values if value is not None})
+    listed = f"{column} IN ({', '.join(map(_text, known))})" if known else "false"
+    return f"({listed} OR {column} IS NULL)" if None in values else listed
 
 
 def _text(value: str) -> str:
@@ -161,50 +173,6 @@ def _text(value: str) -> str:
 def partition_name(name: str) -> str:
     """Return the column by which a table is divided, beside the crane."""
     return ALL_TABLES[name].partition
-
-
-def partition_of(name: str, utc_ns: int) -> str:
-    """Return the partition of a recording that begins at a time: its day or its month, UTC."""
-    day = f"{pa.scalar(utc_ns // 1000, pa.timestamp('us', tz='UTC')).as_py():%Y-%m-%d}"
-    return day if ALL_TABLES[name].partition == "from_day" else day[:7]
-
-
-def table_of(name: str, rows: Sequence[Any], file: IndexedFile, wall_offset_ns: int) -> pa.Table:
-    """Return rows of a recording as a table of the archive."""
-    schema, spec = schema_of(name), ALL_TABLES[name]
-    site, crane, sensor = file.gateway or (None, None, None)
-    count = len(rows)
-    columns: dict[str, list[Any]] = {
-        field.name: [getattr(row, field.name) for row in rows] for field in fields(spec.row)
-    }
-    columns["utc"] = [time_ns + wall_offset_ns for time_ns in columns["gateway_time_ns"]]
-    constant = {"site": site, "crane": crane, "sensor": sensor, "recording": file.recording, "trust": file.trust}
-    constant[spec.partition] = None if file.gateway is None else partition_of(name, file.utc_ns)
-    columns |= {key: [value] * count for key, value in constant.items()}
-    return pa.table([_array(columns[field.name], field.type) for field in schema], schema=schema)
-
-
-def _array(values: list[Any], kind: pa.DataType) -> pa.Array:
-    if pa.types.is_timestamp(kind):
-        values = [None if value is None else value // 1000 for value in values]
-    return pa.array(values, kind)
-
-
-def recordings_table(files: Sequence[IndexedFile]) -> pa.Table:
-    """Return files as rows of the table of recordings."""
-    tables = [table_of(RECORDINGS, [file.row], file, file.utc_ns - file.row.gateway_time_ns) for file in files]
-    return pa.concat_tables(tables) if tables else schema_of(RECORDINGS).empty_table()
-
-
-def _indexed(row: dict[str, Any]) -> IndexedFile:
-    gateway = None if row["crane"] is None else (row["site"], row["crane"], row["sensor"])
-    own = {field.name: row[field.name] for field in fields(RecordingRow)}
-    own["end_utc"] = _ns(own["end_utc"])
-    return IndexedFile(gateway, row["recording"], row["trust"], _ns(row["utc"]), RecordingRow(**own))
-
-
-def _ns(time: datetime) -> int:
-    return round(time.timestamp() * 1_000_000) * 1000
 
 
 def _reason(error: Exception) -> str:
