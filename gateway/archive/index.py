@@ -7,6 +7,7 @@ recordings is written last and decides what counts.
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cache
 
 import pyarrow as pa
 
@@ -14,7 +15,7 @@ from gateway.archive.admission import Admission, KeyOf, admit
 from gateway.archive.row_table import partition_of, recordings_table, table_of
 from gateway.archive.rows import RECORDINGS, TABLES, RecordingRow, schema_of
 from gateway.archive.source import RecordingSource, StoredFile
-from gateway.archive.tables import MAX_ATTEMPTS, NO_GATEWAY, Archive, ArchiveError, row_places
+from gateway.archive.tables import MAX_ATTEMPTS, NO_GATEWAY, Archive, ArchiveError, row_places, select
 from gateway.archive.versions import IndexedFile, judge_files
 from gateway.recording.reading.timeline import ReportProgress, ignore_progress
 
@@ -50,9 +51,7 @@ def index(
     """Put what is new in a source into the tables. Raises `InputError`, `ArchiveError` and `KeyFileError`."""
     listed = source.list()
     archive.create()
-    known: dict[str, list[IndexedFile]] = defaultdict(list)
-    for file in archive.files(archive.open(RECORDINGS)):
-        known[file.row.path].append(file)
+    known, key_of = _known_files(archive), cache(key_of)
     result = IndexResult(len(listed))
     batch: list[NewFile] = []
     for number, stored in enumerate(listed):
@@ -126,15 +125,33 @@ def _exchange_rows(
         archive.exchange(name, row_places(name, writers, list(touched), partitions), rows)
 
 
-def _is_new(stored: StoredFile, known: Sequence[IndexedFile], key_of: KeyOf) -> bool:
+@dataclass(frozen=True, slots=True)
+class KnownFile:
+    """What decides whether a file is read again."""
+
+    version: str
+    gateway: str | None
+    given_key: str
+
+
+def _known_files(archive: Archive) -> dict[str, list[KnownFile]]:
+    """Return what the table knows of each name."""
+    columns = select(archive.open(RECORDINGS), "path, version, site, crane, sensor, given_key", "true")
+    known: dict[str, list[KnownFile]] = defaultdict(list)
+    for path, version, site, crane, sensor, given_key in zip(*(each.to_pylist() for each in columns), strict=True):
+        known[path].append(KnownFile(version, None if crane is None else f"{site}/{crane}/{sensor}", given_key))
+    return known
+
+
+def _is_new(stored: StoredFile, known: Sequence[KnownFile], key_of: KeyOf) -> bool:
     """Return whether a file was not read yet, has changed, or may now be judged by another key."""
-    file = next((each for each in known if each.row.version == stored.version), None)
+    file = next((each for each in known if each.version == stored.version), None)
     if file is None:
         return True
     if file.gateway is None:
-        return bool(file.row.given_key)  # refused by a key that may have been the wrong one
-    key = key_of("/".join(file.gateway))
-    return key is not None and key != file.row.given_key
+        return bool(file.given_key)  # refused by a key that may have been the wrong one
+    key = key_of(file.gateway)
+    return key is not None and key != file.given_key
 
 
 def _new_file(stored: StoredFile, found: Admission) -> NewFile:

@@ -5,6 +5,7 @@ that another writer of one of them has overtaken fails, and is computed again fr
 """
 
 from collections.abc import Collection, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import starmap
 from typing import Any
@@ -32,6 +33,10 @@ class ArchiveError(InputError):
     """A table cannot be read or written; the text names it and the mend."""
 
 
+class NoTableError(ArchiveError):
+    """A table is not there."""
+
+
 @dataclass(frozen=True, slots=True)
 class Archive:
     """The tables below a folder, or below a URL such as `s3://bucket/archive`."""
@@ -50,29 +55,34 @@ class Archive:
     def create(self) -> None:
         """Make the tables that are missing, and add columns that this version has and they have not. Raises `ArchiveError`."""
         for name in ALL_TABLES:
-            self._create(name)
-            table = self.open(name)
+            table = self._open_or_create(name)
             known = set(pa.schema(table.schema()).names)
             if missing := [column for column in schema_of(name) if column.name not in known]:
                 table.alter.add_columns([Field.from_arrow(column) for column in missing])
 
-    def _create(self, name: str) -> None:
-        for attempt in range(MAX_ATTEMPTS):
+    def _open_or_create(self, name: str) -> DeltaTable:
+        for _ in range(MAX_ATTEMPTS):
             try:
-                DeltaTable.create(
-                    self._place(name),
-                    schema_of(name),
-                    mode="ignore",
-                    partition_by=["crane", ALL_TABLES[name].partition],
-                    storage_options=self.options,
-                )
-            except (DeltaError, OSError, ValueError) as error:
-                if attempt == MAX_ATTEMPTS - 1 or not isinstance(error, CommitFailedError):  # another one has made it
-                    raise ArchiveError(
-                        f"{self._place(name)}: cannot be made ({_reason(error)}); choose another place"
-                    ) from error
-            else:
-                return
+                return self.open(name)
+            except NoTableError:
+                self._create(name)
+        raise ArchiveError(f"{self._place(name)}: cannot be made; choose another place")
+
+    def _create(self, name: str) -> None:
+        try:
+            DeltaTable.create(
+                self._place(name),
+                schema_of(name),
+                mode="ignore",
+                partition_by=["crane", partition_name(name)],
+                storage_options=self.options,
+            )
+        except CommitFailedError:  # another one has made it
+            pass
+        except (DeltaError, OSError, ValueError) as error:
+            raise ArchiveError(
+                f"{self._place(name)}: cannot be made ({_reason(error)}); choose another place"
+            ) from error
 
     def open(self, name: str) -> DeltaTable:
         """Return a table as it is now. Raises `ArchiveError`."""
@@ -82,7 +92,7 @@ class Archive:
             else:
                 self._opened[name] = DeltaTable(self._place(name), storage_options=self.options)
         except TableNotFoundError as error:
-            raise ArchiveError(f"{self.place}: has no table {name}; make it with plumbline archive index") from error
+            raise NoTableError(f"{self.place}: has no table {name}; make it with plumbline archive index") from error
         except (DeltaError, OSError) as error:
             raise ArchiveError(f"{self._place(name)}: cannot be read ({_reason(error)})") from error
         return self._opened[name]
@@ -120,6 +130,17 @@ class Archive:
         except (DeltaError, OSError) as error:
             raise ArchiveError(f"{table.table_uri}: cannot be written ({_reason(error)})") from error
         return True
+
+    def compact(self) -> None:
+        """Join small files, and delete those that have not been part of a table for a week. Raises `ArchiveError`.
+
+        Where others write meanwhile, a table stays as it is until the next time.
+        """
+        for name in ALL_TABLES:
+            table = self.open(name)
+            with suppress(CommitFailedError):
+                table.optimize.compact(writer_properties=COMPRESSION)
+            table.vacuum(dry_run=False)
 
     def _place(self, name: str) -> str:
         return f"{self.place.rstrip('/')}/{name}"

@@ -27,6 +27,9 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     add_source(verb)
     add_table(verb, "--into")
     add_keys(verb)
+    verb.add_argument(
+        "--compact", action="store_true", help="then join the small files that many runs have made; once a day will do"
+    )
     add_json(verb)
     verb.set_defaults(run=run)
 
@@ -42,7 +45,10 @@ def run(arguments: argparse.Namespace) -> int:
 
     source, key_of = open_source(arguments.source), keys(arguments)
     with ProgressBar(f"indexing {source.name}") as bar:
-        result = index(source, Archive(arguments.table), key_of, bar.update)
+        archive = Archive(arguments.table)
+        result = index(source, archive, key_of, bar.update)
+        if arguments.compact:
+            archive.compact()
     show(_text(result), _as_json(result), arguments.json)
     return WITH_LOSSES if any(file.trust == "refused" for file in result.read) else 0
 

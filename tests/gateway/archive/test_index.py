@@ -4,10 +4,11 @@ import shutil
 from datetime import UTC, datetime
 from pathlib import Path
 
+import pyarrow as pa
 import pytest
-from deltalake import DeltaTable
+from deltalake import DeltaTable, write_deltalake
 
-from gateway.archive.rows import RECORDINGS, TABLES
+from gateway.archive.rows import RECORDINGS, TABLES, schema_of
 from gateway.cli.main import main
 from gateway.errors import BAD_INPUT, WITH_LOSSES
 from gateway.messages import Motion
@@ -202,6 +203,17 @@ def test_damaged_forged_and_foreign_files_are_listed_and_do_not_stop_the_rest(
     assert rows == [("crane-1", "verified", 6.0), ("crane-9", "consistent", other.peak_deg)]
 
 
+@pytest.mark.parametrize(
+    ("start_ns", "wall_offset_ns", "reason"),
+    [(2**62 + 1, 0, "has no message of the last decades"), (START_NS, 2**62, "states a clock that is decades wrong")],
+)
+def test_times_that_no_gateway_has_are_refused(start_ns: int, wall_offset_ns: int, reason: str, tmp_path: Path) -> None:
+    SmallCrane(tmp_path / "source", segments=1, start_ns=start_ns, wall_offset_ns=wall_offset_ns).record()
+    indexed(tmp_path / "source", tmp_path / "table")
+    (found,) = reasons(tmp_path / "table").values()
+    assert found.startswith(reason)
+
+
 def test_a_recording_that_is_signed_for_another_crane_is_refused(tmp_path: Path) -> None:
     """Whoever has the key of one gateway cannot speak for another one."""
     thief = SmallCrane(tmp_path / "source", "crane-1", segments=1)
@@ -241,6 +253,39 @@ def test_bad_input_is_one_line(
     assert said in printed
     assert printed.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_table_of_an_older_version_gets_the_new_columns(fleet: list[SmallCrane], keys: Path, tmp_path: Path) -> None:
+    table = tmp_path / "table"
+    schema = schema_of("swings")
+    older = schema.remove(schema.get_field_index("lean_deg"))
+    DeltaTable.create(str(table / "swings"), older, partition_by=["crane", "from_month"])
+    write_deltalake(
+        str(table / "swings"),
+        pa.table({"crane": ["crane-1"], "from_month": ["2025-12"], "recording": ["before"]}, older_part(older)),
+        mode="append",
+        schema_mode="merge",
+    )
+    indexed(fleet[0].folder, table, keys)
+    assert select(table, "SELECT count(*), count(lean_deg) FROM all_swings") == [(13, 0)]  # no swing here has a lean
+    assert select(table, "SELECT count(*) FROM swings") == [(12,)]
+
+
+def older_part(schema: pa.Schema) -> pa.Schema:
+    return pa.schema([schema.field(name) for name in ("crane", "from_month", "recording")])
+
+
+def test_small_files_are_joined_and_the_rows_stay(fleet: list[SmallCrane], keys: Path, tmp_path: Path) -> None:
+    source, table = tmp_path / "source", tmp_path / "table"
+    source.mkdir()
+    for path in fleet[0].files:
+        shutil.copy(path, source)
+        indexed(source, table, keys)
+    before = content(table)
+    assert len(DeltaTable(str(table / "motion")).file_uris()) == 3
+    assert main(["archive", "index", str(source), "--into", str(table), "--keys", str(keys), "--compact"]) == 0
+    assert len(DeltaTable(str(table / "motion")).file_uris()) == 1
+    assert content(table) == before
 
 
 def test_times_are_utc(clean: Path) -> None:
