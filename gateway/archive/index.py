@@ -110,9 +110,8 @@ def _exchange_rows(
 ) -> None:
     """Put the rows of the new files that count into the tables, and take out those of files that do not count."""
     counted = {file.recording for file in after.values() if file.row.status == "counted"}
-    unread = [
-        each for each in new if each.file.trust != "refused" and before.get(_key(each.file)) != after[_key(each.file)]
-    ]
+    settled = {key for key in after if before.get(key) == after[key] and after[key].row.status == "counted"}
+    unread = [each for each in new if each.file.trust != "refused" and _key(each.file) not in settled]
     written = {each.file.recording: each for each in unread if each.file.recording in counted}
     gone = [file for file in before.values() if file.row.status == "counted" and file.recording not in counted]
     touched = {file.recording: file for file in (*(each.file for each in unread), *gone)}

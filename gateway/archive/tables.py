@@ -39,11 +39,9 @@ class NoTableError(ArchiveError):
 
 @dataclass(frozen=True, slots=True)
 class Archive:
-    """The tables below a folder, or below a URL such as `s3://bucket/archive`."""
+    """The tables below a folder, or below a URL such as `s3://bucket/archive`, with the settings of the environment."""
 
     place: str
-    options: dict[str, str] = field(default_factory=dict)
-    """Settings of the object store, beside those of the environment."""
     _opened: dict[str, DeltaTable] = field(default_factory=dict, compare=False, repr=False)
     """Of a table with thousands of transactions, the new ones alone are read then."""
 
@@ -75,7 +73,6 @@ class Archive:
                 schema_of(name),
                 mode="ignore",
                 partition_by=["crane", partition_name(name)],
-                storage_options=self.options,
             )
         except CommitFailedError:  # another one has made it
             pass
@@ -90,7 +87,7 @@ class Archive:
             if name in self._opened:
                 self._opened[name].update_incremental()
             else:
-                self._opened[name] = DeltaTable(self._place(name), storage_options=self.options)
+                self._opened[name] = DeltaTable(self._place(name))
         except TableNotFoundError as error:
             raise NoTableError(f"{self.place}: has no table {name}; make it with plumbline archive index") from error
         except (DeltaError, OSError) as error:
@@ -118,7 +115,6 @@ class Archive:
         settings: dict[str, Any] = {
             "commit_properties": CommitProperties(app_transactions=list(starmap(Transaction, numbers.items()))),
             "writer_properties": COMPRESSION,
-            "storage_options": self.options,
         }
         try:
             if is_taken:
@@ -138,9 +134,12 @@ class Archive:
         """
         for name in ALL_TABLES:
             table = self.open(name)
-            with suppress(CommitFailedError):
-                table.optimize.compact(writer_properties=COMPRESSION)
-            table.vacuum(dry_run=False)
+            try:
+                with suppress(CommitFailedError):
+                    table.optimize.compact(writer_properties=COMPRESSION)
+                table.vacuum(dry_run=False)
+            except (DeltaError, OSError) as error:
+                raise ArchiveError(f"{table.table_uri}: cannot be compacted ({_reason(error)})") from error
 
     def _place(self, name: str) -> str:
         return f"{self.place.rstrip('/')}/{name}"

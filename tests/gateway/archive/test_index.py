@@ -3,11 +3,13 @@
 import shutil
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pytest
 from deltalake import DeltaTable, write_deltalake
 
+from gateway.archive import index as index_module
 from gateway.archive.rows import RECORDINGS, TABLES, schema_of
 from gateway.cli.main import main
 from gateway.errors import BAD_INPUT, WITH_LOSSES
@@ -132,6 +134,32 @@ def test_a_segment_that_was_completed_later_replaces_its_beginning(tmp_path: Pat
     assert select(table, "SELECT count(*), count(DISTINCT utc), min(trust) FROM motion") == [(19, 19, "verified")]
     indexed(source, tmp_path / "clean", keys)
     assert content(table) == content(tmp_path / "clean")
+
+
+def test_a_writer_that_is_overtaken_begins_again_and_leaves_nothing_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between its look at the files and its rows, another run indexes the repaired segment, which replaces the cut one."""
+    crane = SmallCrane(tmp_path / "crane", segments=1, closed=False).record()
+    source, table = tmp_path / "source", tmp_path / "table"
+    source.mkdir()
+    shutil.copy(crane.files[0], source / "upload-1.mcap")
+    crane.repair()
+    exchange_rows = index_module._exchange_rows
+    overtaken: list[bool] = []
+
+    def be_overtaken(*arguments: Any) -> None:
+        if not overtaken:
+            overtaken.append(True)
+            shutil.copy(crane.files[0], source / "upload-2.mcap")
+            indexed(source, table)
+        exchange_rows(*arguments)
+
+    monkeypatch.setattr(index_module, "_exchange_rows", be_overtaken)
+    (late,) = indexed(source, table).read
+    assert late.row.status == "superseded"
+    assert select(table, "SELECT count(*), count(DISTINCT recording) FROM all_motion") == [(19, 1)]
+    assert select(table, "SELECT count(*) FROM motion") == [(19,)]
 
 
 def test_a_recovered_copy_counts_only_while_nothing_signed_is_there(
