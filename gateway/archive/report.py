@@ -4,14 +4,13 @@ Everything is made from the minutes, a hundredth of the seconds. An exceedance i
 angle reaches the limit.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, time
 
 import duckdb
 import numpy as np
-from numpy.typing import NDArray
 
+from gateway.archive.limit_cost import LimitCost, tried_limits
 from gateway.archive.query import open_database
 from gateway.archive.rows import Trust
 from gateway.archive.tables import Archive
@@ -20,11 +19,7 @@ from gateway.calibration.store import parse_record
 from gateway.errors import InputError
 from gateway.file_input import parse_json
 from gateway.numerics.array import Array
-from gateway.numerics.stats import NORMAL_975
-from gateway.stages.alerts import DECISION_FACTOR
 
-TRIED_LIMITS_DEG = tuple(half / 2 for half in range(2, 25))
-"""Limits whose cost is stated, 1 to 12 degrees. Basis: a choice; a crane is given one among them."""
 DRIFT_LIMIT_DEG = 0.5
 """Tilt error at which a sensor is calibrated again. Basis: the default of `plumbline fleet drift`."""
 MAX_WORST = 20
@@ -94,16 +89,6 @@ class UnknownTime:
 
 
 @dataclass(frozen=True, slots=True)
-class LimitCost:
-    """The alarms that another limit would have raised."""
-
-    limit_deg: float
-    alarms: int
-    false_alarms: int
-    """Those in which the best estimate of the angle stayed below the limit."""
-
-
-@dataclass(frozen=True, slots=True)
 class ArchiveReport:
     """All figures of a report."""
 
@@ -145,7 +130,7 @@ def make_report(archive: Archive, question: ReportQuestion, now: datetime) -> Ar
             not_judged,
             _at_rest(database, question),
             _unknown(database, question),
-            _limits(database),
+            tried_limits(database),
         )
 
 
@@ -305,35 +290,3 @@ def _unknown(database: duckdb.DuckDBPyConnection, question: ReportQuestion) -> t
         [question.begin, question.end],
     )
     return tuple(UnknownTime(*row) for row in rows.fetchall())
-
-
-def _limits(database: duckdb.DuckDBPyConnection) -> tuple[LimitCost, ...]:
-    """Return the cost of each limit, by the rule of the alerts for the present angle."""
-    share = DECISION_FACTOR / NORMAL_975
-    columns = database.execute(
-        """
-        SELECT number * 4294967296 + minute AS place, angle_deg, angle_deg + ? * (upper_deg - angle_deg) AS compared_deg
-        FROM m JOIN (SELECT gateway, row_number() OVER () AS number FROM m GROUP BY gateway) USING (gateway)
-        WHERE angle_deg + ? * (upper_deg - angle_deg) >= ? ORDER BY place
-        """,
-        [share, share, TRIED_LIMITS_DEG[0]],
-    ).fetchnumpy()
-    place, angle_deg = np.asarray(columns["place"], dtype=np.int64), np.asarray(columns["angle_deg"])
-    return limit_costs(place, angle_deg, np.asarray(columns["compared_deg"]), TRIED_LIMITS_DEG)
-
-
-def limit_costs(
-    place: NDArray[np.int64], angle_deg: Array, compared_deg: Array, limits_deg: Sequence[float]
-) -> tuple[LimitCost, ...]:
-    """Return the alarms of each limit; arrays by minute, shape (n,), where neighbouring minutes have neighbouring places.
-
-    `compared_deg` is what is compared with the limit, `angle_deg` the best estimate.
-    """
-    costs = []
-    for limit_deg in limits_deg:
-        is_above = compared_deg >= limit_deg
-        minutes, angles_deg = place[is_above], angle_deg[is_above]
-        starts = np.flatnonzero(np.diff(minutes, prepend=minutes[:1] - 2) > 1)
-        largest_deg = np.maximum.reduceat(angles_deg, starts) if len(starts) else angles_deg
-        costs.append(LimitCost(limit_deg, len(starts), int(np.count_nonzero(largest_deg < limit_deg))))
-    return tuple(costs)

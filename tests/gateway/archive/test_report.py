@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.archive.report import ReportQuestion, limit_costs, make_report
+from gateway.archive.limit_cost import limit_costs
+from gateway.archive.report import ReportQuestion, make_report
 from gateway.archive.tables import Archive
 from gateway.cli.main import main
 from gateway.errors import BAD_INPUT
