@@ -1,5 +1,6 @@
 """The workflow: check, split, search, accept, validate, decide, report."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol
@@ -16,7 +17,7 @@ from gateway.twin.reconcile.data.data_checks import CheckedRecording, find_lack_
 from gateway.twin.reconcile.data.recordings import Recordings, find_lack_of_test, split_recordings
 from gateway.twin.reconcile.decision.evidence import gather_evidence
 from gateway.twin.reconcile.decision.ranking import RankedCandidate, rank_candidates, rivals_of
-from gateway.twin.reconcile.decision.verdict import decide
+from gateway.twin.reconcile.decision.verdict import as_best_so_far, decide
 from gateway.twin.reconcile.equation.remainder import describe_result
 from gateway.twin.reconcile.known_model import KnownModel
 from gateway.twin.reconcile.output.result import Reconciliation
@@ -82,8 +83,11 @@ def reconcile(
     seed: int = 0,
     processes: int = 1,
     tick: ReportProgress = lambda _stage, _share=None: None,
+    is_over: Callable[[], bool] = lambda: False,
 ) -> Reconciliation:
     """Find what the model lacks; `tick` is called with the stage at each step of a fit.
+
+    Once `is_over`, the search ends as soon as the nominal model is fitted, and the answer is the best so far.
 
     `inputs` and `held_out_inputs`: what the crane did in the log and in a second recording, which is then part of the model.
     `processes` share the fits; the answer does not depend on their number.
@@ -105,7 +109,7 @@ def reconcile(
     if (fault := find_lack_of_test(recordings)) is not None:
         return unusable_result(model, log, fault)
     with registered(inputs, held_out_inputs):
-        return _reconcile(known, recordings, log, seed, Budget(processes=processes), tick)
+        return _reconcile(known, recordings, log, seed, Budget(processes=processes, is_over=is_over), tick)
 
 
 def _reconcile(
@@ -247,6 +251,9 @@ def _decide(known: KnownModel, run: SearchRun, random: np.random.Generator) -> S
         large_amplitude=context.setting.large_amplitude,
     )
     decision = decide(evidence, run.recordings.log, partial(indistinguishable, context, validator, best.candidate))
+    ended_early = context.budget.is_over()
+    if ended_early:
+        decision = as_best_so_far(decision)
     return SearchOutcome(
         model=known.model,
         recordings=run.recordings,
@@ -260,6 +267,7 @@ def _decide(known: KnownModel, run: SearchRun, random: np.random.Generator) -> S
         lost_fraction=run.lost_fraction,
         inputs=known.inputs.found,
         held_out_inputs=() if run.recordings.last_third else known.held_out_inputs.found,
+        ended_early=ended_early,
     )
 
 

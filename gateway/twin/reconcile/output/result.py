@@ -259,6 +259,8 @@ class Reconciliation:
     """Further groups of candidates, of each of which one effect acts as well."""
     leaves_remainder: bool = False
     """Something is left that neither an effect of the answer nor one of a group explains."""
+    ended_early: bool = False
+    """The search was ended before it had tried all that it would have: other effects may explain the data as well."""
     law: Law | None = None
     """What describes the remainder where no effect explains it; part of the final model."""
 
