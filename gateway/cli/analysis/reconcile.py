@@ -199,7 +199,7 @@ def run(arguments: argparse.Namespace) -> int:
             )
             runtime_s = time.monotonic() - begin_s
             progress.tick("report")
-            texts = output_texts(arguments, result, runtime_s, (second_source or source).held_rows)
+            texts = output_texts(arguments, result, runtime_s, second_source or source)
     except KeyboardInterrupt:
         print("plumbline reconcile: stopped; nothing was written", file=sys.stderr)
         raise

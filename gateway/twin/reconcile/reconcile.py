@@ -15,12 +15,13 @@ from gateway.twin.reconcile.data.artefact_detectors import quantised_mean
 from gateway.twin.reconcile.data.crane_inputs import NO_INPUTS, CraneInputs, registered
 from gateway.twin.reconcile.data.data_checks import CheckedRecording, find_lack_of_rest
 from gateway.twin.reconcile.data.recordings import Recordings, find_lack_of_test, split_recordings
+from gateway.twin.reconcile.data.thinning import samples_per_mean, take_means
 from gateway.twin.reconcile.decision.evidence import gather_evidence
 from gateway.twin.reconcile.decision.ranking import RankedCandidate, rank_candidates, rivals_of
 from gateway.twin.reconcile.decision.verdict import as_best_so_far, decide
 from gateway.twin.reconcile.equation.remainder import describe_result
 from gateway.twin.reconcile.known_model import KnownModel
-from gateway.twin.reconcile.output.result import Reconciliation
+from gateway.twin.reconcile.output.result import AVERAGED, Reconciliation
 from gateway.twin.reconcile.output.result_builder import SearchOutcome, unusable_result
 from gateway.twin.reconcile.residual.isolability import indistinguishable_pairs
 from gateway.twin.reconcile.residual.residual_tests import has_excess
@@ -116,6 +117,8 @@ def _reconcile(
     known: KnownModel, recordings: Recordings, log: CheckedRecording, seed: int, budget: Budget, tick: ReportProgress
 ) -> Reconciliation:
     recordings, detected = detect_in_samples(recordings, log.rows_per_reading, known.model.effects)
+    averaged = 1 if detected else samples_per_mean(recordings)  # steps, limits and repeats are not those of a mean
+    recordings = take_means(recordings, averaged)
     random = np.random.default_rng(seed)
     tick("baseline")
     run = _search(known, recordings, detected, budget, tick)
@@ -130,7 +133,7 @@ def _reconcile(
     table, best = replace_implausible(table.start_round(), run.context, run.validator, best)
     run = replace(run, table=table.start_round(), best=best)
     outcome = _decide(known, run, random)
-    return describe_result(outcome, log.counts, random)
+    return describe_result(outcome, log.counts if averaged == 1 else {**log.counts, AVERAGED: averaged}, random)
 
 
 def _search(

@@ -42,16 +42,20 @@ class Budget:
         return min(max(self.fits / self.max_fits, (self.work + self.work_of_fit) / self.max_work), 1.0)
 
     def begin_fit(self, work_per_evaluation: float) -> None:
-        """Note what each evaluation of a fit costs."""
+        """Note what each evaluation of a fit costs. Raises `OutOfTimeError` as `count_evaluation` does."""
+        self._end_if_over()
         self.work_per_evaluation, self.work_of_fit = work_per_evaluation, 0.0
 
     def count_evaluation(self) -> None:
         """Count one linearisation of the model. Raises `OutOfTimeError` where the search is over and has an answer."""
-        if self.fits and self.is_over():
-            raise OutOfTimeError
+        self._end_if_over()
         self.work_of_fit += self.work_per_evaluation
 
     def add_fit(self, work: float) -> None:
         """Count a fit that the search used."""
         self.fits += 1
         self.work += work
+
+    def _end_if_over(self) -> None:
+        if self.fits and self.is_over():
+            raise OutOfTimeError

@@ -106,8 +106,8 @@ class SearchContext:
 
     def _make(self, request: FitRequest) -> tuple[CandidateFit | None, float]:
         values = request.values
-        self.budget.begin_fit(self.setting.work_per_evaluation(values))
         try:
+            self.budget.begin_fit(self.setting.work_per_evaluation(values))
             fit = self.setting.fit(
                 values,
                 request.starts,
