@@ -236,8 +236,12 @@ def _exceeds_quantisation(run: SearchRun) -> bool:
 
 
 def _decide(known: KnownModel, run: SearchRun, random: np.random.Generator) -> SearchOutcome:
-    """Rank the sets near the best by all evidence and decide between them."""
+    """Rank the sets near the best by all evidence and decide between them; of a search that was ended, take the best as it is."""
     context, table, validator = run.context, run.table, run.validator
+    ended_early = context.budget.is_over()
+    if ended_early:
+        fits = {each.names: each for each in (run.nominal, run.base, run.best)}
+        table = replace(table, fits=fits, moves=tuple(move for move in table.moves if move.names in fits))
     pairs = indistinguishable_pairs(context.signatures(run.base).of)
     ranked, base = rank_candidates(table, run.best, run.base.names, validator, pairs)
     best = ranked[0]
@@ -248,13 +252,12 @@ def _decide(known: KnownModel, run: SearchRun, random: np.random.Generator) -> S
         rivals_of(ranked, pairs),
         run.recordings.log,
         validator.selection,
-        table.fits,
+        run.table.fits,
         frozenset() if run.lost_fraction is None else frozenset({SampleLoss.name}),
         improves_selection=_is_supported_by_selection(run, best, base, random),
         large_amplitude=context.setting.large_amplitude,
     )
     decision = decide(evidence, run.recordings.log, partial(indistinguishable, context, validator, best.candidate))
-    ended_early = context.budget.is_over()
     if ended_early:
         decision = as_best_so_far(decision)
     return SearchOutcome(
