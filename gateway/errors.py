@@ -8,7 +8,7 @@ if TYPE_CHECKING:
 
 ANSWER_IS_NO, BAD_INPUT, WITH_LOSSES = 1, 2, 3
 """Exit codes of the commands: refused, different or failed; wrong usage or input; done, but something was lost or is damaged.
-Definition: `docs/commands.md`."""
+Definition: `docs/reference/commands.md`."""
 
 
 class PlumblineError(Exception):

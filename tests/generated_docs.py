@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from gateway.cli.main import parser
+from tests.generated_configuration import configuration_page
 from tests.generated_effects import effects_page
 from tests.generated_plant import plant_values_page
 
@@ -83,9 +84,10 @@ def _examples(epilog: str) -> list[str]:
 
 
 PAGES: dict[str, Callable[[], str]] = {
-    "commands.md": commands_page,
-    "effects.md": effects_page,
-    "plant_values.md": plant_values_page,
+    "reference/commands.md": commands_page,
+    "reference/configuration.md": configuration_page,
+    "reference/effects.md": effects_page,
+    "reference/plant_values.md": plant_values_page,
 }
 """Generated pages by their name under docs/."""
 

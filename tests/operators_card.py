@@ -1,4 +1,4 @@
-"""The operator's card as PDF, one page for each language, from docs/operators_card.md by Debian's chromium."""
+"""The operator's card as PDF, one page for each language, from docs/guides/operator/operators_card.md by Debian's chromium."""
 
 import html
 import re
@@ -8,7 +8,7 @@ from pathlib import Path
 from playwright.sync_api import sync_playwright
 
 ROOT = Path(__file__).parents[1]
-SOURCE = ROOT / "docs" / "operators_card.md"
+SOURCE = ROOT / "docs" / "guides" / "operator" / "operators_card.md"
 CHROMIUM = "/usr/bin/chromium"
 ONLY_ONLINE = "For print:"
 STYLE = """

@@ -114,7 +114,7 @@ def test_an_alert_rule_changes_the_files_of_the_guide_and_is_raised_and_recorded
         texts = '  "rule_sway": "Sway", "sway_alarm": "The rope is at {angle}; limit {limit}.",\n'
         tree.insert(f"gateway/languages/{language}.json", texts, before='  "decimal_mark"')
     row = "| `sway` | the present angle | `sway_trip_deg` |\n"
-    tree.insert("docs/messages.md", row, before="| `calibration` | the [drift watch]")
+    tree.insert("docs/reference/messages.md", row, before="| `calibration` | the [drift watch]")
     assert tree.changed == named_files("Add an alert rule")
     tree.python("-c", RULE_CHECK, str(tree.folder / "recordings"))
 
@@ -165,7 +165,7 @@ def test_a_topic_changes_the_files_of_the_guide_and_is_recorded_and_replayed(tre
     tree.insert(pipeline, sent, before="        if swing_due:\n")
     tree.insert(pipeline, "from gateway.messages.condition import Echo\n", before="from gateway.packing import pack\n")
     row = "| echo | plumbline.Echo | 10 Hz | yes | yes |\n"
-    tree.insert("docs/architecture.md", row, before="| mark | plumbline.Mark |")
+    tree.insert("docs/reference/messages.md", row, before="| mark | plumbline.Mark |")
     assert tree.changed == named_files("Add a topic", subject="condition")
     tree.python("-c", TOPIC_CHECK, str(tree.folder / "recordings"))
 
@@ -207,7 +207,7 @@ def test_a_chip_changes_the_files_of_the_guide_and_is_found_and_read(tree: Tree)
     )
     tree.copy("config/lis2dw12.toml", "config/lis9.toml", {"lis2dw12": "lis9", "LIS2DW12": "LIS9"})
     row = "| LIS9 | VDD and VDD_IO, CS too | GND | SDA | SCL | 0x18; 0x19 with SA0 at VDD_IO |\n"
-    tree.insert("docs/installation.md", row, before="| MPU-9250, MPU-6050 |")
+    tree.insert("docs/guides/service/installation.md", row, before="| MPU-9250, MPU-6050 |")
     model = {"Lis2dw12": "Lis9", '"lis2dw12"': '"lis9"', "0x0F: 0x44": "0x0F: 0x39"}
     tree.copy("tests/devices/i2c/lis2dw12_chip.py", "tests/devices/i2c/lis9_chip.py", model)
     rig = "tests/devices/i2c/part_rig.py"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-PAGE = Path(__file__).parents[1] / "docs" / "equations.md"
+PAGE = Path(__file__).parents[1] / "docs" / "reference" / "equations.md"
 NUMBERS = {
     "Łuczak et al. 2022": range(1, 26),
     "Łuczak n.d.": range(1, 37),

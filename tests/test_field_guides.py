@@ -10,7 +10,8 @@ import pytest
 from gateway.cli.main import parser
 
 ROOT = Path(__file__).parents[1]
-GUIDES = ("installation", "service_guide", "recovery")
+GUIDES = ("installation", "README", "recovery")
+FOLDER = ROOT / "docs" / "guides" / "service"
 PARTS = ("gateway", "devices")
 
 
@@ -26,7 +27,7 @@ def _commands(text: str) -> Iterator[str]:
 
 @pytest.mark.parametrize("name", GUIDES)
 def test_every_command_is_accepted(name: str) -> None:
-    commands = list(_commands((ROOT / "docs" / f"{name}.md").read_text()))
+    commands = list(_commands((FOLDER / f"{name}.md").read_text()))
     assert len(commands) > 4
     for command in commands:
         arguments = shlex.split(command)[1:]
@@ -39,7 +40,7 @@ def test_every_command_is_accepted(name: str) -> None:
 
 
 def test_every_message_of_the_recovery_table_is_one_of_the_program() -> None:
-    text = (ROOT / "docs" / "recovery.md").read_text()
+    text = (FOLDER / "recovery.md").read_text()
     code = "\n".join(path.read_text() for part in PARTS for path in sorted((ROOT / part).rglob("*.py")))
     messages = [
         message
@@ -54,6 +55,6 @@ def test_every_message_of_the_recovery_table_is_one_of_the_program() -> None:
 def test_every_file_that_the_guides_name_is_installed() -> None:
     script = (ROOT / "script" / "deb").read_text()
     for name in GUIDES:
-        named = re.findall(r"/opt/plumbline/current/(deploy/[\w./-]+)", (ROOT / "docs" / f"{name}.md").read_text())
+        named = re.findall(r"/opt/plumbline/current/(deploy/[\w./-]+)", (FOLDER / f"{name}.md").read_text())
         assert [path for path in named if not (ROOT / path).exists()] == []
     assert "for part in config deploy" in script

@@ -7,7 +7,7 @@ from pathlib import Path
 from gateway.configuration.device_sections import DEVICE_SECTIONS
 
 ROOT = Path(__file__).parents[1]
-DOCS = ROOT / "docs"
+REFERENCE = ROOT / "docs" / "reference"
 
 
 def tables(page: Path) -> Iterator[tuple[str, list[str]]]:
@@ -26,7 +26,7 @@ def tables(page: Path) -> Iterator[tuple[str, list[str]]]:
 
 def rows(page: str, header: str) -> list[list[str]]:
     """Return the rows of those tables of a page that begin with a column."""
-    return [cells for name, cells in tables(DOCS / page) if name == header]
+    return [cells for name, cells in tables(REFERENCE / page) if name == header]
 
 
 def words(text: str) -> set[str]:
@@ -106,7 +106,7 @@ def test_every_word_of_a_module_name_is_a_term() -> None:
         for word, place in module_words().items()
         if word not in terms | COMMON_WORDS | words(" ".join(DEVICE_SECTIONS))
     }
-    assert unknown == {}, "enter the term in docs/glossary.md, or an everyday word in COMMON_WORDS"
+    assert unknown == {}, "enter the term in docs/reference/glossary.md, or an everyday word in COMMON_WORDS"
 
 
 def test_every_class_name_has_one_meaning() -> None:

@@ -32,7 +32,7 @@ def test_the_languages_of_the_card_are_those_of_the_page() -> None:
 
 
 def test_the_printed_card_has_a_page_for_each_language() -> None:
-    pdf = (ROOT / "docs" / "operators_card.pdf").read_bytes()
+    pdf = (ROOT / "docs" / "guides" / "operator" / "operators_card.pdf").read_bytes()
     assert len(re.findall(rb"/Type\s*/Page\b", pdf)) == 2
 
 

@@ -1,4 +1,4 @@
-"""A radio node of one's own behind a receiver on a serial port; its frames are described in docs/node.md."""
+"""A radio node of one's own behind a receiver on a serial port; its frames are described in docs/guides/integrator/node.md."""
 
 from collections.abc import Mapping
 
@@ -23,7 +23,7 @@ from devices.tick_clock import TickClock
 from devices.usb_ports import SYSTEM_FOLDERS, PortFolders
 
 G_PER_SCALE = 1e-9
-"""Definition: the scale is in ng (docs/node.md)."""
+"""Definition: the scale is in ng (docs/guides/integrator/node.md)."""
 
 
 def open_node(

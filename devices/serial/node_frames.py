@@ -1,4 +1,4 @@
-"""The frames of a radio node of one's own (docs/node.md): encoding, and decoding of a stream."""
+"""The frames of a radio node of one's own (docs/guides/integrator/node.md): encoding, and decoding of a stream."""
 
 import binascii
 import struct
@@ -16,14 +16,14 @@ HEADER = struct.Struct("<BBHIIIQHhHbB")
 CRC = struct.Struct("<H")
 CRC_START = 0xFFFF
 MAX_FRAME_SAMPLES = 40
-"""Definition: docs/node.md."""
+"""Definition: docs/guides/integrator/node.md."""
 BATTERY_LOW = 0x01
 NO_TEMPERATURE, NO_BATTERY, NO_SIGNAL = -32768, 0, 127
-"""Definition: values that stand for an unknown one (docs/node.md)."""
+"""Definition: values that stand for an unknown one (docs/guides/integrator/node.md)."""
 MIN_FRAME_BYTES = HEADER.size + 6 + CRC.size + 2
-"""Shortest frame: one sample, stuffed and with its delimiter. Definition: docs/node.md."""
+"""Shortest frame: one sample, stuffed and with its delimiter. Definition: docs/guides/integrator/node.md."""
 MAX_FRAME_BYTES = HEADER.size + 6 * MAX_FRAME_SAMPLES + CRC.size
-"""Definition: docs/node.md."""
+"""Definition: docs/guides/integrator/node.md."""
 MAX_ENCODED_BYTES = MAX_FRAME_BYTES + MAX_FRAME_BYTES // 254 + 1
 """Definition: a code byte for each run (Cheshire and Baker 1999)."""
 

@@ -1,4 +1,4 @@
-"""The table of values that a plant gets. Registers, nodes, topics and docs/plant_values.md follow from it."""
+"""The table of values that a plant gets. Registers, nodes, topics and docs/reference/plant_values.md follow from it."""
 
 from dataclasses import dataclass
 from typing import Literal

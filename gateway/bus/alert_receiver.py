@@ -1,6 +1,7 @@
 """The receiver of alerts for other programs: every change once and in order, and at any time what is known of the gateways.
 
-The example in docs/alerts.md shows its use. All work is done in the thread that calls `poll`; Zenoh's threads only fill a queue.
+The example in docs/guides/integrator/alerts.md shows its use. All work is done in the thread that calls `poll`; Zenoh's threads
+only fill a queue.
 """
 
 import json

@@ -122,7 +122,7 @@ class WitMotionDevice(SerialSection):
 
 
 class NodeDevice(SerialSection):
-    """Radio node of one's own behind a receiver on a serial port (docs/node.md)."""
+    """Radio node of one's own behind a receiver on a serial port (docs/guides/integrator/node.md)."""
 
     kind: Literal["node"]
     baud: int = Field(115200, gt=0, description="as set in the receiver")

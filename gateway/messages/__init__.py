@@ -2,7 +2,7 @@
 
 A number that could not be computed is null on the bus and left out in recordings, and `reasons` state why; a field that is left
 out reads as null. The JSON Schemas in recordings and in the output of `plumbline config schema --topic` are generated from these
-classes. `docs/messages.md` states the rules for their versions.
+classes. `docs/reference/messages.md` states the rules for their versions.
 """
 
 from gateway.messages.alert import CALIBRATION_RULE, LEVEL_RANK, ActiveAlert, Alert, Level, Validity

@@ -98,7 +98,7 @@ class Motion(Message):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Formulas:
-    """The four formulas for phi_max over one swing (Łuczak et al. 2022, eq. 22 to 25); docs/swing.md states their validity."""
+    """The four formulas for phi_max over one swing (Łuczak et al. 2022, eq. 22 to 25); validity: docs/evidence/swing.md."""
 
     arccos_min_az: Degrees | None = None
     arcsin_max_axy: Degrees | None = None

@@ -29,8 +29,9 @@ class Limits:
 
 DECISION_FACTOR = 0.5
 """Standard uncertainties above the best estimate at which an angle is compared with its limits: one-sided confidence 69 %. Basis:
-on simulated cranes (docs/motion.md, alerts), over limits of 3 to 10 deg, 89 % of the exceedances are announced and trips without
-cause stand 0.8 % of the time; with the best estimate alone 77 and 0.5 %, with the upper end of the 95 % interval 99 and 3 %."""
+on simulated cranes (docs/evidence/motion.md, alerts), over limits of 3 to 10 deg, 89 % of the exceedances are announced and trips
+without cause stand 0.8 % of the time; with the best estimate alone 77 and 0.5 %, with the upper end of the 95 % interval 99 and
+3 %."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """What a phone's fall and its rest tell together: zero-g offset, scale, and a force that grows with the speed.
 
-`python -m tests.benchmarks.real_phone` prints the table of docs/twin_real.md. In a free fall nothing but the zero-g offset is
-read, and what the air does; at rest it is the offset and 1 g.
+`python -m tests.benchmarks.real_phone` prints the table of docs/evidence/twin_real.md. In a free fall nothing but the zero-g
+offset is read, and what the air does; at rest it is the offset and 1 g.
 """
 
 from pathlib import Path

@@ -10,7 +10,7 @@ from devices.errors import DeviceError
 from tests.devices.serial.serial_peer import Peer, SetClock
 from tests.values import present
 
-PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "add_a_serial_sensor.md"
+PAGE = Path(__file__).parents[2] / "docs" / "development" / "add_a_serial_sensor.md"
 
 
 def test_the_example_of_the_page_reads_a_port(tmp_path: Path) -> None:

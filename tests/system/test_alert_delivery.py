@@ -260,7 +260,7 @@ def test_watch_prints_each_alert_once_resumes_and_survives_hostile_messages(
 
 def test_the_example_of_the_documentation_prints_the_changes(start_gateway: StartGateway, tmp_path: Path) -> None:
     gateway = start_gateway(CHATTERING)
-    text = (ROOT / "docs" / "alerts.md").read_text()
+    text = (ROOT / "docs" / "guides" / "integrator" / "alerts.md").read_text()
     program = text.split("```python\n")[1].split("```")[0].replace("tcp/127.0.0.1:7447", gateway.endpoint)
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     process = subprocess.Popen(

@@ -10,7 +10,9 @@ from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow
 TOML = '[relay]\nkind = "command"\ncommand = ["/bin/true"]\n'
-SECTION = (ROOT / "docs" / "architecture.md").read_text().partition("## Threads\n")[2].partition("\n## ")[0]
+SECTION = (
+    (ROOT / "docs" / "development" / "architecture.md").read_text().partition("## Threads\n")[2].partition("\n## ")[0]
+)
 CALLS_BACK = "pyo3-closure"
 """In the name of the threads from which the library of the bus calls back."""
 

@@ -17,7 +17,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         "modbus",
         help="serve the values to programmable controllers by Modbus TCP",
         description="Serve the values of one gateway as input registers of Modbus TCP, read-only, until Ctrl-C. "
-        "docs/plant_values.md has the register map.",
+        "docs/reference/plant_values.md has the register map.",
         epilog="example: plumbline bridge modbus --gateway plumbline/v1/yard/crane-1/hook --settings bridge.toml",
     )
     add_bridge_options(verb)

@@ -25,8 +25,8 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     command = commands.add_parser(
         "keys",
         help="make, list, renew and revoke the certificates of a site",
-        description="Make, list, renew and revoke the certificates of a site (docs/security.md). Keep the folder on a machine of "
-        "your own, not on a gateway: who has it can command every gateway of the site.",
+        description="Make, list, renew and revoke the certificates of a site (docs/guides/service/security.md). Keep the folder "
+        "on a machine of your own, not on a gateway: who has it can command every gateway of the site.",
         epilog="example: plumbline keys init --site yard && plumbline keys issue service ann",
     )
     verbs = command.add_subparsers(dest="verb", metavar="VERB", required=True)

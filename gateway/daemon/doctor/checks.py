@@ -236,6 +236,8 @@ def _check_gpio(relay: GpioRelay) -> CheckResult:
         )
     if not os.access(relay.chip, os.R_OK | os.W_OK):
         return CheckResult(
-            "bad", "relay", f"{relay.chip}: no permission; add the user to the group gpio (docs/relay.md)"
+            "bad",
+            "relay",
+            f"{relay.chip}: no permission; add the user to the group gpio (docs/guides/service/relay.md)",
         )
     return CheckResult("good", "relay", f"{relay.chip}, line {relay.line}: can be opened; the line was not switched")

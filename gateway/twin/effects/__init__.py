@@ -1,6 +1,6 @@
 """The vocabulary: every effect by its name, in the order in which the sensor's chain applies them.
 
-An effect of your own needs no more than what this package exports; see docs/how-to/add_an_effect.md.
+An effect of your own needs no more than what this package exports; see docs/development/add_an_effect.md.
 """
 
 from gateway.twin.effects.clock import ClockDrift, SampleLoss

@@ -20,7 +20,7 @@ int main(void)
         .temperature = 2150, .battery_mv = 3712, .signal_dbm = -67, .count = 2,
         .samples = {{0, 0, 16384}, {-82, 41, 16380}},
     };
-    print_encoded(&frame); /* the worked example of docs/node.md */
+    print_encoded(&frame); /* the worked example of docs/guides/integrator/node.md */
 
     frame = (plumbline_frame){
         .flags = PLUMBLINE_FLAG_BATTERY_LOW, .boot = 65535, .node = 4294967295u, .sequence = 4294967295u, .scale_ng = 4294967295u,

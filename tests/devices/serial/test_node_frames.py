@@ -18,7 +18,7 @@ from tests.devices.serial.node_wire import Node
 
 ROOT = Path(__file__).parents[3]
 VECTORS = ROOT / "tests" / "data" / "node_vectors.txt"
-DOCUMENT = (ROOT / "docs" / "node.md").read_text()
+DOCUMENT = (ROOT / "docs" / "guides" / "integrator" / "node.md").read_text()
 
 
 def vectors() -> list[bytes]:
@@ -36,7 +36,14 @@ def test_the_kept_vectors_are_those_of_the_c_encoder(tmp_path: Path) -> None:
     compiler = shutil.which("cc")
     if compiler is not None:
         source = ROOT / "tests" / "devices" / "serial" / "node_vectors.c"
-        options = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", f"-I{ROOT / 'docs' / 'node'}"]
+        options = [
+            "-std=c99",
+            "-Wall",
+            "-Wextra",
+            "-Werror",
+            "-pedantic",
+            f"-I{ROOT / 'docs' / 'guides' / 'integrator' / 'node'}",
+        ]
         subprocess.run([compiler, *options, str(source), "-o", str(tmp_path / "vectors")], check=True)
         written = subprocess.run([str(tmp_path / "vectors")], check=True, capture_output=True, text=True).stdout
         assert written == VECTORS.read_text()

@@ -14,7 +14,7 @@ from gateway.configuration.loading import ConfigurationError, validate
 from gateway.configuration.render import to_toml
 from gateway.daemon.sampling.device_factory import make_device
 
-PAGE = Path(__file__).parents[3] / "docs" / "how-to" / "add_a_device.md"
+PAGE = Path(__file__).parents[3] / "docs" / "development" / "add_a_device.md"
 Install = Callable[..., None]
 
 

@@ -1,4 +1,4 @@
-"""The layouts in docs/viewers: every path is in the recorded schemas and in a recording, by the viewers' own rules."""
+"""The layouts for viewers: every path is in the recorded schemas and in a recording, by the viewers' own rules."""
 
 import json
 import xml.etree.ElementTree as ET
@@ -19,7 +19,7 @@ from tests.gateway.recording.viewer_rules import (
     split_path,
 )
 
-VIEWERS = Path(__file__).parents[3] / "docs" / "viewers"
+VIEWERS = Path(__file__).parents[3] / "docs" / "guides" / "investigator" / "viewers"
 LAYOUT = json.loads((VIEWERS / "foxglove-lichtblick.json").read_text())
 XML = ET.parse(VIEWERS / "plotjuggler.xml").getroot()
 SCHEMAS = {f"/{topic}": lichtblick_fields(json.loads(schema_bytes(topic))) for topic in logged_topics()}

@@ -21,7 +21,7 @@ from gateway.twin.simulator.simulator import Simulator
 
 pytestmark = pytest.mark.usefixtures("vocabulary")
 
-HOW_TO = Path(__file__).parents[3] / "docs" / "how-to" / "add_an_effect.md"
+HOW_TO = Path(__file__).parents[3] / "docs" / "development" / "add_an_effect.md"
 HEAD = "import casadi\nimport math\nfrom gateway.twin.effects import *\nfrom gateway.twin.effects import Effect, Parameter\n"
 BODY = """
 class Push(Effect):
