@@ -79,7 +79,7 @@ TOPICS: dict[str, Topic] = {
         Topic("log", messages.Log, "as written", published=False, schema_owner="foxglove"),
     )
 }
-"""The topics by name, in the order of the table in `docs/development/architecture.md`, which a test compares with this one. Of
+"""The topics by name, in the order of the table in `docs/reference/messages.md`, which a test compares with this one. Of
 the tilt one message in five is recorded. Basis: its low-pass leaves nothing that is faster than 2 Hz."""
 
 STATE_TOPICS = tuple(topic.name for topic in TOPICS.values() if topic.is_state)

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from gateway.cli.main import parser
+from tests.generated_configuration import configuration_page
 from tests.generated_effects import effects_page
 from tests.generated_plant import plant_values_page
 
@@ -84,6 +85,7 @@ def _examples(epilog: str) -> list[str]:
 
 PAGES: dict[str, Callable[[], str]] = {
     "reference/commands.md": commands_page,
+    "reference/configuration.md": configuration_page,
     "reference/effects.md": effects_page,
     "reference/plant_values.md": plant_values_page,
 }

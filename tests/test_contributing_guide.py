@@ -165,7 +165,7 @@ def test_a_topic_changes_the_files_of_the_guide_and_is_recorded_and_replayed(tre
     tree.insert(pipeline, sent, before="        if swing_due:\n")
     tree.insert(pipeline, "from gateway.messages.condition import Echo\n", before="from gateway.packing import pack\n")
     row = "| echo | plumbline.Echo | 10 Hz | yes | yes |\n"
-    tree.insert("docs/development/architecture.md", row, before="| mark | plumbline.Mark |")
+    tree.insert("docs/reference/messages.md", row, before="| mark | plumbline.Mark |")
     assert tree.changed == named_files("Add a topic", subject="condition")
     tree.python("-c", TOPIC_CHECK, str(tree.folder / "recordings"))
 

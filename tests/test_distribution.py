@@ -22,6 +22,7 @@ def _hints() -> Iterator[tuple[str, str, str]]:
 def test_every_installation_hint_names_this_distribution_and_one_of_its_extras() -> None:
     hints = list(_hints())
     assert {extra for _, _, extra in hints} == {
+        "archive",
         "foxglove",
         "laser",
         "opcua",

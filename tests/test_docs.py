@@ -11,10 +11,11 @@ from tests.command_lines import command_words
 from tests.generated_docs import DOCS, PAGES
 
 ROOT = Path(__file__).parents[1]
+ROOMS = ("guides", "reference", "evidence", "development")
 
 
 def test_topic_table_is_the_codes() -> None:
-    text = (ROOT / "docs" / "development" / "architecture.md").read_text()
+    text = (ROOT / "docs" / "reference" / "messages.md").read_text()
     rows = re.findall(
         r"^\| (\w+) \| ((?:plumbline|foxglove)\.\w+) \| (.+?) \| (yes|no) \| (yes|no) \|$", text, re.MULTILINE
     )
@@ -25,11 +26,62 @@ def test_topic_table_is_the_codes() -> None:
     ]
 
 
-def test_every_file_that_the_docs_name_exists() -> None:
-    pages = [*ROOT.glob("*.md"), *DOCS.rglob("*.md")]
-    for page in pages:
-        named = re.findall(r"\]\(([\w./-]+)\)", page.read_text())
-        assert [name for name in named if not (page.parent / name).exists()] == [], page
+def pages() -> list[Path]:
+    """Return all pages: those of the documentation, of the root, and the read-me files beside code and data."""
+    below = [path for top in ("config", "deploy", "docs", "script", "tests") for path in (ROOT / top).rglob("*.md")]
+    return [*ROOT.glob("*.md"), *below]
+
+
+def without_code(page: Path) -> str:
+    """Return the text of a page without its blocks and spans of code, in which brackets are no links."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+    return re.sub(r"`[^`\n]*`", "", re.sub(r"^ {4,}.*$", "", text, flags=re.MULTILINE))
+
+
+def anchors(page: Path) -> set[str]:
+    """Return the anchors of a page's headings by the rule of GitHub: lower case, hyphens for blanks, numbers for repetitions."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+    found: list[str] = []
+    for heading in re.findall(r"^#+ (.+)$", text, re.MULTILINE):
+        shown = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading)
+        found.append(re.sub(r"[^\w\- ]", "", shown.lower()).replace(" ", "-"))
+    return {
+        name if not found[:place].count(name) else f"{name}-{found[:place].count(name)}"
+        for place, name in enumerate(found)
+    }
+
+
+def test_every_relative_link_leads_to_a_file_and_a_heading() -> None:
+    broken = []
+    for page in pages():
+        for target, anchor in re.findall(r"\]\(([^)#\s]*)(?:#([^)\s]*))?\)", without_code(page)):
+            if re.match(r"[a-z]+:", target):
+                continue
+            path = (page.parent / target) if target else page
+            if not path.exists() or (anchor and anchor not in anchors(path)):
+                broken.append(f"{page.relative_to(ROOT)}: {target}#{anchor}")
+    assert broken == []
+
+
+def test_every_page_stands_in_a_room() -> None:
+    """A page is for users, exact reference, evidence, or for those who change the code, and the folder says which."""
+    outside = [path for path in DOCS.rglob("*") if path.is_file() and path.relative_to(DOCS).parts[0] not in ROOMS]
+    assert outside == [DOCS / "README.md"]
+    for guide in (DOCS / "guides").iterdir():
+        assert (guide / "README.md").is_file(), f"{guide.name} has no page to start with"
+
+
+def test_every_page_is_reached_from_the_first_one() -> None:
+    """Whoever opens docs/README.md finds every page by links between pages."""
+    reached: set[Path] = set()
+    waiting = [DOCS / "README.md"]
+    while waiting:
+        page = waiting.pop().resolve()
+        if page not in reached and page.suffix == ".md" and page.is_relative_to(DOCS):
+            reached.add(page)
+            targets = re.findall(r"\]\(([^)#\s]+)(?:#[^)\s]*)?\)", page.read_text())
+            waiting += [page.parent / target for target in targets if not re.match(r"[a-z]+:", target)]
+    assert set(DOCS.rglob("*.md")) - reached == set()
 
 
 def test_every_path_that_the_docs_name_exists() -> None:

@@ -63,4 +63,4 @@ def test_every_row_names_code_that_exists_and_states_an_erratum_or_none(paper: s
         for module, name in names:
             assert attrgetter(name)(import_module(module)) is not None, name
         for path in test.replace("`", "").split(", "):
-            assert (PAGE.parents[1] / path).is_file(), path
+            assert (PAGE.parents[2] / path).is_file(), path

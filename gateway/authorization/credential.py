@@ -97,5 +97,5 @@ def parse_credential(attachment: bytes | None) -> Credential:
         return _ADAPTER.validate_json(attachment)
     except ValidationError as error:
         raise NotAuthorised(
-            "malformed_credential", "the credential is not in the form that docs/guides/service/security.md describes"
+            "malformed_credential", "the credential is not in the form that docs/reference/requests.md describes"
         ) from error

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from gateway.calibration.record import RecordFigure
 from gateway.certificate.method_figure import plot_figure
 from gateway.documents.environment import render
+from gateway.documents.figures import Figure
 from gateway.documents.format import printable_text
 
 MAX_CELL_CHARACTERS = 200
@@ -28,9 +29,13 @@ def render_bench_report(
     facts: Sequence[tuple[str, str]] = (),
     tables: Sequence[ReportTable] = (),
     figures: Sequence[RecordFigure] = (),
+    drawings: Sequence[Figure] = (),
     warnings: Sequence[str] = (),
 ) -> str:
-    """Return the page; texts of unknown origin are bounded and escaped, a figure that cannot be plotted is left out."""
+    """Return the page; texts of unknown origin are bounded and escaped, a figure that cannot be plotted is left out.
+
+    `drawings` are figures that are drawn already; they stand before the tables.
+    """
     plots = [plot for plot in map(plot_figure, figures) if plot is not None]
     return render(
         "bench_report.html.j2",
@@ -38,6 +43,7 @@ def render_bench_report(
         facts=[(name, printable_text(value, MAX_CELL_CHARACTERS)) for name, value in facts],
         tables=[_bounded(table) for table in tables],
         plots=plots,
+        drawings=drawings,
         warnings=[printable_text(text, MAX_CELL_CHARACTERS) for text in warnings],
     )
 

@@ -26,7 +26,7 @@ def render_drift_report(sensors: Sequence[SensorDrift], on: str, limit_deg: floa
             ("Overdue", str(sum(sensor.is_overdue for sensor in sensors))),
         ),
         tables=(
-            ReportTable("Sensors, the most urgent first", SENSOR_HEADER, tuple(_sensor_row(one) for one in sensors)),
+            ReportTable("Sensors, the most urgent first", SENSOR_HEADER, tuple(map(sensor_row, sensors))),
             *(_change_table(sensor) for sensor in shown if len(sensor.table) > 1),
         ),
         figures=[figure for sensor in shown if len(sensor.table) > 1 for figure in _figures(sensor)],
@@ -37,7 +37,8 @@ def render_drift_report(sensors: Sequence[SensorDrift], on: str, limit_deg: floa
 SENSOR_HEADER = ("sensor", "last calibration", "age / d", "drift since the one before / °", "next", "due in / d", "by")
 
 
-def _sensor_row(sensor: SensorDrift) -> tuple[str, ...]:
+def sensor_row(sensor: SensorDrift) -> tuple[str, ...]:
+    """Return the cells of a sensor below `SENSOR_HEADER`."""
     drift = UNKNOWN
     if sensor.drift_deg is not None and sensor.u_drift_deg is not None:
         drift = f"{format_with_uncertainty(sensor.drift_deg, sensor.u_drift_deg)} ({sensor.drift_axis})"

@@ -95,6 +95,11 @@ COMMANDS: dict[str, str | CommandGroup] = {
         ("bridge_mqtt", "bridge_modbus", "bridge_opcua", "bridge_foxglove"),
         part="protocol",
     ),
+    "archive": CommandGroup(
+        "many gateways' recordings of years: index them into open tables, ask questions, upload, compute",
+        "archive index /srv/recordings --into /srv/archive",
+        ("archive_index", "archive_query", "archive_report", "archive_upload", "archive_compute"),
+    ),
     "simulate": "analysis",
     "reconcile": "analysis",
     "effects": "analysis",

@@ -6,6 +6,7 @@ from itertools import takewhile
 
 from tests.benchmarks import (
     alert_latency,
+    archive,
     bridges,
     calibration,
     chain,
@@ -56,6 +57,7 @@ ALL: dict[str, Callable[..., None]] = {
     "fleet": fleet.main,
     "page": page.main,
     "bridges": bridges.main,
+    "archive": archive.main,
 }
 
 names = list(takewhile(lambda argument: not argument.startswith("-"), sys.argv[1:]))
@@ -70,7 +72,10 @@ if options and names not in (
     ["motion_gyro"],
     ["real_cranes"],
     ["record_info"],
+    ["archive"],
 ):
-    sys.exit("only the benchmarks bridges, footprint, motion, motion_gyro, real_cranes and record_info have options")
+    sys.exit(
+        "only the benchmarks archive, bridges, footprint, motion, motion_gyro, real_cranes and record_info have options"
+    )
 for name in names or ALL:
     ALL[name](*([options] if options else []))

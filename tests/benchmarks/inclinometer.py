@@ -109,7 +109,7 @@ def largest_errors_deg(seeds: int) -> dict[str, Array]:
 
 
 def main() -> None:
-    """Print the table of docs/guides/service/single_parameter.md."""
+    """Print the table of docs/evidence/bench_methods.md."""
     print(f"largest error of relative angles within 5 deg, {SEEDS} simulated calibrations: median (95 %)")
     for name, errors in largest_errors_deg(SEEDS).items():
         low, middle, high = np.quantile(errors, [0.025, 0.5, 0.975])

@@ -141,7 +141,7 @@ def two_dot_displacement_mm(start: MeasuredPhotograph, end: MeasuredPhotograph, 
 
 
 def main() -> None:
-    """Print the tables of docs/guides/service/laser.md."""
+    """Print the tables of docs/evidence/bench_methods.md."""
     print("error of d and its standard uncertainty, mm; rendered at 5 px/mm")
     for name, (scene, end_mm) in SCENES.items():
         found, error_mm = measure(scene, end_mm)

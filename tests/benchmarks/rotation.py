@@ -33,7 +33,7 @@ def coverage(rig: Rig, sessions: int) -> Array:
 
 
 def main() -> None:
-    """Print the table of docs/guides/service/rotation.md."""
+    """Print the table of docs/evidence/bench_methods.md."""
     print(f"within the stated 95 % interval, {SESSIONS} sessions: all (least to most of the twelve parameters)")
     for name, rig in RIGS.items():
         share = coverage(rig, SESSIONS)

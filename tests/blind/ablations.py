@@ -86,7 +86,7 @@ def _on_log(ranked: RankedCandidate) -> RankedCandidate:
 @contextmanager
 def drop() -> Iterator[None]:
     """Keep what the search has added."""
-    with patch.object(stepwise_selection, "eliminate_backwards", lambda table, _context, best: (table, best)):
+    with patch.object(stepwise_selection, "eliminate", lambda table, _context, best: (table, best)):
         yield
 
 

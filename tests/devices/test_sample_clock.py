@@ -50,7 +50,7 @@ def error_ms(times_ns: NDArray[np.int64], made_ns: NDArray[np.int64], after_s: f
 
 
 @pytest.mark.slow
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(
     rate_error=st.floats(-0.05, 0.05),
     delay_s=st.floats(0.004, 0.02),  # a host in step with the part cannot tell ages apart: see Adxl355
@@ -72,7 +72,7 @@ def test_ten_minutes_of_a_fifo_that_is_drained_late(
 
 
 @pytest.mark.slow
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(
     rate_error=st.floats(-0.05, 0.05),
     seed=st.integers(0, 1000),

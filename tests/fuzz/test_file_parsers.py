@@ -43,7 +43,7 @@ def test_what_the_fuzzer_has_found(target: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS)
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=120)
 @given(content=PIECES)
 def test_whatever_a_file_contains(target: str, content: bytes) -> None:
     TARGETS[target](content)

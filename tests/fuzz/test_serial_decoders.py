@@ -16,7 +16,7 @@ STEP = st.tuples(st.integers(0, 255), st.binary(max_size=LONGEST_PIECE - 1)).map
 
 @pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS)
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(script=st.lists(STEP, max_size=30).map(b"".join))
 def test_whatever_arrives(target: str, script: bytes) -> None:
     TARGETS[target](script)

@@ -75,7 +75,7 @@ def test_all_gateways_of_a_router_are_listed_with_exit_codes_for_monitoring(
 
     wait_until(lambda: status("--expect", expected).returncode == 0, "two gateways that are well")
     content = json.loads(status("--expect", expected, "--json", "-").stdout)
-    assert [gateway["crane"] for gateway in content["gateways"]] == ["c1", "c2"]
+    assert {gateway["crane"] for gateway in content["gateways"]} == {"c1", "c2"}  # the order is by state
     assert all(gateway["alive"] and gateway["software"] and gateway["boot_id"] for gateway in content["gateways"])
     assert content["invalid"] == 0
 

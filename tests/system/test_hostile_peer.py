@@ -196,7 +196,7 @@ def test_garbage_on_every_verb_and_signal_stops_nothing(start_gateway: StartGate
     credentials = load_credentials(gateway.data_dir)
     deep = b"[" * 8000
 
-    @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+    @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
     @given(
         st.sampled_from(sorted(VERBS)),
         st.one_of(st.binary(max_size=400), st.just(deep), st.just(b'{"id": ' + deep), st.builds(_json, st.text())),

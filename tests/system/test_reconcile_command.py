@@ -69,7 +69,7 @@ def test_recording_of_the_gateway_needs_no_other_file_and_gives_the_same_answer_
 
 
 @pytest.mark.slow
-def test_ctrl_c_leaves_nothing_but_a_word(log: Path, tmp_path: Path) -> None:
+def test_ctrl_c_gives_the_best_answer_so_far(log: Path, tmp_path: Path) -> None:
     written = tmp_path / "written"
     leader, follower = pty.openpty()  # a terminal: the progress bar tells when the search goes on
     command = [sys.executable, "-m", "gateway", "reconcile", str(log), *outputs(written)]
@@ -83,9 +83,21 @@ def test_ctrl_c_leaves_nothing_but_a_word(log: Path, tmp_path: Path) -> None:
     while chunk := _rest(leader):
         told += chunk
     os.close(leader)
-    assert (process.returncode, out) == (130, b"")
-    assert told.endswith(b"plumbline reconcile: stopped; nothing was written\r\n")
-    assert list(written.iterdir()) == []
+    assert process.returncode in (0, 1), told
+    assert b"The search was ended early: this is the best answer so far." in out
+    answer = json.loads((written / "out.json").read_text())
+    assert answer["ended_early"]
+    assert {path.name for path in written.iterdir()} >= {"out.json", "out.csv", "out.toml"}
+
+
+@pytest.mark.slow
+def test_a_search_ends_after_the_time_that_it_is_given(log: Path, tmp_path: Path) -> None:
+    written = tmp_path / "written"
+    assert main(["reconcile", str(log), *outputs(written), "--at-most", "0.001"]) in (0, 1)
+    answer = json.loads((written / "out.json").read_text())
+    assert answer["ended_early"]
+    assert len(answer["ranking"]) == 1
+    assert answer["reason"].endswith("this is the best answer so far.")
 
 
 def _rest(terminal: int) -> bytes:

@@ -1,4 +1,4 @@
-"""README's recalibration on the demonstration: the simulated rigger does what an engineer asks for, twice in a row."""
+"""The recalibration that the guide rehearses: the simulated rigger does what an engineer asks for, twice in a row."""
 
 import re
 import time
@@ -11,19 +11,17 @@ from tests.waiting import PATIENCE_S
 
 pytestmark = pytest.mark.slow
 
-README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+GUIDE = Path(__file__).parents[2] / "docs" / "guides" / "service" / "recalibration.md"
 
 
 def _steps() -> list[list[str]]:
-    """Return the commands of README's section on recalibration, without the program's name."""
-    section = README[README.index("## Recalibrate it") :]
-    lines = re.findall(
-        r"^    plumbline (remote .*?)(?:\s+#.*)?$", section[: section.index("Alerts are suspended")], re.MULTILINE
-    )
+    """Return the commands of the guide's rehearsal, without the program's name."""
+    section = GUIDE.read_text(encoding="utf-8").partition("## Rehearse it\n")[2].partition("\n## ")[0]
+    lines = re.findall(r"^    plumbline (remote .*?)(?:\s+#.*)?$", section, re.MULTILINE)
     return [line.split() for line in lines]
 
 
-def test_the_steps_of_the_readme_succeed_on_the_demonstration(
+def test_the_steps_of_the_guide_succeed_on_the_demonstration(
     start_gateway: StartGateway, join_bus: JoinBus, plumbline: Plumbline
 ) -> None:
     gateway = start_gateway()

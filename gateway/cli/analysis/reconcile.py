@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from gateway.cli.analysis.effects import add_effects_from, load_user_effects
 from gateway.cli.analysis.reconcile_files import check_outputs, output_texts
-from gateway.cli.options.argument_types import whole_number
+from gateway.cli.options.argument_types import duration_s, whole_number
 from gateway.cli.options.recording_options import add_interval, interval
 from gateway.cli.options.table_options import add_table_options, table_options
 from gateway.cli.terminal.output import add_json
@@ -126,6 +126,15 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         metavar="N",
         help="processes that share the fits (all cores, at most 4); the answer does not depend on it",
     )
+    command.add_argument(
+        "--at-most",
+        dest="at_most_s",
+        type=duration_s,
+        default=600.0,
+        metavar="D",
+        help="search no longer than this (10:00), then give the best answer so far: seconds (90), minutes (1:30) or hours "
+        "(1:00:00); Ctrl-C asks for it at once, a second one stops without an answer",
+    )
     command.add_argument("--seed", type=whole_number, default=0, metavar="N", help="seed of the block bootstrap (0)")
     add_effects_from(command)
     add_plan_arguments(command)
@@ -175,7 +184,7 @@ def run(arguments: argparse.Namespace) -> int:
         second_source = cut_to_free_swing(read_source([arguments.held_out], rig, options=options)).source
     second = None if second_source is None else check_recording(second_source, model.rig)
     try:
-        with Progress() as progress:
+        with Progress(best_so_far=True) as progress:
             progress.tick("inputs of the crane")
             result = reconcile(
                 model,
@@ -186,10 +195,11 @@ def run(arguments: argparse.Namespace) -> int:
                 seed=arguments.seed,
                 processes=usable_processes() if arguments.jobs is None else max(1, arguments.jobs),
                 tick=progress.tick,
+                is_over=lambda: progress.is_interrupted or time.monotonic() - begin_s > arguments.at_most_s,
             )
             runtime_s = time.monotonic() - begin_s
             progress.tick("report")
-            texts = output_texts(arguments, result, runtime_s, (second_source or source).held_rows)
+            texts = output_texts(arguments, result, runtime_s, second_source or source)
     except KeyboardInterrupt:
         print("plumbline reconcile: stopped; nothing was written", file=sys.stderr)
         raise

@@ -10,7 +10,7 @@ from gateway.cli.terminal.output import STANDARD_OUTPUT
 from gateway.errors import InputError
 
 if TYPE_CHECKING:
-    from gateway.measurement.source import HeldRows
+    from gateway.measurement.source import Source
     from gateway.twin.reconcile.output.result import Curves, Reconciliation
 
 
@@ -37,17 +37,14 @@ def _fault(path: Path) -> str:
 
 
 def output_texts(
-    arguments: argparse.Namespace, result: "Reconciliation", runtime_s: float, held: "HeldRows | None"
+    arguments: argparse.Namespace, result: "Reconciliation", runtime_s: float, predicted: "Source"
 ) -> dict[Path, str]:
-    """Return the texts of the requested outputs (prediction, model, report) by their paths.
-
-    `held` are the rows of the predicted recording, where they repeat readings.
-    """
+    """Return the texts of the requested outputs (prediction, model, report) by their paths."""
     from gateway.twin.reconcile.output.export import format_model_toml
 
     found = {}
     if arguments.prediction is not None:
-        found[arguments.prediction] = _prediction(result, held, of_second=arguments.held_out is not None)
+        found[arguments.prediction] = _prediction(result, predicted, of_second=arguments.held_out is not None)
     if arguments.write_model is not None:
         found[arguments.write_model] = format_model_toml(result)
     if arguments.report is not None:
@@ -55,13 +52,15 @@ def output_texts(
     return found
 
 
-def _prediction(result: "Reconciliation", held: "HeldRows | None", *, of_second: bool) -> str:
+def _prediction(result: "Reconciliation", source: "Source", *, of_second: bool) -> str:
     """Return the prediction of the held-out recording, or of both parts of the log."""
     from gateway.twin.reconcile.output.export import format_prediction_csv
+    from gateway.twin.reconcile.output.result import AVERAGED
 
     curves: list[Curves | None] = [result.held_out] if of_second else [result.log, result.held_out]
     predicted = [each for each in curves if each is not None]
-    return format_prediction_csv(predicted, held if predicted else None)
+    row_times_s = source.recording.time_s if AVERAGED in result.counts else None
+    return format_prediction_csv(predicted, source.held_rows if predicted else None, row_times_s)
 
 
 def _report(arguments: argparse.Namespace, result: "Reconciliation", runtime_s: float) -> str:

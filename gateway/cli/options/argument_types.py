@@ -120,6 +120,16 @@ def require_parquet() -> None:
     _require(("pyarrow",), "parquet")
 
 
+def require_archive() -> None:
+    """Raise `InputError` where the libraries of the archive are missing."""
+    _require(("cryptography", "deltalake", "duckdb", "obstore", "pyarrow"), "archive")
+
+
+def require_cluster() -> None:
+    """Raise `InputError` where the client of a cluster is missing."""
+    _require(("distributed",), "cluster")
+
+
 def require_laser() -> None:
     """Raise `InputError` where the libraries for photographs and the printable board are missing."""
     _require(("cv2", "fpdf"), "laser")

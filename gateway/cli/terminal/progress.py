@@ -23,7 +23,8 @@ class DeferredInterrupt:
     """Hold Ctrl-C back until the next `check`, or the end; a second Ctrl-C acts at once."""
 
     def __init__(self) -> None:
-        self._is_pending = False
+        self.presses = 0
+        """How often Ctrl-C was pressed."""
         self._is_installed = False
 
     def __enter__(self) -> "DeferredInterrupt":
@@ -35,35 +36,51 @@ class DeferredInterrupt:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._is_installed:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
+        self.release()
         if error is None:
             self.check()
 
+    def release(self) -> None:
+        """Let Ctrl-C act at once again."""
+        if self._is_installed:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+
     def check(self) -> None:
         """Raise `KeyboardInterrupt` where Ctrl-C was pressed."""
-        if self._is_pending:
+        if self.presses:
             raise KeyboardInterrupt
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        if self._is_pending:
+        self.presses += 1
+        if self.presses > 1:
             signal.default_int_handler(number, frame)
-        self._is_pending = True
 
 
 class Progress:
-    """A line that is drawn again at each tick; nothing if stderr is not a terminal. Ctrl-C takes effect between ticks."""
+    """A line that is drawn again at each tick; nothing if stderr is not a terminal. Ctrl-C takes effect between ticks.
 
-    def __init__(self, stream: TextIO | None = None) -> None:
+    Of work with `best_so_far`, Ctrl-C asks for the best answer so far, a second one stops it.
+    """
+
+    def __init__(self, stream: TextIO | None = None, *, best_so_far: bool = False) -> None:
         self._stream = sys.stderr if stream is None else stream
         self._shown = self._stream.isatty()
         self._ticks = self._drawn = 0
         self._begin_s = time.monotonic()
         self._interrupt = DeferredInterrupt()
+        self._best_so_far = best_so_far
+
+    @property
+    def is_interrupted(self) -> bool:
+        """Whether Ctrl-C was pressed."""
+        return self._interrupt.presses > 0
 
     def tick(self, stage: str, share: float | None = None) -> None:
         """Show one more step of a stage, and the share of its largest work that is done."""
-        self._interrupt.check()
+        if not self._best_so_far or self._interrupt.presses > 1:
+            self._interrupt.check()
+        if self.is_interrupted:
+            stage, share = "the best answer so far; Ctrl-C again stops without one", None
         self._ticks += 1
         if self._shown:
             done = self._ticks % PROGRESS_BAR_CHARACTERS if share is None else round(PROGRESS_BAR_CHARACTERS * share)
@@ -90,7 +107,10 @@ class Progress:
         if self._shown and self._ticks:
             self._stream.write("\r" + " " * self._drawn + "\r")
             self._stream.flush()
-        self._interrupt.__exit__(kind, error, trace)
+        if self._best_so_far:
+            self._interrupt.release()
+        else:
+            self._interrupt.__exit__(kind, error, trace)
 
 
 class ProgressBar:

@@ -1,5 +1,6 @@
 """The workflow: check, split, search, accept, validate, decide, report."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol
@@ -14,12 +15,13 @@ from gateway.twin.reconcile.data.artefact_detectors import quantised_mean
 from gateway.twin.reconcile.data.crane_inputs import NO_INPUTS, CraneInputs, registered
 from gateway.twin.reconcile.data.data_checks import CheckedRecording, find_lack_of_rest
 from gateway.twin.reconcile.data.recordings import Recordings, find_lack_of_test, split_recordings
+from gateway.twin.reconcile.data.sample_means import samples_per_mean, take_means
 from gateway.twin.reconcile.decision.evidence import gather_evidence
 from gateway.twin.reconcile.decision.ranking import RankedCandidate, rank_candidates, rivals_of
-from gateway.twin.reconcile.decision.verdict import decide
+from gateway.twin.reconcile.decision.verdict import as_best_so_far, decide
 from gateway.twin.reconcile.equation.remainder import describe_result
 from gateway.twin.reconcile.known_model import KnownModel
-from gateway.twin.reconcile.output.result import Reconciliation
+from gateway.twin.reconcile.output.result import AVERAGED, Reconciliation
 from gateway.twin.reconcile.output.result_builder import SearchOutcome, unusable_result
 from gateway.twin.reconcile.residual.isolability import indistinguishable_pairs
 from gateway.twin.reconcile.residual.residual_tests import has_excess
@@ -82,8 +84,11 @@ def reconcile(
     seed: int = 0,
     processes: int = 1,
     tick: ReportProgress = lambda _stage, _share=None: None,
+    is_over: Callable[[], bool] = lambda: False,
 ) -> Reconciliation:
     """Find what the model lacks; `tick` is called with the stage at each step of a fit.
+
+    Once `is_over`, the search ends as soon as the nominal model is fitted, and the answer is the best so far.
 
     `inputs` and `held_out_inputs`: what the crane did in the log and in a second recording, which is then part of the model.
     `processes` share the fits; the answer does not depend on their number.
@@ -105,13 +110,15 @@ def reconcile(
     if (fault := find_lack_of_test(recordings)) is not None:
         return unusable_result(model, log, fault)
     with registered(inputs, held_out_inputs):
-        return _reconcile(known, recordings, log, seed, Budget(processes=processes), tick)
+        return _reconcile(known, recordings, log, seed, Budget(processes=processes, is_over=is_over), tick)
 
 
 def _reconcile(
     known: KnownModel, recordings: Recordings, log: CheckedRecording, seed: int, budget: Budget, tick: ReportProgress
 ) -> Reconciliation:
     recordings, detected = detect_in_samples(recordings, log.rows_per_reading, known.model.effects)
+    averaged = 1 if detected else samples_per_mean(recordings)  # steps, limits and repeats are not those of a mean
+    recordings = take_means(recordings, averaged)
     random = np.random.default_rng(seed)
     tick("baseline")
     run = _search(known, recordings, detected, budget, tick)
@@ -126,7 +133,7 @@ def _reconcile(
     table, best = replace_implausible(table.start_round(), run.context, run.validator, best)
     run = replace(run, table=table.start_round(), best=best)
     outcome = _decide(known, run, random)
-    return describe_result(outcome, log.counts, random)
+    return describe_result(outcome, log.counts if averaged == 1 else {**log.counts, AVERAGED: averaged}, random)
 
 
 def _search(
@@ -229,8 +236,12 @@ def _exceeds_quantisation(run: SearchRun) -> bool:
 
 
 def _decide(known: KnownModel, run: SearchRun, random: np.random.Generator) -> SearchOutcome:
-    """Rank the sets near the best by all evidence and decide between them."""
+    """Rank the sets near the best by all evidence and decide between them; of a search that was ended, take the best as it is."""
     context, table, validator = run.context, run.table, run.validator
+    ended_early = context.budget.is_over()
+    if ended_early:
+        fits = {each.names: each for each in (run.nominal, run.base, run.best)}
+        table = replace(table, fits=fits, moves=tuple(move for move in table.moves if move.names in fits))
     pairs = indistinguishable_pairs(context.signatures(run.base).of)
     ranked, base = rank_candidates(table, run.best, run.base.names, validator, pairs)
     best = ranked[0]
@@ -241,12 +252,14 @@ def _decide(known: KnownModel, run: SearchRun, random: np.random.Generator) -> S
         rivals_of(ranked, pairs),
         run.recordings.log,
         validator.selection,
-        table.fits,
+        run.table.fits,
         frozenset() if run.lost_fraction is None else frozenset({SampleLoss.name}),
         improves_selection=_is_supported_by_selection(run, best, base, random),
         large_amplitude=context.setting.large_amplitude,
     )
     decision = decide(evidence, run.recordings.log, partial(indistinguishable, context, validator, best.candidate))
+    if ended_early:
+        decision = as_best_so_far(decision)
     return SearchOutcome(
         model=known.model,
         recordings=run.recordings,
@@ -260,6 +273,7 @@ def _decide(known: KnownModel, run: SearchRun, random: np.random.Generator) -> S
         lost_fraction=run.lost_fraction,
         inputs=known.inputs.found,
         held_out_inputs=() if run.recordings.last_third else known.held_out_inputs.found,
+        ended_early=ended_early,
     )
 
 

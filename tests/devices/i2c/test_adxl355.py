@@ -150,7 +150,7 @@ def test_every_sample_is_read_once_and_in_order(
 
 
 @pytest.mark.slow
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 @given(rate_error=st.floats(-0.05, 0.05), oversleep_s=st.sampled_from([0.0001, 0.002, 0.02]))
 def test_sample_times_are_accurate_for_any_rate_error_and_host_delay(rate_error: float, oversleep_s: float) -> None:
     made = Rig(rate_error=rate_error, oversleep_s=oversleep_s, block_samples=7, signal=telling_time)

@@ -146,7 +146,7 @@ PIECES = st.lists(
 
 
 @pytest.mark.slow
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(PIECES)
 def test_any_bytes_are_decoded_or_counted_and_none_are_kept(pieces: list[bytes]) -> None:
     decoder, whole = FrameDecoder(), FrameDecoder()
@@ -162,7 +162,7 @@ def test_any_bytes_are_decoded_or_counted_and_none_are_kept(pieces: list[bytes])
     assert (everything.lost_before >= 0).all()
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.lists(st.tuples(st.integers(0, 10), st.binary(max_size=30)), max_size=8))
 def test_no_sample_is_invented(disturbances: list[tuple[int, bytes]]) -> None:
     """Whatever stands between the frames, what comes out was sent, in its order, and a clean end is found again."""

@@ -126,7 +126,7 @@ LINES = st.lists(st.sampled_from(["ok", "nan", "short", "blank", "same", "back",
 
 
 @pytest.mark.slow
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(kinds=LINES)
 def test_every_row_is_accounted_for(tmp_path: Path, kinds: list[str]) -> None:
     """Each line is used or counted once, and those that are used are whole."""

@@ -90,7 +90,7 @@ def test_a_file_that_cannot_be_read_is_reported(
         read_table(path)
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     data=st.binary(max_size=400),
     head=st.sampled_from([b"", b"time_s,ax_g,ay_g,az_g,temperature_c\n0,0,0,1,20\n1,0,0,1,20\n"]),

@@ -61,7 +61,7 @@ def test_no_single_bit_of_a_refusal_can_be_changed(signer: MessageSigner) -> Non
     )
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(payload=st.binary(), name=st.text(), asked=st.binary(), number=st.binary(), accepted=st.booleans())
 def test_an_answer_is_that_to_its_question_alone(
     payload: bytes, name: str, asked: bytes, number: bytes, accepted: bool

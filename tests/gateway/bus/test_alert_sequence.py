@@ -327,7 +327,7 @@ STEPS = st.lists(
 )
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 @given(
     steps=STEPS,
     faults=st.lists(st.sampled_from(("pass", "pass", "lose", "repeat", "delay")), min_size=1),

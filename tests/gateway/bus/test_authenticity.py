@@ -100,7 +100,7 @@ def test_who_answers_first_at_the_first_contact_is_pinned_and_the_true_gateway_t
     receiver: Authenticity,
 ) -> None:
     true, between = Gateway(), Gateway()
-    assert between.answer(receiver) is None  # what docs/guides/integrator/exchange.md says of the first contact
+    assert between.answer(receiver) is None  # what docs/reference/exchange.md says of the first contact
     assert kind(true.answer(receiver)) == kind(true.send(receiver)) == "wrong"
 
 

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from gateway.cli.terminal.progress import DeferredInterrupt
+from gateway.cli.terminal.progress import DeferredInterrupt, Progress
+from tests.gateway.cli.terminal import TerminalText
 
 
 @pytest.fixture(autouse=True)
@@ -52,3 +53,17 @@ def test_an_ignored_interrupt_stays_ignored() -> None:
         signal.raise_signal(signal.SIGINT)
         interrupt.check()
     assert signal.getsignal(signal.SIGINT) == signal.SIG_IGN
+
+
+def test_where_an_answer_so_far_can_be_given_ctrl_c_asks_for_it_and_a_second_one_stops() -> None:
+    stream = TerminalText()
+    with Progress(stream, best_so_far=True) as progress:
+        signal.raise_signal(signal.SIGINT)
+        progress.tick("search", 0.5)
+        assert progress.is_interrupted
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):  # where a library has swallowed it
+            progress.tick("search", 0.6)
+    assert "Ctrl-C again stops without one" in stream.getvalue()
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

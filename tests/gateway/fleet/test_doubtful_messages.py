@@ -95,7 +95,7 @@ def test_messages_that_come_again_are_no_heartbeat_and_no_finding() -> None:
     assert fleet.status(14.5).state == "STALE"
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     st.lists(
         st.tuples(st.sampled_from(PROOFS), st.sampled_from(("normal", "trip")), st.booleans(), st.booleans()),

@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.outbox import outbox as files
@@ -163,7 +163,6 @@ def test_a_disk_that_fails_in_the_middle_of_a_line_leaves_no_half_line(
     assert (tmp_path / files.FIRST_NAME).read_bytes() == b"".join(encode_line(change(n)) for n in (1, 2, 3, 4))
 
 
-@settings(deadline=None)
 @given(
     boots=st.lists(st.integers(0, 9), min_size=1, max_size=5),
     taken=st.integers(0, 40),

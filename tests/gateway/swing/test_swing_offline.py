@@ -40,7 +40,7 @@ def sigmas(estimate: SwingEstimate, recording: Recording) -> float:
 
 
 @pytest.mark.slow
-@settings(max_examples=12, deadline=None, derandomize=True, phases=[Phase.explicit, Phase.generate])
+@settings(max_examples=12, derandomize=True, phases=[Phase.explicit, Phase.generate])
 @given(
     rho=st.floats(0, 1),
     amplitude_deg=st.floats(4, 30),

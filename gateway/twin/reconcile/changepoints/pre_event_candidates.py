@@ -22,6 +22,7 @@ from gateway.twin.reconcile.data.observations import slice_samples
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.levenberg_marquardt import SCREENING_ITERATIONS
 from gateway.twin.reconcile.search.score_test import compute_signatures
+from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 
 MIN_EXTENSION_S = 10.0
 """Length by which an effect must extend the prefix, more than a period."""
@@ -53,7 +54,10 @@ def effects_extending_consistent_prefix(
 
 def _rank_by_score_test(context: FitContext, base: EffectValues, names: Sequence[str]) -> list[EffectValues]:
     """Return the sets of base and one effect with which the log is one trajectory; none where it is with the base alone."""
-    fit = context.fit(base, iterations=SCREENING_ITERATIONS)
+    try:
+        fit = context.fit(base, iterations=SCREENING_ITERATIONS)
+    except INTEGRATION_FAILURES:
+        return []
     if fit.chi2 < CONSISTENT_CHI2 * context.log.n_values:
         return []
     signatures = compute_signatures(context, fit, base, names)

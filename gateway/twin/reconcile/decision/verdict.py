@@ -36,6 +36,7 @@ class Reason(Enum):
     SOME_CERTAIN = "These effects are certain; which effect acts in addition is not decided."
     SEVERAL_SETS = "Several sets of effects explain the data equally well."
     UNIQUE = "These effects explain both recordings down to the noise; nothing else does."
+    BEST_SO_FAR = "These effects explain both recordings down to the noise; others were not tried."
     NONSTATIONARY_LINE = "The residual has lines near that of {names}: its amplitude or frequency changes."
     AXES_MIXED = (
         "Cross-axis sensitivity is certain; the housing is misaligned as well, or the sensitivity is not symmetric."
@@ -206,6 +207,16 @@ def decide(evidence: Evidence, log: Observations, indistinguishable: Callable[[s
     if decision.verdict not in ("named", "one_of"):
         return decision  # where a residual remains, it may be what was detected in the time stamps
     return replace(decision, named=tuple(sorted({*decision.named, *evidence.detected})))
+
+
+ENDED_EARLY = "The search was ended early: this is the best answer so far."
+
+
+def as_best_so_far(decision: Decision) -> Decision:
+    """Return the decision of a search that was ended early: it does not say that nothing else explains the data."""
+    reason = Reason.BEST_SO_FAR if decision.reason is Reason.UNIQUE else decision.reason
+    text = reason.value if decision.reason is Reason.UNIQUE else decision.text
+    return replace(decision, reason=reason, text=f"{text} {ENDED_EARLY}")
 
 
 def _drop_nonstationary_lines(decision: Decision, log: Observations) -> Decision:

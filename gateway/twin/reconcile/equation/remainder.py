@@ -20,7 +20,7 @@ MIN_ATTEMPT_CLOSED = 0.5
 
 def describe_result(found: SearchOutcome, counts: Mapping[str, int], random: np.random.Generator) -> Reconciliation:
     """Return the result of a search, with the law of what is left where something is and the test part does not refute it."""
-    if not found.decision.leaves_remainder:
+    if not found.decision.leaves_remainder or found.context.budget.is_over():
         return build_result(found, counts, random)
     with registered_library():
         described = _describe(found, random)

@@ -113,12 +113,7 @@ def _with_one_more(
         FitRequest({**law.candidate.values, each.name: each.values}, starts, give_up_above=give_up_above)
         for each in chosen
     ]
-    context.fit_ahead(requests)
-    for request in requests:
-        if context.budget.work > max_work:
-            break
-        table = context.fit_requested(table, request)
-    table = table.start_round()
+    table = context.fit_in_turn(table, requests, lambda _table, _request: context.budget.work <= max_work).start_round()
     limit = table.bic(table.best) + VALIDATED_MARGIN
     fitted = [(each, table.get({*law.candidate.values, each.name})) for each in chosen]
     near_best = [

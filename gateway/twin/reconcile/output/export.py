@@ -4,22 +4,32 @@ from collections.abc import Sequence
 
 import numpy as np
 import tomli_w
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from gateway.measurement.source import HeldRows
 from gateway.twin.model import as_tables
 from gateway.twin.reconcile.output.result import Curves, Reconciliation
 
+Array = NDArray[np.float64]
 
-def format_prediction_csv(curves: Sequence[Curves], held: HeldRows | None = None) -> str:
+
+def format_prediction_csv(
+    curves: Sequence[Curves], held: HeldRows | None = None, row_times_s: Array | None = None
+) -> str:
     """The final model's prediction, one row per row of the recording; parts of one recording follow each other.
 
-    Rows that repeat a reading repeat its prediction.
+    Rows that repeat a reading repeat its prediction. Of means of samples, the prediction is that of a curve through them at the
+    times of the rows (n,).
     """
     parts, begin_s = [], 0.0
     for each in curves:
         parts.append(np.column_stack([each.time_s + begin_s, each.after_g]))
         begin_s += 2 * float(each.time_s[-1]) - float(each.time_s[-2])
     rows = np.concatenate(parts) if parts else np.empty((0, 4))
+    if row_times_s is not None and len(rows):
+        elapsed_s = row_times_s - row_times_s[0]
+        rows = np.column_stack([elapsed_s, CubicSpline(rows[:, 0], rows[:, 1:])(elapsed_s)])
     if held is not None:
         rows = np.column_stack([held.time_s - held.time_s[0], rows[held.reading, 1:]])
     lines = ["{:.6f},{:.7f},{:.7f},{:.7f}".format(*row) for row in rows.tolist()]

@@ -18,6 +18,8 @@ from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 from gateway.twin.reconcile.output.estimates import Law, NamedEffect
 
 Array = NDArray[np.float64]
+AVERAGED = "averaged"
+"""Key of the counts: samples to one mean."""
 Verdict = Literal["data_unusable", "none_missing", "named", "one_of", "named_with_remainder", "unmodelled"]
 
 
@@ -246,7 +248,7 @@ class Reconciliation:
     held_out_is_last_third: bool
     refitted_on_held_out: tuple[str, ...]
     counts: Mapping[str, int]
-    """Samples read, used, lone spikes, lost, repeated, invalid."""
+    """Samples read, used, lone spikes, lost, repeated, invalid; of a long recording, `AVERAGED` of them to one mean."""
     model: Mapping[str, Mapping[str, Value]]
     """`[model.*]` of the final model, those that the rig had before included."""
     inputs: tuple[EstimatedInput, ...] = ()
@@ -259,6 +261,8 @@ class Reconciliation:
     """Further groups of candidates, of each of which one effect acts as well."""
     leaves_remainder: bool = False
     """Something is left that neither an effect of the answer nor one of a group explains."""
+    ended_early: bool = False
+    """The search was ended before it had tried all that it would have: other effects may explain the data as well."""
     law: Law | None = None
     """What describes the remainder where no effect explains it; part of the final model."""
 

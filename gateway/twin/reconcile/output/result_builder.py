@@ -69,6 +69,8 @@ class SearchOutcome:
     inputs: tuple[EstimatedInput, ...]
     held_out_inputs: tuple[EstimatedInput, ...]
     """What the crane did in the log, and in a second recording."""
+    ended_early: bool
+    """The search was ended before it had tried all that it would have."""
     law: FoundLaw | None = None
     """The law of what no effect explains; part of the decision's model."""
 
@@ -111,6 +113,7 @@ def build_result(found: SearchOutcome, counts: Mapping[str, int], random: np.ran
         model=_final_model(found),
         inputs=found.inputs,
         held_out_inputs=found.held_out_inputs,
+        ended_early=found.ended_early,
         equivalents=find_equivalents(decision, found.table, found.context, found.base),
     )
 

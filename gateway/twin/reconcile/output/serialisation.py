@@ -20,6 +20,7 @@ def to_json(result: Reconciliation, runtime_s: float) -> dict[str, Any]:
         "reason": result.reason,
         "reason_code": result.reason_code,
         "remainder": result.leaves_remainder,
+        "ended_early": result.ended_early,
         "parts": [
             {
                 "role": part.role,

@@ -8,7 +8,7 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Value
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 from gateway.twin.reconcile.output.estimates import Estimate, Law, Resemblance
-from gateway.twin.reconcile.output.result import Gap, Reconciliation
+from gateway.twin.reconcile.output.result import AVERAGED, Curves, Gap, Reconciliation
 
 VERDICT_SENTENCES = {
     "data_unusable": "the data cannot be used",
@@ -45,6 +45,8 @@ def to_text(result: Reconciliation) -> str:
         lines.append(f"to decide    {result.split_by}")
     if result.inputs:
         lines.append(f"inputs       {_inputs(result.inputs)}")
+    if AVERAGED in result.counts and result.log is not None:
+        lines.append(f"samples      {_averaged(result.counts[AVERAGED], result.log)}")
     if result.gap is not None:
         lines.append(f"gap          {_gap(result.gap)}")
     if result.leaves_remainder and result.residual is not None:
@@ -52,6 +54,11 @@ def to_text(result: Reconciliation) -> str:
             f"residual     {p.amplitude_g * 1e3:.3g} mg at {p.hz:.4g} Hz on {p.axis}" for p in result.residual.peaks
         ]
     return "\n".join(lines)
+
+
+def _averaged(count: int, log: Curves) -> str:
+    rate_hz = 1 / float(np.median(np.diff(log.time_s)))
+    return f"{count} to a mean, for the recording is long: nothing faster than {rate_hz / 2:.2g} Hz was judged"
 
 
 def _verdict(result: Reconciliation, names: Sequence[str]) -> str:

@@ -56,7 +56,7 @@ def replace_implausible(
         partners = sorted(indistinguishable(context, validator, best, name))
         for other in partners:
             guesses = EFFECTS[other].initial_guesses(context.setting.guess_context(residual_g))
-            table = context.fit_first_that_explains(table, rest, other, guesses, starts)
+            table = context.fit_in_turn(table, context.requests(table, rest, other, guesses, starts))
         fits = (table.get({*rest, other}) for other in partners)
         alike = [fit for fit in fits if fit is not None and leaves_no_more(fit.reduced_chi2, best.reduced_chi2)]
         if alike:

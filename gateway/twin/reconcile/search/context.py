@@ -39,10 +39,6 @@ class SearchContext:
     budget: Budget
     baseline_effects: Values = field(default_factory=dict)
     """Effects found without a search: every candidate contains them."""
-    _ahead: dict[tuple[object, ...], tuple[CandidateFit | None, float]] = field(default_factory=dict)
-    """Fits that were made before the search asks for them, with their work."""
-    _announced: dict[tuple[object, ...], FitRequest] = field(default_factory=dict)
-    """Fits that the search may ask for next, in this order."""
     _changepoints: dict[tuple[frozenset[str], bool], EventWindow | None] = field(default_factory=dict)
     _prefixes: dict[frozenset[str], list[ConsistentPrefix]] = field(default_factory=dict)
     _signatures: dict[frozenset[str], Signatures] = field(default_factory=dict)
@@ -68,48 +64,50 @@ class SearchContext:
         held_by_parts: bool = False,
     ) -> CandidateTable:
         """Fit a set of effects from these values; the table stays as it is where the fit diverges."""
-        return self.fit_requested(table, FitRequest(values, starts, iterations, give_up_above, held_by_parts))
+        return self.fit_in_turn(table, [FitRequest(values, starts, iterations, give_up_above, held_by_parts)])
 
-    def fit_requested(self, table: CandidateTable, request: FitRequest) -> CandidateTable:
-        """Fit as a request says, if that was not done ahead; the table stays as it is where the fit diverges."""
-        self._make_announced(request)
-        known = self._ahead.pop(request.key, None) if self._ahead else None
-        if known is None:
-            found = self._make(request)
-        else:
-            found, work = known
-            self.budget.add_fit(work)
-        return table if found is None else table.with_fit(found)
+    def fit_in_turn(
+        self,
+        table: CandidateTable,
+        requests: Sequence[FitRequest],
+        is_needed: Callable[[CandidateTable, FitRequest], bool] = lambda _table, _request: True,
+    ) -> CandidateTable:
+        """Make fits in this order, as many at once as there are processes; a fit that diverges leaves the table as it is.
 
-    def fit_ahead(self, requests: Sequence[FitRequest]) -> None:
-        """Make fits at once that the search is about to ask for one after the other; what it does not ask for is dropped."""
-        self.announce(())
-        self._make_at_once(requests)
+        Before each one the table decides whether it is still needed, a further guess only while nothing explains the log. So the
+        answer does not depend on the number of processes.
+        """
 
-    def announce(self, requests: Sequence[FitRequest]) -> None:
-        """Say which fits the search asks for next until one explains the log: as many are made at once as there are processes."""
-        self._ahead.clear()
-        self._announced = {each.key: each for each in requests}
+        def is_wanted(request: FitRequest) -> bool:
+            is_spare = request.is_further_guess and (self.budget.is_exhausted or table.is_explained)
+            return not is_spare and is_needed(table, request)
 
-    def _make_announced(self, request: FitRequest) -> None:
-        if request.key not in self._announced:
-            return
-        keys = list(self._announced)
-        at_once = keys[keys.index(request.key) :][: self.budget.processes]
-        self._make_at_once([self._announced.pop(key) for key in at_once])
+        left, at_once = list(requests), self._at_once(requests)
+        while left := [each for each in left if is_wanted(each)]:
+            batch, left = left[:at_once], left[at_once:]
+            for request, (found, work) in zip(batch, self._make_at_once(batch), strict=True):
+                if is_wanted(request):
+                    self.budget.add_fit(work)
+                    table = table if found is None else table.with_fit(found)
+        return table
 
-    def _make_at_once(self, requests: Sequence[FitRequest]) -> None:
+    def _at_once(self, requests: Sequence[FitRequest]) -> int:
+        """Return how many of these fits are worth processes of their own."""
         if min(self.budget.processes, len(requests)) < 2:
-            return
-        if max(self.setting.work_per_evaluation(each.values) for each in requests) < MIN_PARALLEL_WORK:
-            return
-        made = run_in_processes([partial(self._make_counted, each) for each in requests], self.budget.processes)
-        self._ahead.update((each.key, outcome) for each, outcome in zip(requests, made, strict=False))
+            return 1
+        work = max(self.setting.work_per_evaluation(each.values) for each in requests)
+        return self.budget.processes if work >= MIN_PARALLEL_WORK else 1
 
-    def _make(self, request: FitRequest) -> CandidateFit | None:
+    def _make_at_once(self, requests: Sequence[FitRequest]) -> list[tuple[CandidateFit | None, float]]:
+        """Return fits, None where one diverged, each with its work."""
+        tasks = [partial(self._make, each) for each in requests]
+        made = run_in_processes(tasks, self.budget.processes) if len(tasks) > 1 else []
+        return made or [task() for task in tasks]
+
+    def _make(self, request: FitRequest) -> tuple[CandidateFit | None, float]:
         values = request.values
-        self.budget.begin_fit(self.setting.work_per_evaluation(values))
         try:
+            self.budget.begin_fit(self.setting.work_per_evaluation(values))
             fit = self.setting.fit(
                 values,
                 request.starts,
@@ -118,34 +116,8 @@ class SearchContext:
                 held_by_parts=request.held_by_parts,
             )
         except INTEGRATION_FAILURES:
-            return None
-        return make_candidate(self.setting, values, fit)
-
-    def _make_counted(self, request: FitRequest) -> tuple[CandidateFit | None, float]:
-        before = self.budget.work
-        return self._make(request), self.budget.work - before
-
-    def fit_first_that_explains(
-        self,
-        table: CandidateTable,
-        others: Values,
-        name: str,
-        guesses: Iterable[Mapping[str, Value]],
-        starts: Array | None = None,
-    ) -> CandidateTable:
-        """Fit an effect beside others from one guess after another, until one of them explains the log."""
-        tried = list(guesses)
-        if name == DoublePendulum.name and tried and self._may_be_beside(name, others):
-            several = [{**others, name: values} for values in tried]
-            tried = [self.setting.fit_rigging_length(several)[name]]
-        requests = self.requests(table, others, name, tried, starts)
-        if len(requests) > 1 and not {each.key for each in requests} & {*self._announced, *self._ahead}:
-            self.announce(requests)
-        for index, request in enumerate(requests):
-            if index and (self.budget.is_exhausted or table.is_explained):
-                break
-            table = self.fit_requested(table, request)
-        return table
+            return None, self.budget.work_of_fit
+        return make_candidate(self.setting, values, fit), self.budget.work_of_fit
 
     def requests(
         self,
@@ -156,11 +128,14 @@ class SearchContext:
         starts: Array | None = None,
     ) -> list[FitRequest]:
         """Return the fits of an effect beside others, one for each guess; none where it cannot be beside them."""
+        if not self._may_be_beside(name, others):
+            return []
+        tried = [{**others, name: values or EFFECTS[name].default_guess} for values in guesses]
+        if name == DoublePendulum.name and tried:
+            tried = [{**others, name: self.setting.fit_rigging_length(tried)[name]}]
         return [
-            FitRequest(
-                {**others, name: values or EFFECTS[name].default_guess}, starts, give_up_above=table.give_up_above
-            )
-            for values in (guesses if self._may_be_beside(name, others) else ())
+            FitRequest(values, starts, give_up_above=table.give_up_above, is_further_guess=index > 0)
+            for index, values in enumerate(tried)
         ]
 
     def _may_be_beside(self, name: str, others: Values) -> bool:

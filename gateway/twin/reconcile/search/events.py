@@ -103,11 +103,12 @@ def _fit_events(
     starts: Array,
 ) -> CandidateTable:
     """Fit each event beside others, in this order."""
-    guesses = {name: EFFECTS[name].initial_guesses(guess_context) for name in names}
-    context.announce([each for name in names for each in context.requests(table, others, name, guesses[name], starts)])
-    for name in names:
-        table = context.fit_first_that_explains(table, others, name, guesses[name], starts)
-    return table
+    requests = [
+        each
+        for name in names
+        for each in context.requests(table, others, name, EFFECTS[name].initial_guesses(guess_context), starts)
+    ]
+    return context.fit_in_turn(table, requests)
 
 
 def refine(table: CandidateTable, context: SearchContext, size: int) -> CandidateTable:
@@ -126,10 +127,7 @@ def refine(table: CandidateTable, context: SearchContext, size: int) -> Candidat
             for name in sorted(refined.names)
             for changed in _varied_shapes(EFFECTS[name], refined.values[name])
         ]
-        context.announce(varied)
-        for request in varied:
-            if needs_more(table.best, context):
-                table = context.fit_requested(table, request)
+        table = context.fit_in_turn(table, varied, lambda now, _: needs_more(now.best, context))
     return table
 
 

@@ -1,8 +1,4 @@
-"""Independent computations in several processes, before the search asks for their results one after the other.
-
-The search stays sequential: it asks for each result in turn, and what it does not ask for is dropped. Its answer does not depend
-on the number of processes.
-"""
+"""Independent computations in several processes."""
 
 import os
 import warnings
@@ -67,12 +63,8 @@ class FitRequest:
     iterations: int = SEARCH_ITERATIONS
     give_up_above: float = np.inf
     held_by_parts: bool = False
-
-    @property
-    def key(self) -> tuple[object, ...]:
-        """What makes two requests the same."""
-        starts = None if self.starts is None else self.starts.tobytes()
-        return values_key(self.values), starts, self.iterations, self.give_up_above, self.held_by_parts
+    is_further_guess: bool = False
+    """It is tried only while nothing explains the log."""
 
 
 def values_key(values: Values) -> tuple[object, ...]:

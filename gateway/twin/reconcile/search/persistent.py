@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.clock import ClockDrift
 from gateway.twin.effects.parameter import Value
-from gateway.twin.effects.rope import DoublePendulum, RopeLength
+from gateway.twin.effects.rope import RopeLength
 from gateway.twin.reconcile.residual.isolability import CONFUSABLE_COSINE, smallest_angle_cosine
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import SearchContext
@@ -41,10 +41,7 @@ def fit_persistent_effects(table: CandidateTable, context: SearchContext) -> Can
     base = baseline_of(table, context)
     if context.setting.large_amplitude:
         losses = EFFECTS.choose(dissipative=True, is_scored=True)
-        context.fit_ahead(requests_beside(table, context, base, losses))
-        for name in losses:
-            table = fit_persistent(table, context, base, name)
-        table = table.start_round()
+        table = context.fit_in_turn(table, requests_beside(table, context, base, losses)).start_round()
         if table.closest.reduced_chi2 - 1 < MAX_LOSS_REMAINDER * (base.reduced_chi2 - 1):
             return table
     else:
@@ -95,10 +92,8 @@ def fit_persistent_pairs(table: CandidateTable, context: SearchContext) -> Candi
 def fit_ambiguity_partners(table: CandidateTable, context: SearchContext) -> CandidateTable:
     """Fit each effect whose signature is close to one of the best set's, however small its score."""
     base = baseline_of(table, context)
-    for name in sorted(partners_of(context, base, table.best.names - base.names)):
-        if table.get(base.names | {name}) is None:
-            table = fit_persistent(table, context, base, name)
-    return table
+    partners = sorted(partners_of(context, base, table.best.names - base.names))
+    return context.fit_in_turn(table, requests_beside(table, context, base, partners))
 
 
 def fit_by_score(
@@ -108,21 +103,16 @@ def fit_by_score(
     signatures = context.signatures(parent)
     gains = {name: signatures.predicted_chi2_drop(name) for name in signatures.of}
     ranked = sorted(gains, key=lambda name: -gains[name])
-    context.announce(requests_beside(table, context, parent, ranked[:FITTED_FIRST]))
-    for rank, name in enumerate(ranked):
-        if rank == FITTED_FIRST:
-            table = table.limit_fits()
-            likely = ranked[rank : MAX_SCORED if at_most is None else min(at_most, MAX_SCORED)]
-            context.announce(requests_beside(table, context, parent, likely))
-        is_rival = gains[name] >= MIN_SHARE_OF_BEST_SCORE * gains[ranked[0]]
-        if not is_rival and (table.is_explained or rank >= MAX_SCORED):
-            break
-        if (at_most is not None and rank >= at_most) or context.budget.is_exhausted:
-            break
-        if table.get(parent.names | {name}) is None:
-            table = fit_persistent(table, context, parent, name)
-            table = table.fix_noise() if rank == 0 else table
-    return table
+    is_rival = {name: gains[name] >= MIN_SHARE_OF_BEST_SCORE * gains[ranked[0]] for name in ranked}
+    likely = [name for rank, name in enumerate(ranked[:at_most]) if is_rival[name] or rank < MAX_SCORED]
+
+    def is_needed(now: CandidateTable, request: FitRequest) -> bool:
+        (name,) = request.values.keys() - parent.names
+        return not context.budget.is_exhausted and (is_rival[name] or not now.is_explained)
+
+    table = context.fit_in_turn(table, requests_beside(table, context, parent, likely[:FITTED_FIRST]), is_needed)
+    table = table.start_round()
+    return context.fit_in_turn(table, requests_beside(table, context, parent, likely[FITTED_FIRST:]), is_needed)
 
 
 def fit_persistent(table: CandidateTable, context: SearchContext, parent: CandidateFit, name: str) -> CandidateTable:
@@ -130,7 +120,8 @@ def fit_persistent(table: CandidateTable, context: SearchContext, parent: Candid
 
     An effect with initial guesses from the data is fitted from fresh ones: segments join only under the right guess.
     """
-    return context.fit_first_that_explains(table, parent.values, name, *_guesses_and_starts(context, parent, name))
+    requests = context.requests(table, parent.values, name, *_guesses_and_starts(context, parent, name))
+    return context.fit_in_turn(table, requests)
 
 
 def _guesses_and_starts(
@@ -145,11 +136,11 @@ def _guesses_and_starts(
 def requests_beside(
     table: CandidateTable, context: SearchContext, parent: CandidateFit, names: Iterable[str]
 ) -> list[FitRequest]:
-    """Return the fits of one more effect beside a parent that `fit_persistent` makes, but for second modes."""
+    """Return the fits of one more effect beside a parent, for those that the table does not have."""
     return [
         request
         for name in names
-        if table.get(parent.names | {name}) is None and name != DoublePendulum.name
+        if table.get(parent.names | {name}) is None
         for request in context.requests(table, parent.values, name, *_guesses_and_starts(context, parent, name))
     ]
 

@@ -1,12 +1,10 @@
 """Steps that fit persistent effects whose frequencies or limits are first found in the residual."""
 
-from collections.abc import Mapping, Sequence
-
 from gateway.twin.effects import EFFECTS, ModelStructure
-from gateway.twin.effects.parameter import Value
 from gateway.twin.effects.rope import DoublePendulum
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import SearchContext
+from gateway.twin.reconcile.search.parallel_fits import FitRequest
 from gateway.twin.reconcile.search.persistent import baseline_of
 
 MAX_REMAINDER_OF_MODE = 0.5
@@ -17,12 +15,9 @@ simpler of two effects with the same period for the other one to be fitted."""
 def fit_guessed_effects(table: CandidateTable, context: SearchContext, parent: CandidateFit) -> CandidateTable:
     """Fit the effects beside a parent that are guessed from its residual, until one explains the log."""
     names = [name for name in EFFECTS.choose(is_guessed_from_residual=True) if table.get(parent.names | {name}) is None]
-    guesses = {name: _guesses(context, parent, name) for name in names}
-    alone = [name for name in names if name != DoublePendulum.name]
-    context.announce([each for name in alone for each in context.requests(table, parent.values, name, guesses[name])])
-    for name in names:
-        if not table.is_explained:
-            table = context.fit_first_that_explains(table, parent.values, name, guesses[name])
+    for several in ([name for name in names if name != DoublePendulum.name], [DoublePendulum.name]):
+        requests = [each for name in several for each in _requests(table, context, parent, name)]
+        table = context.fit_in_turn(table, requests, lambda now, _: not now.is_explained)
     return table
 
 
@@ -64,13 +59,14 @@ def _fit_beyond_its_equivalent(table: CandidateTable, context: SearchContext, na
     if nearest is simpler and nearest.reduced_chi2 - 1 < MAX_REMAINDER_OF_MODE * (base.reduced_chi2 - 1):
         same = effect.equivalent_values(nearest.values[of], setting.rig.length_m)
         guesses += [] if same is None else [same]
-    return context.fit_first_that_explains(table, base.values, name, guesses)
+    return context.fit_in_turn(table, context.requests(table, base.values, name, guesses))
 
 
 def _fit_guessed(table: CandidateTable, context: SearchContext, parent: CandidateFit, name: str) -> CandidateTable:
-    return context.fit_first_that_explains(table, parent.values, name, _guesses(context, parent, name))
+    return context.fit_in_turn(table, _requests(table, context, parent, name))
 
 
-def _guesses(context: SearchContext, parent: CandidateFit, name: str) -> Sequence[Mapping[str, Value]]:
+def _requests(table: CandidateTable, context: SearchContext, parent: CandidateFit, name: str) -> list[FitRequest]:
     setting = context.setting
-    return EFFECTS[name].initial_guesses(setting.guess_context(setting.log.force_g - parent.fit.force_g))
+    guesses = EFFECTS[name].initial_guesses(setting.guess_context(setting.log.force_g - parent.fit.force_g))
+    return context.requests(table, parent.values, name, guesses)

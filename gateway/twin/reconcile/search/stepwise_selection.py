@@ -13,7 +13,6 @@ from gateway.twin.reconcile.search.persistent import (
     MAX_SCORED,
     baseline_of,
     fit_by_score,
-    fit_persistent,
     parents,
     partners_of,
     requests_beside,
@@ -73,10 +72,7 @@ def try_swaps(table: CandidateTable, context: SearchContext, best: CandidateFit)
         likely = sorted(scored.of, key=lambda n: -scored.predicted_chi2_drop(n))[:MAX_SCORED]
         partners = partners_of(context, base, frozenset({name})) & set(scored.of)
         others = sorted({*likely, *partners})
-        context.fit_ahead(requests_beside(table, context, without, others))
-        for other in others:
-            if table.get({*rest, other}) is None:
-                table = fit_persistent(table, context, without, other)
+        table = context.fit_in_turn(table, requests_beside(table, context, without, others))
     table = table.start_round()
     table = _fit_rivals_with_swapped(table, context, best, table.best)
     found = table.best
@@ -103,30 +99,28 @@ def _fit_rivals_with_swapped(
     return table
 
 
-def eliminate_backwards(
-    table: CandidateTable, context: SearchContext, best: CandidateFit
+def eliminate(
+    table: CandidateTable, context: SearchContext, best: CandidateFit, *, held_by_parts: bool = False
 ) -> tuple[CandidateTable, CandidateFit]:
     """Remove effects whose absence costs no significant chi-square, one at a time."""
-    removed = True
-    while removed:
-        removed = False
-        give_up_above = max(table.give_up_above, _settled_chi2(table, context, best))
-        shorter = [
-            FitRequest(
-                {n: values for n, values in best.values.items() if n != name},
-                iterations=REFINE_ITERATIONS,
-                give_up_above=give_up_above,
-            )
-            for name in sorted(each for each in best.names if not EFFECTS[each].detected_in_samples)
-        ]
-        context.fit_ahead(shorter)
-        for request in shorter:
-            table = context.fit_requested(table, request)
-            without = table.get(request.values)
-            if without is not None and not table.is_significant(without, best):
-                best, removed = without, True
-                break
-    return table, best
+    give_up_above = max(table.give_up_above, _settled_chi2(table, context, best))
+    shorter = [
+        FitRequest(
+            {n: values for n, values in best.values.items() if n != name},
+            iterations=REFINE_ITERATIONS,
+            give_up_above=give_up_above,
+            held_by_parts=held_by_parts,
+        )
+        for name in sorted(each for each in best.names if not EFFECTS[each].detected_in_samples)
+    ]
+
+    def sufficient(now: CandidateTable) -> CandidateFit | None:
+        fits = (now.get(each.values) for each in shorter)
+        return next((fit for fit in fits if fit is not None and not now.is_significant(fit, best)), None)
+
+    table = context.fit_in_turn(table, shorter, lambda now, _: sufficient(now) is None)
+    fewer = sufficient(table)
+    return (table, best) if fewer is None else eliminate(table, context, fewer, held_by_parts=held_by_parts)
 
 
 def _settled_chi2(table: CandidateTable, context: SearchContext, best: CandidateFit) -> float:
@@ -170,7 +164,7 @@ def _refine_narrow_valley(
 def _eliminate_and_record(
     table: CandidateTable, context: SearchContext, best: CandidateFit
 ) -> tuple[CandidateTable, CandidateFit]:
-    table, remaining = eliminate_backwards(table.start_round(), context, best)
+    table, remaining = eliminate(table.start_round(), context, best)
     return table.record_move(best, remaining), remaining
 
 

@@ -21,7 +21,7 @@ from gateway.twin.reconcile.search.candidates import (
     CandidateTable,
 )
 from gateway.twin.reconcile.search.context import SearchContext
-from gateway.twin.reconcile.search.parallel_fits import FitRequest
+from gateway.twin.reconcile.search.stepwise_selection import eliminate
 from gateway.twin.reconcile.search.validation_cache import Validator
 from gateway.twin.simulator.simulator import Simulator
 
@@ -55,7 +55,7 @@ def fit_usual_causes(
         return table, best
     known = {names: fit for names, fit in table.fits.items() if names <= detected | usual}
     table = replace(table, fits=known, moves=()).with_fit(found).start_round()
-    table, found = _eliminate(table, context, found)
+    table, found = eliminate(table, context, found, held_by_parts=True)
     return table.record_move(table.fits[frozenset(detected)], found), found
 
 
@@ -86,25 +86,6 @@ def necessary_names(fit: CandidateFit, simulator: Simulator, log: Observations) 
         covariance = covariance - gain @ covariance[own]
         left.remove(least)
     return left
-
-
-def _eliminate(
-    table: CandidateTable, context: SearchContext, best: CandidateFit
-) -> tuple[CandidateTable, CandidateFit]:
-    """Fit the set without each of its effects; drop one whose absence costs nothing significant, until none is left."""
-    shorter = [
-        {each: values for each, values in best.values.items() if each != name}
-        for name in sorted(best.names - set(context.baseline_effects))
-    ]
-    context.fit_ahead([FitRequest(rest, held_by_parts=True) for rest in shorter])
-    for rest in shorter:
-        without = _fit(table, context, rest)
-        if without is None:
-            continue
-        table = table.with_fit(without)
-        if not table.is_significant(without, best):
-            return _eliminate(table, context, without)
-    return table, best
 
 
 def _fit(table: CandidateTable, context: SearchContext, values: dict[str, Values]) -> CandidateFit | None:

@@ -1,4 +1,4 @@
-"""Runs the campaign: `python -m tests.gateway.bench.blunders --sessions 10`; `--write` puts the table into docs/evidence/blunders.md."""
+"""Runs the campaign: `python -m tests.gateway.bench.blunders --sessions 10`; `--write` puts the table into its page."""
 
 import argparse
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 from tests.gateway.bench.blunders.campaign import run
 from tests.gateway.bench.blunders.table import BLUNDERS, SOUND
 
-PAGE = Path(__file__).parents[4] / "docs" / "blunders.md"
+PAGE = Path(__file__).parents[4] / "docs" / "evidence" / "blunders.md"
 MARK = "<!-- written by python -m tests.gateway.bench.blunders --write -->"
 
 

@@ -50,23 +50,10 @@ def test_without_its_processes_the_caller_has_no_results() -> None:
     assert run_in_processes([partial(_die), partial(_square, 2)], 2) == []
 
 
-def test_requests_differ_by_each_argument() -> None:
-    request = FitRequest({"viscous_damping": {"damping_ratio": 0.01}})
-    others = [
-        FitRequest({"viscous_damping": {"damping_ratio": 0.02}}),
-        FitRequest({"coulomb_friction": {}}),
-        FitRequest(request.values, iterations=3),
-        FitRequest(request.values, give_up_above=5.0),
-        FitRequest(request.values, held_by_parts=True),
-    ]
-    assert FitRequest({"viscous_damping": {"damping_ratio": 0.01}}).key == request.key
-    assert len({each.key for each in (request, *others)}) == 6
-
-
-def test_as_many_announced_fits_are_made_as_there_are_processes(
+def test_as_many_fits_are_made_at_once_as_there_are_processes(
     model: Model, loaded: Callable[..., CheckedRecording], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A step that the first fit explains has wasted one."""
+    """Where the third of five turns out to be the last that is needed, one was made in vain and counts nowhere."""
     monkeypatch.setattr(context, "MIN_PARALLEL_WORK", 0.0)
     pools: list[int] = []
 
@@ -78,13 +65,22 @@ def test_as_many_announced_fits_are_made_as_there_are_processes(
     log, budget = present(loaded({}).observations), Budget(processes=2)
     search = context.make_context(model, log, budget, lambda: None)
     requests = [FitRequest({"rope_length": {"relative_error": 0.01 * each}}) for each in range(5)]
-    search.announce(requests)
-    table = CandidateTable(log)
+    search.fit_in_turn(CandidateTable(log), requests, lambda _table, _request: budget.fits < 3)
 
-    for asked, made in ((0, [2]), (1, [2]), (2, [2, 2])):
-        search.fit_requested(table, requests[asked])
-        assert pools == made
+    assert pools == [2, 2]
     assert (budget.fits, budget.work) == (3, 21.0)
+
+
+def test_a_further_guess_is_tried_only_while_nothing_explains_the_log(
+    model: Model, loaded: Callable[..., CheckedRecording]
+) -> None:
+    log, budget = present(loaded({"viscous_damping": {"damping_ratio": 0.01}}).observations), Budget()
+    search = context.make_context(model, log, budget, lambda: None)
+    table = search.fit(CandidateTable(log), {"viscous_damping": {"damping_ratio": 0.01}})
+    assert table.is_explained
+    guesses = [{"relative_error": 0.01}, {"relative_error": 0.02}]
+    search.fit_in_turn(table, search.requests(table, {}, "rope_length", guesses))
+    assert budget.fits == 2
 
 
 def test_answer_does_not_depend_on_the_number_of_processes(

@@ -3,6 +3,7 @@
 import tomllib
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -50,9 +51,8 @@ def creeping(recording: CheckedRecording) -> CheckedRecording:
 def test_remainder_is_told_as_an_equation_and_its_model_simulates(
     model: Model, loaded: Callable[..., CheckedRecording], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(
-        "gateway.twin.reconcile.reconcile.Budget", lambda processes: Budget(max_fits=4, processes=processes)
-    )  # the search finds nothing
+    # The search finds nothing.
+    monkeypatch.setattr("gateway.twin.reconcile.reconcile.Budget", partial(Budget, max_fits=4))
     found = reconcile(model, creeping(loaded({})), creeping(loaded({}, "held_out")))
 
     assert found.verdict == "unmodelled"

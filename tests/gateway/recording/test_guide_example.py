@@ -1,4 +1,4 @@
-"""The example of the README reads recordings in every state with the public reader."""
+"""The example of the guide reads recordings in every state with the public reader."""
 
 import contextlib
 import io
@@ -12,13 +12,13 @@ import pytest
 
 from tests.gateway.recording.recorded_crane import RecordedCrane
 
-README = Path(__file__).parents[3] / "README.md"
+GUIDE = Path(__file__).parents[3] / "docs" / "guides" / "investigator" / "recordings.md"
 INCOMPLETE = "the file is incomplete, or still being written"
 
 
 def example() -> str:
-    """The indented block of the section on reading that imports the reader."""
-    section = README.read_text().split("## Read a recording")[1].split("\n## ")[0]
+    """The indented block of the section on Python that imports the reader."""
+    section = GUIDE.read_text().split("## In Python")[1].split("\n## ")[0]
     (block,) = (each for each in re.findall(r"(?:^ {4}.*\n|^\n)+", section, re.MULTILINE) if "NonSeekingReader" in each)
     return dedent(block)
 
@@ -39,7 +39,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 @pytest.mark.parametrize("state", ["live", "torn", "closed"])
-def test_example_of_the_readme_reads_a_recording(
+def test_example_of_the_guide_reads_a_recording(
     recordings: dict[str, Path], state: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shutil.copy(recordings[state], tmp_path / "recording.mcap")

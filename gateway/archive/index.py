@@ -1,0 +1,181 @@
+"""The indexing of recordings: what is new in a source is verified, read, and put into the tables.
+
+The work may be done several times, by several processes at once, and be ended at any moment; each row is there once. The table of
+recordings is written last and decides what counts.
+"""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cache
+
+import pyarrow as pa
+
+from gateway.archive.admission import Admission, KeyOf, admit
+from gateway.archive.row_table import partition_of, recordings_table, table_of
+from gateway.archive.rows import RECORDINGS, TABLES, RecordingRow, schema_of
+from gateway.archive.source import RecordingSource, StoredFile
+from gateway.archive.tables import MAX_ATTEMPTS, NO_GATEWAY, Archive, ArchiveError, row_places, select
+from gateway.archive.versions import IndexedFile, judge_files
+from gateway.recording.reading.timeline import ReportProgress, ignore_progress
+
+BATCH_FILES = 500
+"""Files of one transaction, of whatever gateways. Basis: a choice; at 0.2 MB each a bound of the memory, a kill loses the work of
+minutes, and a transaction in each table costs a second on an object store."""
+
+Key = tuple[str, str]
+"""Gateway and name of a file: one that was refused under a name may be followed by one that is not."""
+
+
+@dataclass(frozen=True, slots=True)
+class NewFile:
+    """A file that was read, with its rows by table."""
+
+    file: IndexedFile
+    tables: dict[str, pa.Table]
+
+
+@dataclass(slots=True)
+class IndexResult:
+    """What a run has done."""
+
+    files: int = 0
+    """Files in the source."""
+    read: list[IndexedFile] = field(default_factory=list)
+    """Those that were new, with their status at the end of their transaction."""
+
+
+def index(
+    source: RecordingSource, archive: Archive, key_of: KeyOf, report: ReportProgress = ignore_progress
+) -> IndexResult:
+    """Put what is new in a source into the tables. Raises `InputError`, `ArchiveError` and `KeyFileError`."""
+    listed = source.list()
+    archive.create()
+    known, key_of = _known_files(archive), cache(key_of)
+    result = IndexResult(len(listed))
+    batch: list[NewFile] = []
+    for number, stored in enumerate(listed):
+        report(number / len(listed))
+        if not _is_new(stored, known[stored.path], key_of):
+            continue
+        with source.local(stored.path) as path:
+            batch.append(_new_file(stored, admit(path, key_of)))
+        if len(batch) == BATCH_FILES:
+            result.read += commit(archive, batch)
+            batch = []
+    result.read += commit(archive, batch)
+    report(1.0)
+    return result
+
+
+def commit(archive: Archive, new: Sequence[NewFile]) -> list[IndexedFile]:
+    """Put files into the tables; return them with their status."""
+    fresh = {_key(each.file): each.file for each in new}
+    writers = {writer for writer, _ in fresh} | {NO_GATEWAY}
+    taken = {path for writer, path in fresh if writer != NO_GATEWAY}
+    for _ in range(MAX_ATTEMPTS):
+        table = archive.open(RECORDINGS)
+        before = {_key(file): file for file in archive.files(table, writers)}
+        before = {key: file for key, file in before.items() if key[0] in writers}
+        kept = {key: file for key, file in before.items() if key[0] != NO_GATEWAY or key[1] not in taken}
+        after = _judged({**kept, **fresh})
+        _exchange_rows(archive, before, after, new)
+        changed = [key for key in {**before, **after} if before.get(key) != after.get(key)]
+        if not changed:
+            break
+        versions = [known[key] for key in changed for known in (before, after) if key in known]
+        months = [partition_of(RECORDINGS, file) for file in versions]
+        replaced = [path for _, path in changed] if any(key in before for key in changed) else []
+        places = row_places(RECORDINGS, {writer for writer, _ in changed}, replaced, months)
+        if archive.replace(table, places, recordings_table([after[key] for key in changed if key in after])):
+            break
+    else:
+        raise ArchiveError(f"{archive.place}: others are indexing the same gateways all the time; try again later")
+    return [after[key] for key in fresh]
+
+
+def _judged(files: dict[Key, IndexedFile]) -> dict[Key, IndexedFile]:
+    by_writer: dict[str, list[IndexedFile]] = defaultdict(list)
+    for (writer, _), file in files.items():
+        by_writer[writer].append(file)
+    return {_key(file): file for own in by_writer.values() for file in judge_files(own)}
+
+
+def _key(file: IndexedFile) -> Key:
+    return NO_GATEWAY if file.gateway is None else "/".join(file.gateway), file.row.path
+
+
+def _exchange_rows(
+    archive: Archive, before: dict[Key, IndexedFile], after: dict[Key, IndexedFile], new: Sequence[NewFile]
+) -> None:
+    """Put the rows of the new files that count into the tables, and take out those of files that do not count."""
+    counted = {file.recording for file in after.values() if file.row.status == "counted"}
+    settled = {key for key in after if before.get(key) == after[key] and after[key].row.status == "counted"}
+    unread = [each for each in new if each.file.trust != "refused" and _key(each.file) not in settled]
+    written = {each.file.recording: each for each in unread if each.file.recording in counted}
+    gone = [file for file in before.values() if file.row.status == "counted" and file.recording not in counted]
+    touched = {file.recording: file for file in (*(each.file for each in unread), *gone)}
+    if not touched:
+        return
+    writers = {_key(file)[0] for file in touched.values()}
+    for name in TABLES:
+        partitions = [partition_of(name, file) for file in touched.values()]
+        rows = pa.concat_tables([schema_of(name).empty_table(), *(each.tables[name] for each in written.values())])
+        archive.exchange(name, row_places(name, writers, list(touched), partitions), rows)
+
+
+@dataclass(frozen=True, slots=True)
+class KnownFile:
+    """What decides whether a file is read again."""
+
+    version: str
+    gateway: str | None
+    given_key: str
+
+
+def _known_files(archive: Archive) -> dict[str, list[KnownFile]]:
+    """Return what the table knows of each name."""
+    columns = select(archive.open(RECORDINGS), "path, version, site, crane, sensor, given_key", "true")
+    known: dict[str, list[KnownFile]] = defaultdict(list)
+    for path, version, site, crane, sensor, given_key in zip(*(each.to_pylist() for each in columns), strict=True):
+        known[path].append(KnownFile(version, None if crane is None else f"{site}/{crane}/{sensor}", given_key))
+    return known
+
+
+def _is_new(stored: StoredFile, known: Sequence[KnownFile], key_of: KeyOf) -> bool:
+    """Return whether a file was not read yet, has changed, or may now be judged by another key."""
+    file = next((each for each in known if each.version == stored.version), None)
+    if file is None:
+        return True
+    if file.gateway is None:
+        return bool(file.given_key)  # refused by a key that may have been the wrong one
+    key = key_of(file.gateway)
+    return key is not None and key != file.given_key
+
+
+def _new_file(stored: StoredFile, found: Admission) -> NewFile:
+    rows = found.rows
+    offset_ns = 0 if rows is None else rows.wall_offset_ns
+    row = RecordingRow(
+        path=stored.path,
+        version=stored.version,
+        gateway_time_ns=0 if rows is None else rows.from_ns,
+        end_utc=0 if rows is None else rows.to_ns + offset_ns,
+        size_bytes=stored.size_bytes,
+        status="refused" if rows is None else "counted",
+        reason=found.reason,
+        segment=found.segment,
+        boot_id=found.boot_id,
+        software=found.software,
+        public_key=found.public_key,
+        given_key=found.given_key,
+        statement_sha256=found.statement_sha256,
+        previous_sha256=found.previous_sha256,
+        is_final=found.is_final,
+        is_trimmed=found.is_trimmed,
+        unreadable=0 if rows is None else rows.losses.unreadable_messages + rows.losses.damaged_records,
+    )
+    utc_ns = row.gateway_time_ns + offset_ns
+    file = IndexedFile(found.gateway, found.sha256, found.trust, utc_ns, row)
+    tables = {} if rows is None else {name: table_of(name, rows.rows[name], file, offset_ns) for name in TABLES}
+    return NewFile(file, tables)

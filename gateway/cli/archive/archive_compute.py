@@ -1,0 +1,103 @@
+"""`plumbline archive verify`, `replay`, `measure` and `reconcile`: commands of one machine over all recordings of an archive."""
+
+import argparse
+import os
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from gateway.cli.archive.archive_options import add_source, add_table
+from gateway.cli.options.argument_types import above_zero, require_archive, require_cluster, require_twin, whole_number
+from gateway.cli.terminal.output import add_json
+from gateway.errors import ANSWER_IS_NO
+
+if TYPE_CHECKING:
+    from gateway.archive.compute import ComputeResult
+    from gateway.archive.tasks import TaskKind
+
+VERBS: "dict[TaskKind, tuple[str, str]]" = {
+    "verify": ("check the chain of each gateway: nothing changed, removed, exchanged or forged", "record verify"),
+    "replay": ("compute every start of each gateway again, and compare it with what was recorded", "record replay"),
+    "measure": ("measure each recording offline", "measure"),
+    "reconcile": ("fit the simulation to each recording, and name what it lacks", "reconcile"),
+}
+"""Help of each verb, and the command that it runs."""
+MEMORY_MB, TIME_MINUTES = 4096, 60.0
+"""Limits of a task. Basis: a choice; numerical libraries reserve a gigabyte, and a day of one crane is replayed in 40 minutes."""
+
+
+def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verbs."""
+    for kind, (what, command) in VERBS.items():
+        verb = verbs.add_parser(
+            kind,
+            help=what,
+            description=f"{what[0].upper()}{what[1:]}: run plumbline {command} over the indexed recordings of a source, in "
+            "processes of this machine or of a cluster, and put the answers into the table results. What has an answer is not "
+            "done again. Exit code 1: a task has failed, with the reason.",
+            epilog=f"example: plumbline archive {kind} /srv/recordings --table /srv/archive --processes 4",
+        )
+        add_source(verb)
+        add_table(verb)
+        verb.add_argument(
+            "--processes", type=whole_number, metavar="N", help="tasks at once on this machine (default: its cores)"
+        )
+        verb.add_argument(
+            "--cluster",
+            metavar="ADDRESS",
+            help="scheduler of a Dask cluster, such as tcp://10.0.0.2:8786 (default: this machine)",
+        )
+        verb.add_argument(
+            "--memory-mb",
+            type=whole_number,
+            default=MEMORY_MB,
+            metavar="MB",
+            help="address space of a task (%(default)s)",
+        )
+        verb.add_argument(
+            "--minutes", type=above_zero, default=TIME_MINUTES, metavar="MIN", help="time of a task (%(default)g)"
+        )
+        verb.add_argument("--again", action="store_true", help="also what failed before")
+        add_json(verb)
+        verb.set_defaults(run=partial(_run, kind))
+
+
+def _run(kind: "TaskKind", arguments: argparse.Namespace) -> int:
+    require_archive()
+    if kind == "reconcile":
+        require_twin()
+    if arguments.cluster is not None:
+        require_cluster()
+    from gateway.archive.compute import Workers, compute
+    from gateway.archive.source import open_source
+    from gateway.archive.tables import Archive
+    from gateway.archive.task_run import TaskLimits
+    from gateway.cli.terminal.output import show
+    from gateway.cli.terminal.progress import ProgressBar
+
+    open_source(arguments.source)  # what cannot be read is told before anything is begun
+    workers = Workers(max(1, arguments.processes or len(os.sched_getaffinity(0))), arguments.cluster)
+    limits = TaskLimits(60 * arguments.minutes, arguments.memory_mb)
+    with ProgressBar(f"archive {kind}") as bar:
+        result = compute(
+            Archive(arguments.table), arguments.source, kind, workers, limits, again=arguments.again, report=bar.update
+        )
+    show(_text(result), _as_json(result), arguments.json)
+    return ANSWER_IS_NO if result.failed else 0
+
+
+def _text(result: "ComputeResult") -> str:
+    lines = [f"{task.files[0].row.path}: {outcome.state}: {outcome.reason}" for task, outcome in result.failed]
+    told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(result.verdicts.items())) or "nothing to do"
+    return "\n".join([*lines, f"{result.planned} tasks, {result.known} had an answer: {told}"])
+
+
+def _as_json(result: "ComputeResult") -> dict[str, Any]:
+    return {
+        "planned": result.planned,
+        "known": result.known,
+        "verdicts": dict(result.verdicts),
+        "failed": [
+            {"path": task.files[0].row.path, "state": outcome.state, "reason": outcome.reason}
+            for task, outcome in result.failed
+        ],
+    }

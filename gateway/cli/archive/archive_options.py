@@ -1,0 +1,46 @@
+"""The options that the verbs of `plumbline archive` share: the source, the table and the keys."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gateway.archive.admission import KeyOf
+
+
+def add_source(verb: argparse.ArgumentParser) -> None:
+    """Add the source of the recordings."""
+    verb.add_argument(
+        "source",
+        metavar="SOURCE",
+        help="folder with recordings of any gateways, at any depth, or an object store: s3://bucket/prefix",
+    )
+
+
+def add_table(verb: argparse.ArgumentParser, option: str = "--table") -> None:
+    """Add the place of the tables."""
+    verb.add_argument(
+        option,
+        dest="table",
+        required=True,
+        metavar="TABLE",
+        help="folder or object store with the tables, which plumbline archive index makes",
+    )
+
+
+def add_keys(verb: argparse.ArgumentParser) -> None:
+    """Add the public keys of the gateways."""
+    verb.add_argument(
+        "--keys",
+        type=Path,
+        metavar="FILE",
+        help="public keys of the gateways: lines <site>/<crane>/<sensor> <64 digits, or a .pub file>; without one those that "
+        "plumbline remote status has heard at the first contact",
+    )
+
+
+def keys(arguments: argparse.Namespace) -> "KeyOf":
+    """Return the keys of the options. Raises `InputError` and `KeyFileError`."""
+    from gateway.archive.admission import known_key, read_keys
+
+    return known_key if arguments.keys is None else read_keys(arguments.keys)
