@@ -1,4 +1,7 @@
-"""The table of the papers' equations is complete, and every name in it exists."""
+"""The table of the papers' equations is complete, and every name and every test in it exists.
+
+`script/mutate` shows that the tests are those of the equations.
+"""
 
 import re
 from importlib import import_module
@@ -16,10 +19,12 @@ NUMBERS = {
     "Sawicki and Walendziuk 2016": range(1, 11),
 }
 """The numbered equations of each paper."""
+NAME = re.compile(r"`([\w.]+):([\w.]+)`")
+"""Module and name in the column of the code."""
 
 
 def sections() -> dict[str, list[list[str]]]:
-    """Return the rows of the table of each paper: numbers, content, code, erratum."""
+    """Return the rows of the table of each paper: numbers, content, code, test, erratum."""
     parts = re.split(r"^## (.+)$", PAGE.read_text(), flags=re.MULTILINE)[1:]
     return {
         title: [
@@ -50,10 +55,12 @@ def test_no_paper_is_missing() -> None:
 
 @pytest.mark.parametrize("paper", NUMBERS)
 def test_every_row_names_code_that_exists_and_states_an_erratum_or_none(paper: str) -> None:
-    for numbers, content, code, erratum in sections()[paper]:
+    for numbers, content, code, test, erratum in sections()[paper]:
         assert content, numbers
         assert erratum == "—" or erratum.endswith("."), numbers
-        names = re.findall(r"`([\w.]+):([\w.]+)`", code)
+        names = NAME.findall(code)
         assert names, numbers
         for module, name in names:
             assert attrgetter(name)(import_module(module)) is not None, name
+        for path in test.replace("`", "").split(", "):
+            assert (PAGE.parents[2] / path).is_file(), path

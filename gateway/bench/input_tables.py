@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from devices.regular_file import open_regular
 from gateway.bench.rotation_turn import TurnReadings
 from gateway.bench.single_parameter import DisplacementPairs
+from gateway.calibration.poses.pose_finder import NORM_TOLERANCE
 from gateway.errors import InputError
 from gateway.file_input import reason_of
 from gateway.numerics.array import Array
@@ -139,6 +140,12 @@ def read_turn(path: Path) -> tuple[TurnReadings, Literal["g", "V", "counts"]]:
     angles_deg, place = np.unique(np.round(columns["angle_deg"], 6), return_inverse=True)
     if len(angles_deg) > MAX_ANGLES:
         raise InputError(f"{path}: {len(angles_deg)} different angles; stop at {MAX_ANGLES} or fewer and average there")
+    gravity = float(np.ptp(readings, axis=0).max()) / 2
+    if ending == "g" and abs(gravity - 1) > NORM_TOLERANCE:
+        raise InputError(
+            f"{path}: gravity reads {gravity:.3g} g in it: the unit is another one than its header says; correct ax_g, ay_g, "
+            "az_g to _v or _counts, or divide m/s2 by 9.80665"
+        )
     total = np.bincount(place, counts).astype(np.float64)
     mean = np.column_stack([np.bincount(place, counts * values) for values in readings.T]) / total[:, None]
     temperature = columns.get("temperature_c")

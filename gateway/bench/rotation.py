@@ -16,6 +16,7 @@ from gateway.calibration.poses.pose import Pose
 from gateway.calibration.record import NotDeterminedError
 from gateway.calibration.uncertainty import Contribution
 from gateway.numerics.array import Array
+from gateway.numerics.stats import robust_sigma
 
 MOUNTING_U_DEG = 0.1
 """Standard uncertainty, degrees, of the housing's attitude on the rig in each turn, about each of three directions. Basis: a
@@ -26,6 +27,10 @@ lose 0.06 % of g."""
 MAX_TURN_DIFFERENCE = 5.0
 """Largest difference between two turns of an axis that went round in both, in standard uncertainties. Basis: a choice; chance
 does not reach it, and an exchanged file does."""
+
+K_OUTLIER = 8.0
+"""Robust standard deviations by which a reading stands off its curve. Basis: a choice; of a hundred readings of thirty-six angles
+none does by chance, and an angle that is mistyped by a degree does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +70,7 @@ def fit_rotation(turns: tuple[TurnReadings, ...], mounting_u_deg: float = MOUNTI
         axes = " and ".join("xyz"[fit.rotation_axis] for fit in fits)
         raise NotDeterminedError(f"turns about {axes}: give one turn, or two about different axes")
     sines = [sine for fit in fits for sine in fit.axis_sines()]
-    dm = max(sine.prediction / sine.scale for sine in sines)
+    dm = max(sine.prediction / sine.scale for sine in sines)  # eq. 14
     if len(fits) == 1:
         return RotationFit(fits, (_phase_pair(fits[0]),), (0.0,), dm, None)
     return _fit_two_turns(fits, dm, np.radians(mounting_u_deg))
@@ -114,7 +119,7 @@ def _fit_two_turns(fits: tuple[TurnFit, ...], dm: float, mounting_u_rad: float) 
         poses=poses,
         residual_rms_g=float(np.sqrt(np.mean(residual_g**2))),
         condition_number=max(fit.condition_number for fit in fits),
-        warnings=_difference_warnings(fits),
+        warnings=_difference_warnings(fits) + _outliers(fits),
     )
     wobble = _wobble_pair(fits, sensitivity, noise_covariance + mounting_covariance)
     return RotationFit(fits, (*map(_phase_pair, fits), wobble), level_rad, dm, calibration)
@@ -201,6 +206,21 @@ def _difference_warnings(fits: tuple[TurnFit, ...]) -> list[FitWarning]:
             if abs(difference) > MAX_TURN_DIFFERENCE * u:
                 text = f"{name} {'xyz'[axis]} differs by {1000 * abs(difference) / one.scale:.2f} mg between the turns"
                 warnings.append(FitWarning(WarningKind.OUTLIER, text))
+    return warnings
+
+
+def _outliers(fits: tuple[TurnFit, ...]) -> list[FitWarning]:
+    """Return a warning for each angle whose reading stands off its curve by more than the others scatter."""
+    warnings = []
+    for fit in fits:
+        scale = max(sine.scale for sine in fit.axis_sines())
+        off = np.abs(fit.residual)
+        for place in np.flatnonzero((off > K_OUTLIER * robust_sigma(fit.residual)).any(axis=1)):
+            text = (
+                f"{fit.readings.source}: the reading at {np.degrees(fit.readings.angle_rad[place]):g} deg stands "
+                f"{1000 * off[place].max() / scale:.1f} mg off its curve; check the angle, and read it again"
+            )
+            warnings.append(FitWarning(WarningKind.OUTLIER, text))
     return warnings
 
 

@@ -17,6 +17,9 @@ from gateway.numerics.stats import CHANCE_LEVEL, chi_square_quantile
 
 RANGE_RAD = np.radians(5.0)
 """Largest relative angle for which the method holds (Zhu et al. 2020, sec. 2.2)."""
+MAX_A_G = 0.3
+"""Largest A_z,off of any sensor, g. Basis: a choice; above zero-g offset and sensitivity of the widest data sheets, 150 mg and
+10 %."""
 SHARED_ZERO = 0.5
 """Correlation of the pairs of one session. Basis: half of each pair's variance is that of the zero which all of them refer to."""
 APPROXIMATION_STEPS = 500
@@ -117,6 +120,11 @@ def fit_single_parameter(pairs: DisplacementPairs, setup: LaserSetup) -> SingleP
     weights /= weights.sum()
     values = pair_parameters_g(pairs, setup.distance_m)
     mean = float(weights @ values)
+    if abs(mean) > MAX_A_G:
+        raise NotDeterminedError(
+            f"the angles by laser are {np.exp(mean):.3g} times those of the sensor, which no sensor errs by; give "
+            "displacement_mm in mm, raw_angle_deg in degrees, and --distance-mm from the rotation axis to the board"
+        )
     widened = _widening(values - mean, total)
     return SingleParameterFit(
         a_z_off_g=mean,

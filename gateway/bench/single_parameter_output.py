@@ -20,6 +20,9 @@ SCALE_LIMIT, CROSS_AXIS_LIMIT = 0.05, 0.02
 """Limits of scale factor and cross-axis sensitivity, which the method does not measure (Zhu et al. 2020, table 1)."""
 FULL_RANGE = 0.9999
 """Share of the range at which the report states the uncertainty. Basis: rounding must not take the angle beyond it."""
+PLAUSIBLE_A_G = 0.075
+"""Largest plausible A_z,off, g: zero-g offset and scale factor of a data sheet together, 25 mg and 5 % (Zhu et al. 2020,
+table 1)."""
 NOT_MEASURED = "for relative angles within +-5 deg only: offsets of x and y and all scale factors are data-sheet limits"
 
 
@@ -35,6 +38,13 @@ def as_calibration(fit: SingleParameterFit) -> CalibrationFit:
     u_z_g = float(np.exp(fit.a_z_off_g)) * fit.u_g
     covariance = np.diag([*variance.ravel(), u_offset**2, u_offset**2, u_z_g**2])
     warnings = [FitWarning(WarningKind.UNCHECKED, NOT_MEASURED)]
+    if abs(fit.a_z_off_g) > PLAUSIBLE_A_G:
+        text = (
+            f"A_z,off of {1000 * fit.a_z_off_g:.0f} mg is more than offset and scale of a data sheet "
+            f"({1000 * PLAUSIBLE_A_G:.0f} mg): one number decides the scale, so measure the distance twice, and check that "
+            "displacements are in mm and angles in degrees"
+        )
+        warnings.append(FitWarning(WarningKind.OUTLIER, text))
     if fit.widened > 1:
         text = f"the pairs scatter {fit.widened:.1f} times as much as stated: the uncertainty is enlarged by that"
         warnings.append(FitWarning(WarningKind.SCATTER, text))

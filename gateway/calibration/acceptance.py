@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict
 from gateway.calibration.drift.change import SensorChange, sensor_change
 from gateway.calibration.methods.calibration_fit import CalibrationFit, WarningKind
 from gateway.calibration.methods.six_position import PLACEMENT_U_DEG, find_changed_readings
+from gateway.calibration.pose_method import PoseMethod
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.thermal_model import correction_at, holds_at_c
 from gateway.numerics.array import Array
@@ -64,10 +65,10 @@ def judge(fit: CalibrationFit, parent: CalibrationRecord | None, limits: Accepta
     if parent is not None:
         change = change_since(fit, parent)
         implausible += _implausible_changes(change, parent.id, limits)
-        poses = tuple(pose.as_json() for pose in fit.poses)
-        implausible += [
-            warning.as_record_text() for warning in find_changed_readings(poses, tuple(parent.poses), PLACEMENT_U_DEG)
-        ]
+        if fit.method != PoseMethod.NORM_FIT.value:  # its poses are held near a face, not laid on it
+            poses = tuple(pose.as_json() for pose in fit.poses)
+            changed = find_changed_readings(poses, tuple(parent.poses), PLACEMENT_U_DEG)
+            implausible += [warning.as_record_text() for warning in changed]
         notes.append(_describe_change(change, parent.id))
     return Acceptance(refused=tuple(_refusals(fit, limits)), implausible=tuple(implausible), notes=tuple(notes))
 

@@ -59,7 +59,7 @@ class SixPositionPlan:
 
 
 class NormFitPlan:
-    """Poses in all directions; a pose too near to an earlier one adds nothing and is refused."""
+    """Poses in all directions. A pose near an earlier one counts, but not as one of those that the fit asks for."""
 
     n_poses = NORM_FIT_POSES
 
@@ -69,16 +69,19 @@ class NormFitPlan:
         self._parent = parent
 
     def accept(self, pose: Pose, earlier: Poses) -> tuple[Pose | None, str]:
-        """Refuse a pose within 15 degrees of an earlier one; zero-g offsets cancel in the difference of two readings."""
-        min_difference = MIN_DIFFERENCE_G * self._nominal.units_per_g
-        for number, one in enumerate(earlier, start=1):
-            if np.linalg.norm(np.subtract(pose.mean, one.mean)) < min_difference:
-                return None, f"too near pose {number}: adds nothing, not used; turn it further"
-        return pose, f"pose {len(earlier) + 1} taken"
+        """Accept every pose, and say so of one within 15 degrees of an earlier one."""
+        near = next((number for number, one in enumerate(earlier, start=1) if self._is_near(pose, one)), None)
+        hint = "" if near is None else f", near pose {near}: it adds little; turn it further"
+        return pose, f"pose {len(earlier) + 1} taken{hint}"
+
+    def _is_near(self, pose: Pose, other: Pose) -> bool:
+        """Return whether two poses are within 15 degrees; zero-g offsets cancel in the difference of two readings."""
+        return bool(np.linalg.norm(np.subtract(pose.mean, other.mean)) < MIN_DIFFERENCE_G * self._nominal.units_per_g)
 
     def request_next(self, poses: Poses) -> RequestedPose:
         """Request the direction that determines the parameters best."""
-        readings = np.array([self._nominal.in_g(pose.mean) for pose in poses]).reshape(-1, 3)
+        apart = [pose for place, pose in enumerate(poses) if not any(self._is_near(pose, one) for one in poses[:place])]
+        readings = np.array([self._nominal.in_g(pose.mean) for pose in apart]).reshape(-1, 3)
         up = readings / np.linalg.norm(readings, axis=1, keepdims=True)
         if len(up) >= NORM_FIT_POSES and condition_number(up) <= MAX_CONDITION_NUMBER:
             return RequestedPose(None, None, "the poses are enough")

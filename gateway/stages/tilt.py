@@ -11,6 +11,9 @@ from gateway.numerics.array import Array
 CRITICAL_VALUE = 4.0
 """Critical value CV (Łuczak n.d., eq. 26): the arctangent is used up to arctan(4) = 76 degrees, the arccosine beyond."""
 
+LEAST_COSINE = 1e-12
+"""Cosine of a pitch that leaves no roll. Basis: that of a right angle in floating point is 6e-17."""
+
 
 @dataclass(frozen=True, slots=True)
 class TiltAngles:
@@ -28,8 +31,8 @@ def fused_tilt(m: Array, critical_value: float = CRITICAL_VALUE) -> TiltAngles:
     """
     mx, my, mz = m.tolist()
     return TiltAngles(
-        pitch_rad=_fused_angle(mx, math.hypot(my, mz), mz, critical_value),
-        roll_rad=_fused_angle(my, math.hypot(mx, mz), mz, critical_value),
+        pitch_rad=_fused_angle(mx, math.hypot(my, mz), mz, critical_value),  # eq. 16-17
+        roll_rad=_fused_angle(my, math.hypot(mx, mz), mz, critical_value),  # eq. 16-17
     )
 
 
@@ -64,8 +67,10 @@ def roll_about_x(force: Array) -> float:
 
 def roll_from_angles(beta_rad: float, alpha_rad: float) -> float:
     """Return the roll gamma within +-pi/2 from beta and pitch (Łuczak n.d., eq. 8); NaN where pitch leaves no roll."""
-    ratio = math.sin(beta_rad) / math.cos(alpha_rad) if math.cos(alpha_rad) else math.inf
-    return math.asin(max(-1.0, min(1.0, ratio))) if math.isfinite(ratio) else math.nan
+    cosine = math.cos(alpha_rad)
+    if abs(cosine) < LEAST_COSINE:
+        return math.nan
+    return math.asin(max(-1.0, min(1.0, math.sin(beta_rad) / cosine)))
 
 
 def axial_tilt(force: Array) -> float:

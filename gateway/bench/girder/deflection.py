@@ -170,6 +170,13 @@ def _off_centre(left: EndRotation, right: EndRotation) -> tuple[float, float]:
     return asymmetry / ASYMMETRY_PER_OFF_CENTRE, u_asymmetry / ASYMMETRY_PER_OFF_CENTRE
 
 
+def _is_opposed(left: EndRotation, right: EndRotation) -> bool:
+    """Return whether one end sags while the other rises, both beyond their uncertainty."""
+    return left.rotation_rad * right.rotation_rad < 0 and all(
+        abs(end.rotation_rad) > K_OFF_CENTRE * end.u_rad for end in (left, right)
+    )
+
+
 def _warnings(left: EndRotation, right: EndRotation, off_centre: float) -> list[str]:
     texts = []
     largest_rad = max(abs(left.rotation_rad), abs(right.rotation_rad))
@@ -177,9 +184,14 @@ def _warnings(left: EndRotation, right: EndRotation, off_centre: float) -> list[
         texts.append(
             f"an end turned by {math.degrees(largest_rad):.1f} deg: no small bending; check the axes and the zero"
         )
-    if abs(off_centre) > OFF_CENTRE_LIMIT:
-        side = "left" if off_centre > 0 else "right"
+    if _is_opposed(left, right):
         texts.append(
-            f"the load stands off mid-span by {abs(off_centre) * 100:.0f} % of the span to the {side}, or an axis is turned round"
+            "the ends turn in opposite senses, which no load between two supports does: an axis is the wrong way round "
+            "(--left-axis, --right-axis), or a sensor has slipped"
         )
+    elif left.rotation_rad + right.rotation_rad < -2 * K_OFF_CENTRE * math.hypot(left.u_rad, right.u_rad):
+        texts.append("the girder rises: left and right are exchanged, or the zero was taken under load")
+    elif abs(off_centre) > OFF_CENTRE_LIMIT:
+        side = "left" if off_centre > 0 else "right"
+        texts.append(f"the load stands off mid-span by {abs(off_centre) * 100:.0f} % of the span to the {side}")
     return texts

@@ -45,6 +45,11 @@ class DeflectionSeries:
         """The average with the largest deflection, to either side."""
         return max(self.deflections, key=lambda one: abs(one.deflection_m))
 
+    @property
+    def most_turned(self) -> Deflection:
+        """The deflection at which an end has turned most: there the load and the axes show best."""
+        return max(self.deflections, key=lambda one: max(abs(one.left_rad), abs(one.right_rad)))
+
 
 @dataclass(frozen=True, slots=True)
 class _End:

@@ -1,6 +1,8 @@
 """Displacement of the laser spot from the first photograph, which is the zero, to each other one."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -24,8 +26,9 @@ distance of two dots."""
 CLEAR_PITCHES = 0.5
 """Distance from a dot's middle to the outside of its white ring, for dots of up to two thirds of the pitch. Definition: of the
 board as it is printed."""
-MAX_RESIDUAL_PITCH = 0.01
-"""Largest residual of the map, pitches. Basis: a board that is bent, or wrinkled, is not measured."""
+MAX_RESIDUAL_PITCH = 0.002
+"""Largest residual of the map, pitches. Basis: flat boards leave 0.0001 to 0.0006, as JPEG of quality 75 at 2 pixels per mm
+0.0012; a bent board that leaves this puts the spot wrong by about a tenth of a millimetre at a pitch of 40 mm."""
 MAX_TURN_DEG = 30.0
 """Largest change of the board's direction between photographs. Basis: with a quarter turn the lattice would look the same."""
 
@@ -99,7 +102,8 @@ def measure_photograph(photograph: Photograph, board: DotBoard) -> MeasuredPhoto
     spot = find_spot(photograph, region, replace(edges, board_map=board_map), fringe_px)
     place = board_map.to_board(spot.centre_px[None])
     slope = board_map.derivative(spot.centre_px)
-    covariance = slope @ spot.covariance_px2 @ slope.T + board_map.map_covariance(spot.centre_px)
+    unflat = board_map.residual_rms**2 * np.eye(2)  # neighbouring dots share it, so more dots do not average it out
+    covariance = slope @ spot.covariance_px2 @ slope.T + board_map.map_covariance(spot.centre_px) + unflat
     return MeasuredPhotograph(
         photograph,
         board,
@@ -110,6 +114,17 @@ def measure_photograph(photograph: Photograph, board: DotBoard) -> MeasuredPhoto
         board.node_m(place)[0],
         covariance * board.pitch_m**2,
     )
+
+
+def check_different(photographs: Sequence[MeasuredPhotograph]) -> None:
+    """Raise `NotDeterminedError` for two photographs with the same centres to the last digit: noise differs in each exposure."""
+    seen: dict[bytes, Path] = {}
+    for each in photographs:
+        earlier = seen.setdefault(each.spot.centre_px.tobytes(), each.photograph.path)
+        if earlier is not each.photograph.path:
+            raise NotDeterminedError(
+                f"{each.photograph.path}: is the same photograph as {earlier}; give each one once, the zero first"
+            )
 
 
 def displacement(zero: MeasuredPhotograph, moved: MeasuredPhotograph) -> Displacement:

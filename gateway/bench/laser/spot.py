@@ -65,6 +65,9 @@ camera in daylight."""
 DOT_AMPLITUDE_SIGMA, DOT_GAIN_SIGMA = 0.15, 0.1
 """Standard deviations of what a dot's amplitude and gain differ from those of white, as logarithms. Basis: a choice; black ink
 differs by some tens of per cent from white in what it reflects."""
+GLARE_SIGMAS, MAX_GLARE = 3.0, 0.03
+"""Radius around a spot, its larger standard deviations, and the largest share of clipped pixels of the board in it. Basis: a
+choice; what is seen of a spot is then nearly whole, and a dead pixel is no glare."""
 MAX_AXIS_RATIO = 6.0
 """Largest ratio of the axes of a spot. Basis: a choice; a beam at 80 degrees to the board."""
 
@@ -111,7 +114,22 @@ def find_spot(
         )
     bright = (smoothed > max(SECOND_SPOT * peak, MIN_SIGNAL * sigma)).astype(np.uint8)
     first, extent = _one_spot(photograph, bright, excess, APART_DOTS * dot_px)
-    return _fit_spot(photograph, laser, board, region, edges, gain, first, extent)
+    spot = _fit_spot(photograph, laser, board, region, edges, gain, first, extent)
+    _check_glare(photograph, spot)
+    return spot
+
+
+def _check_glare(photograph: Photograph, spot: LaserSpot) -> None:
+    """Raise `NotDeterminedError` for a spot in glare: the channel that does not see the laser is clipped there."""
+    height, width = photograph.board.shape
+    y, x = np.ogrid[:height, :width]
+    near = np.hypot(x - spot.centre_px[0], y - spot.centre_px[1]) < GLARE_SIGMAS * spot.sigma_px[0]
+    if np.mean(photograph.board[near] >= MIN_SATURATED_VALUE) > MAX_GLARE:
+        x_px, y_px = spot.centre_px
+        raise NotDeterminedError(
+            f"{photograph.path}: glare lies on the spot near pixel {x_px:.0f}, {y_px:.0f}; turn the lamp or the board, or "
+            "expose less"
+        )
 
 
 def _one_spot(

@@ -12,6 +12,7 @@ from gateway.calibration.poses.faces import FACES
 from gateway.calibration.record import FigureSeries, RecordFigure
 from gateway.documents.format import format_fixed
 from gateway.numerics.array import Array
+from gateway.numerics.stats import means_by_group
 
 N_POINTS = 20
 """Number of temperatures of a series. Basis: a choice; a line or a parabola needs fewer."""
@@ -48,7 +49,8 @@ def _verdict(verdict: Verdict | None) -> str:
 
 def thermal_figure(found: ThermalCalibration) -> RecordFigure:
     """Return half sums of opposite faces against temperature (Sawicki and Walendziuk 2016, eq. 8 and Figure 7), in mg."""
-    grid_c = np.linspace(*found.range_c, N_POINTS)
+    low_c, high_c = found.range_c
+    grid_c = low_c + (np.arange(N_POINTS) + 0.5) / N_POINTS * (high_c - low_c)
     series = []
     for axis, entry in enumerate(found.summary):
         up, down = (_mean_reading(found.ramps, face, axis, grid_c) for face in FACES[2 * axis : 2 * axis + 2])
@@ -72,5 +74,13 @@ def thermal_figure(found: ThermalCalibration) -> RecordFigure:
 
 
 def _mean_reading(ramps: Sequence[Ramp], face: str, axis: int, grid_c: Array) -> Array:
-    curves = [np.interp(grid_c, ramp.temperature_c, ramp.mean[:, axis]) for ramp in ramps if ramp.face == face]
+    step_c = grid_c[1] - grid_c[0]
+    curves = []
+    for ramp in ramps:
+        if ramp.face == face:
+            near = np.abs(np.subtract.outer(ramp.temperature_c, grid_c))
+            inside = near.min(axis=1) <= step_c / 2
+            columns = np.column_stack([ramp.temperature_c, ramp.mean[:, axis]])[inside]
+            means, _ = means_by_group(near[inside].argmin(axis=1), columns)
+            curves.append(np.interp(grid_c, *means.T))
     return np.asarray(np.mean(curves, axis=0))

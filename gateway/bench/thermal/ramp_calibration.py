@@ -12,18 +12,21 @@ from gateway.bench.thermal.datasheet_limits import (
     judge_value,
     overall,
 )
-from gateway.bench.thermal.ramp import AxisRegression, Ramp, bin_ramp, fit_axis
-from gateway.calibration.methods.calibration_fit import CalibrationFit
+from gateway.bench.thermal.ramp import Ramp, read_ramp
+from gateway.bench.thermal.ramp_regression import AxisRegression, RampRegression, fit_ramps
+from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind
 from gateway.calibration.methods.six_position import PLACEMENT_U_DEG, fit_six_positions
 from gateway.calibration.offline.calibrate_files import estimate_sensitivity
 from gateway.calibration.offline.readings_file import FileReadings
 from gateway.calibration.pose_method import THERMAL
 from gateway.calibration.poses.faces import FACES
-from gateway.calibration.poses.pose import Pose
 from gateway.calibration.record import NotDeterminedError
 from gateway.calibration.thermal_model import AXES, AxisThermalModel, ThermalModel
 from gateway.errors import InputError
 
+MAX_DRIFT_G = 0.002
+"""Largest drift in time over a ramp, g. Basis: a choice; three times what a hysteresis of 0.5 mg shows as, and a sixth of what a
+ramp in °F differs by at 0.5 mg/°C."""
 USUAL_REFERENCE_C = 25.0
 """Temperature at which data sheets state offset and sensitivity, °C. Definition: of data sheets."""
 
@@ -86,33 +89,47 @@ def calibrate_ramps(
     if len(units) > 1:
         raise InputError(f"the files are in {' and '.join(sorted(units))}; calibrate from one unit")
     nominal = estimate_sensitivity(files, units_per_g or files[0].units_per_g)
-    ramps = [bin_ramp(file, nominal) for file in files]
+    ramps = [read_ramp(file, nominal) for file in files]
     low_c, high_c = _shared_range(ramps)
     reference_c = _reference(reference_c, low_c, high_c)
-    regressions = [
-        fit_axis(axis, _on_face(ramps, FACES[2 * axis]), _on_face(ramps, FACES[2 * axis + 1]), reference_c)
-        for axis in range(3)
-    ]
+    regression = fit_ramps(ramps, reference_c)
     summary = tuple(
-        _summarise(axis, regression, (low_c - reference_c, high_c - reference_c), limits, files[0].unit)
-        for axis, regression in enumerate(regressions)
+        _summarise(axis, one, (low_c - reference_c, high_c - reference_c), limits, files[0].unit)
+        for axis, one in enumerate(regression.axes)
     )
     model = ThermalModel(
         source="ramp",
         reference_c=reference_c,
         min_c=low_c,
         max_c=high_c,
-        axes={axis: _axis_model(regression) for axis, regression in zip(("x", "y", "z"), regressions, strict=True)},
+        axes={axis: _axis_model(one) for axis, one in zip(AXES, regression.axes, strict=True)},
         summary=[asdict(entry) for entry in summary],
     )
-    poses = tuple(_pose(ramp, reference_c) for ramp in ramps)
+    poses = tuple(ramp.pose_at(reference_c, regression.lag_s) for ramp in ramps)
     fit = replace(
         fit_six_positions(poses, placement_u_deg),
         method=THERMAL,
         thermal=model.model_dump(mode="json"),
         temperature_c={"mean": reference_c, "min": low_c, "max": high_c},
     )
+    if worst := _find_disagreement(ramps, regression):
+        fit = replace(fit, warnings=(*fit.warnings, worst))
     return ThermalCalibration(fit, files[0].unit, summary, (low_c, high_c), tuple(ramps))
+
+
+def _find_disagreement(ramps: Sequence[Ramp], regression: RampRegression) -> FitWarning | None:
+    """Return a warning if the ramps do not have one coefficient: the drift between them is larger than that of any part."""
+    axis = max(range(3), key=lambda place: regression.axes[place].drift_g)
+    drift_g = regression.axes[axis].drift_g
+    if drift_g < MAX_DRIFT_G:
+        return None
+    slopes = [np.polyfit(ramp.temperature_c, ramp.mean[:, axis], 1)[0] for ramp in ramps]
+    worst = ramps[int(np.argmax(np.abs(slopes - np.median(slopes))))]
+    text = (
+        f"the ramps disagree by {1000 * drift_g:.1f} mg in {AXES[axis]}, {worst.path} most: its temperatures are in another unit "
+        "(°F), its sensor is another one or has slipped; take it again"
+    )
+    return FitWarning(WarningKind.OUTLIER, text)
 
 
 def _shared_range(ramps: Sequence[Ramp]) -> tuple[float, float]:
@@ -120,8 +137,8 @@ def _shared_range(ramps: Sequence[Ramp]) -> tuple[float, float]:
     present = {ramp.face for ramp in ramps}
     if missing := [face for face in FACES if face not in present]:
         raise NotDeterminedError(f"no ramp with {', '.join(missing)} up; take one ramp on each of the six faces")
-    low_c = max(float(ramp.temperature_c[0]) for ramp in ramps)
-    high_c = min(float(ramp.temperature_c[-1]) for ramp in ramps)
+    low_c = max(float(ramp.temperature_c.min()) for ramp in ramps)
+    high_c = min(float(ramp.temperature_c.max()) for ramp in ramps)
     if high_c <= low_c:
         raise NotDeterminedError("the ramps share no range of temperature; take all of them over the same range")
     return low_c, high_c
@@ -133,10 +150,6 @@ def _reference(wanted_c: float | None, low_c: float, high_c: float) -> float:
     if not low_c <= wanted_c <= high_c:
         raise InputError(f"--reference-c {wanted_c:g} lies outside the ramps, {low_c:.1f} to {high_c:.1f} °C")
     return wanted_c
-
-
-def _on_face(ramps: Sequence[Ramp], face: str) -> list[Ramp]:
-    return [ramp for ramp in ramps if ramp.face == face]
 
 
 def _axis_model(regression: AxisRegression) -> AxisThermalModel:
@@ -191,22 +204,9 @@ def _mean_slope(
 ) -> MeasuredCoefficient:
     """Return the slope between the ends of the range: of T by one, of its square by the sum of the ends."""
     coefficients = np.concatenate([regression.offset, regression.sensitivity])[part]
-    row = np.array([0.0, 1.0, sum(ends_c)][: len(coefficients)])
-    value = factor * float(row @ coefficients)
-    half = regression.coverage_factor * abs(factor) * float(np.sqrt(row @ regression.covariance[part, part] @ row))
+    row = np.zeros(len(regression.covariance))
+    row[part] = [0.0, 1.0, sum(ends_c)][: len(coefficients)]
+    value = factor * float(row[part] @ coefficients)
+    half = regression.coverage_factor(row) * abs(factor) * float(np.sqrt(row @ regression.covariance @ row))
     interval = (value - half, value + half)
     return MeasuredCoefficient(value, interval, limit, judge_interval(*interval, limit), len(coefficients) == 3)
-
-
-def _pose(ramp: Ramp, reference_c: float) -> Pose:
-    """Return the reading of a ramp at the reference temperature: its own straight line or parabola there."""
-    from_reference_c = ramp.temperature_c - reference_c
-    design = np.column_stack([from_reference_c**power for power in range(3)])
-    coefficients, *_ = np.linalg.lstsq(design, ramp.mean, rcond=None)
-    residual = ramp.mean - design @ coefficients
-    u_unit = float(np.sqrt(np.linalg.inv(design.T @ design)[0, 0]))
-    sigma = np.sqrt((residual**2).sum(axis=0) / (len(design) - 3))
-    x, y, z = coefficients[0].tolist()
-    ux, uy, uz = (u_unit * sigma).tolist()
-    nx, ny, nz = ramp.noise.tolist()
-    return Pose((x, y, z), (ux, uy, uz), ramp.count, ramp.face, temperature_c=reference_c, noise=(nx, ny, nz))

@@ -10,25 +10,35 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gateway.bench.thermal.slow_noise import (
+    NoiseRatios,
+    RecordingCoefficients,
+    RecordingNoise,
+    block_means,
+    estimate_noise,
+)
+from gateway.bench.thermal.thermal_lag import AVERAGE_S, element_c, fit_lag
 from gateway.calibration.correction import ZERO_G_OFFSET_LIMIT_G_PER_K
 from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind
+from gateway.calibration.offline.calibrate_files import FED_READINGS
 from gateway.calibration.offline.readings_file import FileReadings
 from gateway.calibration.pose_method import THERMAL_REST
 from gateway.calibration.poses.pose import RawReadings
-from gateway.calibration.poses.windows import StillnessGate, Window, WindowSplitter
+from gateway.calibration.poses.windows import STILL_RATIO, StillnessGate, Window, WindowSplitter
 from gateway.calibration.record import CalibrationError, CalibrationRecord, NotDeterminedError
-from gateway.calibration.thermal_model import AXES, AxisThermalModel, ThermalModel
+from gateway.calibration.thermal_model import AXES, AxisThermalModel, ThermalModel, holds_at_c
 from gateway.errors import InputError
 from gateway.numerics.array import Array
-from gateway.numerics.autocorrelation import correlation_sum
-from gateway.numerics.stats import means_by_group, student_quantile
+from gateway.numerics.stats import means_by_group
 
 MIN_REST_RANGE_C = 5.0
 """Smallest range of the temperatures at rest, °C. Basis: a choice; a day outside has it, and 0.5 mg/°C show as 2.5 mg."""
-BIN_C = 0.5
-"""Width of the bins of temperature, °C. Basis: rests of different days share one, so that a slow change in time averages out."""
-MIN_REST_BINS = 6
-"""Least number of bins. Basis: a choice; three more than a parabola has coefficients."""
+REST_BLOCKS = 96
+"""Largest number of blocks of the windows at rest. Basis: a choice; each has several windows, and a warming shows in it."""
+REST_WINDOWS = 20
+"""Number of successive still windows that make a rest: 5 s. Basis: a choice; a load swings to and fro in it."""
+MIN_RESTS = 12
+"""Least number of rests. Basis: a choice; several times the coefficients, and a scatter shows."""
 MAX_LEAN_RAD = np.radians(20.0)
 """Largest angle between the axis along the rope and the vertical, radians. Basis: a choice; a load hangs straighter, and a
 housing off its rope leans by more."""
@@ -45,8 +55,8 @@ class RestCoefficient:
     mg_per_c: float
     ci95: tuple[float, float]
     range_c: tuple[float, float]
-    windows: int
-    """Number of windows at rest."""
+    rests: int
+    """Number of rests of 5 s."""
 
 
 def learn_at_rest(files: Sequence[FileReadings], parent: CalibrationRecord) -> tuple[CalibrationFit, RestCoefficient]:
@@ -57,67 +67,174 @@ def learn_at_rest(files: Sequence[FileReadings], parent: CalibrationRecord) -> t
     """
     if parent.thermal is not None:
         raise CalibrationError(f"record {parent.id} has a thermal model; give the record before it")
-    temperature_c, corrected_g = _rests(files, parent)
-    up = corrected_g.mean(axis=0)
+    rests = _rests(files, parent)
+    up = rests.corrected_g.mean(axis=0)
+    up /= np.linalg.norm(up)
     place = int(np.argmax(np.abs(up)))
-    if np.abs(up[place]) < np.cos(MAX_LEAN_RAD) * np.linalg.norm(up):
+    if np.abs(up[place]) < np.cos(MAX_LEAN_RAD):
         raise NotDeterminedError("no axis of the sensor lies along the rope; use ramps on the six faces")
-    rests = np.column_stack([temperature_c, np.linalg.norm(corrected_g, axis=1) - 1])
-    bins_c, error_g = means_by_group(np.floor(temperature_c / BIN_C), rests)[0].T
-    if np.ptp(bins_c) < MIN_REST_RANGE_C or len(bins_c) < MIN_REST_BINS:
+    at_rest_c = rests.element_c(0.0)
+    low_c, high_c = float(at_rest_c.min()), float(at_rest_c.max())
+    if high_c - low_c < MIN_REST_RANGE_C or len(at_rest_c) < MIN_RESTS:
         raise NotDeterminedError(
-            f"at rest the temperature varied by {np.ptp(temperature_c):.1f} °C; {MIN_REST_RANGE_C:.0f} °C or more are needed"
+            f"at rest the temperature varied by {high_c - low_c:.1f} °C in {len(at_rest_c)} rests; "
+            f"{MIN_REST_RANGE_C:.0f} °C or more in {MIN_RESTS} or more are needed"
         )
-    slope_g, u_slope_g, freedom = _straight_line(bins_c, error_g)
-    half_mg = 1000 * u_slope_g * student_quantile(0.975, freedom)
-    range_c = (float(bins_c[0]), float(bins_c[-1]))
+    parent_c = holds_at_c(parent.temperature_c, None)
+    reference_c = min(max((low_c + high_c) / 2 if parent_c is None else parent_c, low_c), high_c)
+    sensitivity = np.linalg.inv(np.array(parent.correction_matrix))
+    per_g = float(sensitivity[place, place])
+    slope_g, u_slope_g, factor = _slope_of_axis(rests, place, reference_c, sensitivity[place] / per_g)
+    half_g = u_slope_g * factor
     coefficient = RestCoefficient(
-        AXES[place], 1000 * slope_g, (1000 * slope_g - half_mg, 1000 * slope_g + half_mg), range_c, len(temperature_c)
+        AXES[place],
+        1000 * slope_g,
+        (1000 * (slope_g - half_g), 1000 * (slope_g + half_g)),
+        (low_c, high_c),
+        len(at_rest_c),
     )
-    per_g = 1 / float(np.array(parent.correction_matrix)[place, place]) * float(np.sign(up[place]))
-    model = _model(parent, place, slope_g * per_g, u_slope_g * per_g, range_c)
+    model = _model(parent, place, slope_g * per_g, u_slope_g * per_g, (low_c, high_c))
     return _with_model(parent, model, coefficient), coefficient
 
 
-def _rests(files: Sequence[FileReadings], parent: CalibrationRecord) -> tuple[Array, Array]:
-    """Return temperature and corrected mean of every still window, (w,) and (w, 3)."""
+@dataclass(frozen=True, slots=True)
+class _Rests:
+    """The still windows of some files, w of them, and the thermometers' averages over the whole of each file."""
+
+    span_s: tuple[Array, ...]
+    """Begin and end of each rest, (r, 2), for each file."""
+    corrected_g: Array
+    """Mean reading, corrected by the parent, shape (w, 3)."""
+    thermometer: tuple[tuple[Array, Array], ...]
+    """Times, s, and temperatures, °C, for each file."""
+
+    @property
+    def place(self) -> Array:
+        """Times from -1/2 to 1/2 of the duration, one file after the other, shape (w,)."""
+        lengths = [float(span_s[-1, 1] - span_s[0, 0]) for span_s in self.span_s]
+        starts = np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
+        along = np.concatenate(
+            [start + span_s.mean(axis=1) - span_s[0, 0] for start, span_s in zip(starts, self.span_s, strict=True)]
+        )
+        return np.asarray(along / max(sum(lengths), np.finfo(float).tiny) - 0.5)
+
+    def element_c(self, lag_s: float) -> Array:
+        """Return the mean temperature of the element in each rest, shape (w,)."""
+        means = []
+        for span_s, (at_s, known_c) in zip(self.span_s, self.thermometer, strict=True):
+            element = element_c(at_s, known_c, lag_s)
+            integral = np.concatenate([[0.0], np.cumsum(np.diff(at_s) * (element[1:] + element[:-1]) / 2)])
+            begin, end = np.clip(span_s, at_s[0], at_s[-1]).T
+            means.append((np.interp(end, at_s, integral) - np.interp(begin, at_s, integral)) / (end - begin))
+        return np.concatenate(means)
+
+
+def _rests(files: Sequence[FileReadings], parent: CalibrationRecord) -> _Rests:
     matrix, offset = np.array(parent.correction_matrix), np.array(parent.offset, dtype=np.float64)
-    temperatures, means = [], []
+    spans, means, thermometers = [], [], []
     for file in files:
         if file.unit != parent.unit:
             raise InputError(f"{file.path}: is in {file.unit}, record {parent.id} in {parent.unit}")
-        if file.temperature_c is None:
+        if file.temperature_c is None or np.isnan(file.temperature_c).all():
             raise InputError(f"{file.path}: has no temperature; give recordings of a device that reports it")
-        for window, temperature_c in _still_windows(file, 1 / float(np.abs(np.diag(matrix)).max())):
-            corrected_g = matrix @ (window.mean - offset)
-            if abs(float(np.linalg.norm(corrected_g)) - 1) < MAX_ERROR_G:
-                temperatures.append(temperature_c)
-                means.append(corrected_g)
+        span_s, raw = _find_rests(file, 1 / float(np.abs(np.diag(matrix)).max()))
+        corrected_g = (raw - offset) @ matrix.T
+        kept = np.abs(np.linalg.norm(corrected_g, axis=1) - 1) < MAX_ERROR_G
+        if kept.any():
+            spans.append(span_s[kept])
+            means.append(corrected_g[kept])
+            thermometers.append(_averages(file.time_s, file.temperature_c))
     if not means:
-        raise NotDeterminedError("no window at rest with a temperature in the recordings")
-    return np.array(temperatures), np.array(means)
+        raise NotDeterminedError("no rest with a temperature in the recordings")
+    return _Rests(tuple(spans), np.concatenate(means), tuple(thermometers))
 
 
-def _still_windows(file: FileReadings, units_per_g: float) -> list[tuple[Window, float]]:
-    gate, found = StillnessGate(units_per_g), []
-    for window in WindowSplitter().feed(RawReadings(file.time_s, file.raw)):
-        inside = slice(*np.searchsorted(file.time_s, [window.start_s, window.end_s]))
-        known_c = np.empty(0) if file.temperature_c is None else file.temperature_c[inside]
-        known_c = known_c[~np.isnan(known_c)]
-        if gate.is_still(window) and len(known_c):
-            found.append((window, float(known_c.mean())))
-    return found
+def _averages(time_s: Array, temperature_c: Array) -> tuple[Array, Array]:
+    known = ~np.isnan(temperature_c)
+    columns = np.column_stack([time_s[known], temperature_c[known]])
+    means, _ = means_by_group(np.floor((columns[:, 0] - columns[0, 0]) / AVERAGE_S), columns)
+    return means[:, 0], means[:, 1]
 
 
-def _straight_line(x: Array, y: Array) -> tuple[float, float, int]:
-    """Return slope, its standard uncertainty with the correlation of the residual, and the effective degrees of freedom."""
-    centred = x - x.mean()
-    slope = float(centred @ y / (centred @ centred))
-    residual = y - y.mean() - slope * centred
-    correlation = max(1.0, correlation_sum(residual))
-    freedom = len(x) - 2
-    variance = float(residual @ residual) / freedom * correlation / float(centred @ centred)
-    return slope, float(np.sqrt(variance)), max(int(freedom / correlation), 1)
+def _find_rests(file: FileReadings, units_per_g: float) -> tuple[Array, Array]:
+    """Return begin and end, (r, 2), and the mean reading, (r, 3), of each rest: successive still windows that agree.
+
+    A swing is slow at its turning points, where single windows are still.
+    """
+    gate, splitter = StillnessGate(units_per_g), WindowSplitter()
+    run: list[Window] = []
+    found = []
+    for start in range(0, len(file.time_s), FED_READINGS):
+        part = slice(start, start + FED_READINGS)
+        for window in splitter.feed(RawReadings(file.time_s[part], file.raw[part])):
+            run = [*([] if window.after_gap else run), window] if gate.is_still(window) else []
+            if len(run) == REST_WINDOWS:
+                means = np.array([one.mean for one in run])
+                allowed = max(STILL_RATIO * gate.noise_g * units_per_g / np.sqrt(window.count), window.step)
+                if np.max(means.std(axis=0)) <= allowed:
+                    found.append(((run[0].start_s, window.end_s), means.mean(axis=0)))
+                run = []
+    return np.array([span_s for span_s, _ in found]).reshape(-1, 2), np.array([mean for _, mean in found]).reshape(
+        -1, 3
+    )
+
+
+class _RestModel:
+    """The windows in blocks, and the systems of their readings against temperature and time."""
+
+    def __init__(self, rests: _Rests, along: int, known_c: float) -> None:
+        self._rests, self._along, self._known_c = rests, along, known_c
+        self._blocks = min(REST_BLOCKS, len(rests.corrected_g))
+        self.place = block_means(rests.place[:, None], self._blocks)[:, 0]
+
+    def system(self, lag_s: float, readings: Array) -> tuple[Array, Array]:
+        """Return design and readings, (w,), against temperature and a drift in time."""
+        change_c = block_means((self._rests.element_c(lag_s) - self._known_c)[:, None], self._blocks)[:, 0]
+        blocks = block_means(readings[:, None], self._blocks)[:, 0]
+        return np.column_stack([change_c, self.place])[None], blocks[None]
+
+    def error_g(self, lag_s: float, across_g: Array) -> Array:
+        """Return the error of the axis along the rope, (w,): its reading less what |m| = 1 leaves it beside the lean.
+
+        `across_g`, (2,), is the change of the axes across the rope, g/°C, without which their readings are the lean.
+        """
+        change_c = self._rests.element_c(lag_s) - self._known_c
+        lean = np.delete(self._rests.corrected_g, self._along, axis=1) - np.outer(change_c, across_g)
+        reading = self._rests.corrected_g[:, self._along]
+        return np.asarray(reading - np.sign(reading) * np.sqrt(np.maximum(0.0, 1 - (lean**2).sum(axis=1))))
+
+    def across(self, lag_s: float) -> tuple[Array, Array]:
+        """Return the change of the axes across the rope, g/°C, and its variance, shape (2,) each."""
+        fits = []
+        for readings in np.delete(self._rests.corrected_g, self._along, axis=1).T:
+            system = self.system(lag_s, readings)
+            fits.append(estimate_noise(self.place, [system], has_drift=False).solve(*system, axes=1))
+        return np.array([fit.values[1] for fit in fits]), np.array([fit.covariance[1, 1] for fit in fits])
+
+
+def _slope_of_axis(rests: _Rests, along: int, known_c: float, to_axis: Array) -> tuple[float, float, float]:
+    """Return the slope of the axis along the rope, its standard uncertainty, g/°C, and the coverage factor.
+
+    `to_axis`, (3,), is what the sensitive axis reads of errors along the three axes of the corrected frame.
+    """
+    model = _RestModel(rests, along, known_c)
+    noise, lag_s, u_lag_s = RecordingNoise(model.place, NoiseRatios()), 0.0, 0.0
+    for _ in range(3):
+        across_g, variance = model.across(lag_s)
+
+        def fit(at_s: float, change_g: Array = across_g, noise: RecordingNoise = noise) -> RecordingCoefficients:
+            return noise.solve(*model.system(at_s, model.error_g(at_s, change_g)), axes=1)
+
+        lag_s, u_lag_s = fit_lag(lambda at_s, fit=fit: [fit(at_s)], lag_s)  # type: ignore[misc]
+        noise = estimate_noise(model.place, [model.system(lag_s, model.error_g(lag_s, across_g))], has_drift=False)
+
+    def slope(at_s: float, change_g: Array) -> float:
+        return float(to_axis @ np.insert(change_g, along, fit(at_s, change_g, noise).values[1]))
+
+    found, best = fit(lag_s, across_g, noise), slope(lag_s, across_g)
+    shifted = [slope(lag_s + u_lag_s, across_g), *(slope(lag_s, across_g + u) for u in np.diag(np.sqrt(variance)))]
+    u = np.linalg.norm([to_axis[along] * np.sqrt(found.covariance[1, 1]), *(other - best for other in shifted)])
+    return best, float(u), found.coverage_factor(np.array([0.0, 1.0, 0.0]))
 
 
 def _model(

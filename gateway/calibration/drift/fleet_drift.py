@@ -23,6 +23,9 @@ from gateway.numerics.array import Array
 DEFAULT_INTERVAL_DAYS = 365.0
 """Longest time between two calibrations, days, whatever the records show. Basis: a choice; cranes are inspected once a year."""
 
+MAX_AHEAD = timedelta(days=1)
+"""Time by which a record may be dated ahead. Basis: a choice; clocks of two time zones, and less than any ageing."""
+
 
 @dataclass(frozen=True, slots=True)
 class DriftRow:
@@ -145,6 +148,10 @@ def _judge_sensor(
     table = drift_table(records)
     measuring = sorted((record for record in records if record.method in MEASURING_METHODS), key=created_at)
     last = measuring[-1]
+    if created_at(last) > now + MAX_AHEAD:
+        raise CalibrationError(
+            f"record {last.id} is dated {last.created_utc}, after today: a clock was wrong; correct it and calibrate again"
+        )
     days, basis, warnings = _days_to_next(measuring, limit_deg, interval_days)
     next_utc = created_at(last) + timedelta(days=days)
     drift = _last_drift(measuring)

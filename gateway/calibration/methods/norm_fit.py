@@ -9,7 +9,7 @@ record knows the frame, it is kept: a recalibration must not turn the housing.
 The reference frame, three angles that no magnitude shows, is that of the parent or of the sensor's assembly.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from gateway.calibration.poses.pose import Pose, quantisation_u
 from gateway.calibration.record import CalibrationRecord, NotDeterminedError
 from gateway.calibration.uncertainty import Contribution
 from gateway.numerics.array import Array
-from gateway.numerics.stats import CHANCE_LEVEL, chi_square_quantile
+from gateway.numerics.stats import CHANCE_LEVEL, chi_square_quantile, student_quantile
 
 FRAME_U_DEG = 0.58
 """Standard uncertainty of the frame's attitude in the housing about each axis, degrees.
@@ -37,6 +37,8 @@ below any uncertainty."""
 MIN_U_G = 1e-9
 """Least uncertainty of a magnitude, g, so that readings without noise have a finite weight. Basis: a choice; above rounding, and
 a hundred thousandth of the noise of a mean."""
+MIN_OUTLIER_FREEDOM = 3
+"""Least degrees of freedom at which an outlier is told. Basis: with two, the scatter of the others is that of one number."""
 SINGULAR_SPHERE = 1e-6
 """Relative singular value below which the poses do not determine a sphere. Basis: a choice; above rounding, and poses of any use
 are far from it."""
@@ -100,6 +102,8 @@ class _Solution:
     """Derivative of each |m| by its scaled reading, shape (p, 3)."""
     projection: Array
     """Derivative of the nine parameters by each |m|, shape (9, p)."""
+    leverage: Array
+    """Derivative of each fitted |m| by itself, shape (p,)."""
 
 
 def fit_norm(
@@ -108,7 +112,7 @@ def fit_norm(
     frame_u_deg: float = FRAME_U_DEG,
     parent: CalibrationRecord | None = None,
 ) -> CalibrationFit:
-    """Fit |M (raw - offset)| = 1 by Gauss-Newton, weighted by the noise along the vertical of each pose.
+    """Fit |M (raw - offset)| = 1 by Gauss-Newton, weighted by the noise along the vertical of each pose, without outliers.
 
     `units_per_g` is the nominal sensitivity, to within 30 %. The frame is that of `parent` if there is one. Raises
     `NotDeterminedError` if the poses are too few or too alike, with the undetermined parameters and the pose that would help.
@@ -125,6 +129,11 @@ def fit_norm(
     up = (mean - centre) / np.linalg.norm(mean - centre, axis=1, keepdims=True)
     require_well_conditioned(up)
     solution = _solve((mean - centre) / radius, u / radius)
+    if (outlier := _find_outlier(solution, u / radius)) is not None:
+        place = poses.index(used[outlier])
+        fewer = (*poses[:place], replace(poses[place], used=False), *poses[place + 1 :])
+        fit = fit_norm(fewer, units_per_g, frame_u_deg, parent)
+        return replace(fit, warnings=(_outlier_warning(place, solution.residual[outlier]), *fit.warnings))
     symmetric = solution.matrix / radius
     frame = nominal_frame(frame_u_deg) if parent is None else parent_frame(parent, symmetric)
     matrix = np.asarray(frame.rotation @ symmetric)
@@ -179,7 +188,8 @@ def _solve(scaled: Array, u: Array) -> _Solution:
         raise NotDeterminedError(
             "the fit does not converge: the sensor was moved in a pose, or the readings clip; take the poses again"
         )
-    return _Solution(_symmetric_matrix(parameters), parameters[6:], residual, gradient, projection)
+    leverage = np.einsum("pi,ip->p", jacobian, projection)
+    return _Solution(_symmetric_matrix(parameters), parameters[6:], residual, gradient, projection, leverage)
 
 
 def _symmetric_matrix(parameters: Array) -> Array:
@@ -197,6 +207,30 @@ def _evaluate_model(matrix: Array, offset: Array, scaled: Array) -> tuple[Array,
         up[:, i] * centred[:, j] + (up[:, j] * centred[:, i] if i != j else 0) for i, j in SYMMETRIC_ENTRIES
     ]
     return up, norm - 1, np.column_stack([*matrix_columns, -up @ matrix])
+
+
+def _find_outlier(solution: _Solution, u: Array) -> int | None:
+    """Return the pose that deviates from all others by more than they scatter among themselves, None without one.
+
+    The residual over the scatter without that pose follows Student's t, the largest of p by p times the probability (Bonferroni).
+    """
+    freedom = len(u) - N_PARAMETERS
+    if freedom < MIN_OUTLIER_FREEDOM:
+        return None
+    norm_u = np.maximum(np.linalg.norm(solution.gradient * u, axis=1), MIN_U_G)
+    chi_square = float(np.sum((solution.residual / norm_u) ** 2))
+    if chi_square <= chi_square_quantile(CHANCE_LEVEL, freedom):
+        return None
+    deviation = (solution.residual / norm_u) ** 2 / np.maximum(1 - solution.leverage, MIN_U_G)
+    worst = int(np.argmax(deviation))
+    others = max((chi_square - float(deviation[worst])) / (freedom - 1), 1.0)
+    limit = student_quantile(1 - (1 - CHANCE_LEVEL) / 2 / len(u), freedom - 1)
+    return worst if deviation[worst] > limit**2 * others else None
+
+
+def _outlier_warning(place: int, residual_g: float) -> FitWarning:
+    off = f"pose {place + 1} reads {1000 * residual_g:+.1f} mg off |m| = 1 of the others"
+    return FitWarning(WarningKind.OUTLIER, f"{off}: not used; it moved, or is of another part")
 
 
 def _check_scatter(solution: _Solution, u: Array) -> tuple[float, list[FitWarning]]:

@@ -37,7 +37,20 @@ FED_READINGS = 64
 
 
 def estimate_sensitivity(files: Sequence[FileReadings], units_per_g: float | None) -> NominalSensitivity:
-    """Return nominal sensitivity and zero. Raises `NotDeterminedError` if the readings do not determine them."""
+    """Return nominal sensitivity and zero.
+
+    Raises `NotDeterminedError` if the readings do not determine them, `InputError` for readings in g without gravity's magnitude.
+    """
+    nominal = _estimate_sensitivity(files, units_per_g)
+    if files[0].unit == "g" and abs(nominal.units_per_g - 1) > NORM_TOLERANCE:
+        raise InputError(
+            f"{files[0].path}: gravity reads {nominal.units_per_g:.3g} g in it: the unit is another one than stated; correct the "
+            "names of the columns, or give --unit (m/s2, mg, counts, V)"
+        )
+    return nominal
+
+
+def _estimate_sensitivity(files: Sequence[FileReadings], units_per_g: float | None) -> NominalSensitivity:
     unit = files[0].unit
     means = np.concatenate([_block_means(one.raw) for one in files])
     norm = float(np.median(np.linalg.norm(means, axis=1)))

@@ -72,7 +72,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _measure(arguments: argparse.Namespace) -> int:
-    from gateway.bench.laser.displacement import displacement, measure_photograph
+    from gateway.bench.laser.displacement import check_different, displacement, measure_photograph
     from gateway.bench.laser.output import displacements_as_csv, displacements_as_json, format_displacements
     from gateway.bench.laser.photograph import read_photograph
     from gateway.cli.terminal.output import show, write_text
@@ -84,6 +84,7 @@ def _measure(arguments: argparse.Namespace) -> int:
         for number, path in enumerate(arguments.files, start=1):
             progress.tick(f"photograph {number} of {len(arguments.files)}")
             photographs.append(measure_photograph(read_photograph(path, arguments.colour), board))
+    check_different(photographs)
     found = [(each, displacement(photographs[0], each)) for each in photographs]
     if arguments.overlay is not None:
         _write_overlays(arguments.overlay, found)

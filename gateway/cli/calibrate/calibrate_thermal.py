@@ -99,7 +99,7 @@ def _learn_at_rest(
     if parent is None:
         raise InputError("--at-rest needs --parent FILE: the record that was in force while the recordings were made")
     fit, found = learn_at_rest(files, parent)
-    note = f"{found.windows} windows at rest, {found.range_c[0]:.1f} to {found.range_c[1]:.1f} °C"
+    note = f"{found.rests} rests, {found.range_c[0]:.1f} to {found.range_c[1]:.1f} °C"
     return finish_record(arguments, fit, parent.unit, (note, "an offer: review it, then put it in force"), parent)
 
 

@@ -98,7 +98,7 @@ def _evaluate(arguments: argparse.Namespace, girder: "Girder", axes: "tuple[Inwa
 
     left, right = (read_source([Path(name)]) for name in (arguments.left, arguments.right))
     series = deflection_series(left, right, girder, axes, arguments.zero_s)
-    warnings = sorted({text for one in series.deflections for text in one.warnings})
+    warnings = list(series.most_turned.warnings)
     rows = [
         (float(time_s), one.deflection_m, one.u_m, one.left_rad, one.right_rad)
         for time_s, one in zip(series.time_s, series.deflections, strict=True)

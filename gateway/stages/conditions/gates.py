@@ -149,7 +149,7 @@ def _motion_gates(
     return {
         "still": features.still,
         "steady": enough and len(calm) >= MIN_VERDICT_BINS and WindowFeatures.at(calm, noise_g).still,
-        "norm_static": bool(np.all(np.abs(norms - 1) < permissible_norm_error_g)),
+        "norm_static": bool(np.all(np.abs(norms - 1) < permissible_norm_error_g)),  # eq. 9-15
         "norm_hanging": bool(np.all(norms > lowest_g) and np.all(norms < highest_g)),
         "explained": motion.is_explained,
         "angle_known": motion.is_known,

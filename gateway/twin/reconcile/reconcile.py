@@ -15,7 +15,7 @@ from gateway.twin.reconcile.data.artefact_detectors import quantised_mean
 from gateway.twin.reconcile.data.crane_inputs import NO_INPUTS, CraneInputs, registered
 from gateway.twin.reconcile.data.data_checks import CheckedRecording, find_lack_of_rest
 from gateway.twin.reconcile.data.recordings import Recordings, find_lack_of_test, split_recordings
-from gateway.twin.reconcile.data.thinning import samples_per_mean, take_means
+from gateway.twin.reconcile.data.sample_means import samples_per_mean, take_means
 from gateway.twin.reconcile.decision.evidence import gather_evidence
 from gateway.twin.reconcile.decision.ranking import RankedCandidate, rank_candidates, rivals_of
 from gateway.twin.reconcile.decision.verdict import as_best_so_far, decide

@@ -102,7 +102,20 @@ def test_unequal_rotations_show_a_load_off_mid_span_and_widen_the_uncertainty() 
     assert abs(found.deflection_m - true_m) < found.u_m
     assert found.u_m == pytest.approx(0.02 * true_m, rel=0.1)
     far = girder_deflection(EndRotation(2e-3, 1e-6, 0.0), EndRotation(-1e-4, 1e-6, 0.0), girder)
-    assert "an axis is turned round" in far.warnings[0]
+    assert "the ends turn in opposite senses" in far.warnings[0]
+
+
+def test_an_axis_the_wrong_way_round_shows_under_a_load_at_mid_span() -> None:
+    """The rotations then cancel: 20 mm read as 0.1 mm."""
+    found = girder_deflection(
+        EndRotation(5.06e-3, 2e-5, 0.01), EndRotation(-4.89e-3, 2e-5, 0.01), Girder(half_span_m=5.0)
+    )
+    assert "an axis is the wrong way round" in found.warnings[0]
+
+
+def test_an_end_that_does_not_turn_beyond_its_noise_is_no_wrong_axis() -> None:
+    found = girder_deflection(EndRotation(5e-5, 2e-5, 0.01), EndRotation(-4e-5, 2e-5, 0.01), Girder(half_span_m=5.0))
+    assert not found.warnings
 
 
 def test_the_uncertainty_holds_angles_and_dimensions() -> None:
@@ -248,3 +261,16 @@ def test_the_terminal_shows_the_deflection() -> None:
     lines = out.getvalue().splitlines()
     assert lines[0] == "right end: no tilt yet"
     assert "deflection +10.000 +- 0.000 mm" in lines[-1]
+
+
+def test_a_load_step_that_ends_see_at_different_seconds_gives_one_warning_at_most(
+    write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    left, right = write("left.csv", LEFT_AXIS, 0.01), write("right.csv", RIGHT_AXIS, 0.01)
+    rows = np.loadtxt(right, delimiter=",", skiprows=1)
+    rows[:, 0] += 4.5  # the clock of the right end
+    np.savetxt(right, rows, delimiter=",", header="time_s,ax_g,ay_g,az_g", comments="", fmt="%.7f")
+    out = tmp_path / "d.json"
+    assert main(["fleet", "deflection", str(left), str(right), "--half-span-m", "5", "--json", str(out)]) == 0
+    capsys.readouterr()
+    assert len(json.loads(out.read_text())["warnings"]) <= 1

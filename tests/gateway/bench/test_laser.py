@@ -7,8 +7,9 @@ import cv2
 import numpy as np
 import pytest
 
-from gateway.bench.laser.board import DotBoard
-from gateway.bench.laser.displacement import displacement, measure_photograph
+from gateway.bench.laser.board import BoardMap, DotBoard
+from gateway.bench.laser.displacement import check_different, displacement, measure_photograph
+from gateway.bench.laser.dots import measure_centre
 from gateway.bench.laser.output import draw_overlay
 from gateway.bench.laser.photograph import Photograph
 from gateway.calibration.record import NotDeterminedError
@@ -23,6 +24,7 @@ from tests.benchmarks.laser import (
     two_dot_displacement_mm,
 )
 from tests.benchmarks.rendered_photographs import Scene, moved, render
+from tests.values import present
 
 
 def refuse(scene: Scene, said: str, board: DotBoard = BOARD) -> None:
@@ -81,6 +83,29 @@ def test_the_scale_of_the_two_nearest_dots_would_miss_the_goal_under_perspective
     assert by_dots_mm - 90 == pytest.approx(-0.29, abs=0.05)
 
 
+def test_the_centre_of_a_dot_does_not_move_in_uneven_light() -> None:
+    y, x = np.mgrid[:101, :101].astype(np.float64)
+    dark = np.clip(15.5 - np.hypot(x - 50.3, y - 49.6), 0, 1)
+    for slope_x, slope_y in ((0.0, 0.0), (0.008, 0.0), (0.0, 0.008), (0.005, -0.006)):
+        light = 0.6 * (1 + slope_x * (x - 50) + slope_y * (y - 50)) * (1 - 0.9 * dark)
+        found = measure_centre(light.astype(np.float32), np.array([50.0, 50.0]), 31.0, None)
+        np.testing.assert_allclose(present(found), [50.3, 49.6], atol=0.02)
+
+
+def test_the_map_is_a_perspective_after_a_radial_distortion() -> None:
+    parameters = np.array([2.0, 0.1, 3.0, -0.2, 1.5, 4.0, 0.05, -0.03, 0.1, 0.02])
+    board_map = BoardMap(parameters, np.zeros((10, 10)), np.array([100.0, 50.0]), 200.0, 0.0, np.ones(0, dtype=bool))
+    stretch = 1 + 0.25 * (0.1 + 0.02 * 0.25)  # at the place (0.3, 0.4)
+    x, y = 0.3 * stretch, 0.4 * stretch
+    expected = np.array([2 * x + 0.1 * y + 3, -0.2 * x + 1.5 * y + 4]) / (0.05 * x - 0.03 * y + 1)
+    found = board_map.to_board(np.array([[160.0, 130.0]]))[0]
+    np.testing.assert_allclose(found, expected)
+    np.testing.assert_allclose(board_map.to_pixel(found), [160.0, 130.0])
+    step = 1e-4 * np.eye(2)
+    slope = [(board_map.to_board(np.array([160.0, 130.0]) + one)[0] - found) / 1e-4 for one in step[:, None, :]]
+    np.testing.assert_allclose(board_map.derivative(np.array([160.0, 130.0])), np.array(slope).T, rtol=1e-4)
+
+
 def test_hidden_dots_and_those_near_the_spot_are_left_out() -> None:
     scene = replace(PLAIN, hidden=((0, 0), (3, 3)))
     index = measured(scene).index.tolist()
@@ -112,6 +137,36 @@ def test_a_board_that_is_cut_off_is_refused() -> None:
 
 def test_two_spots_are_refused() -> None:
     refuse(replace(PLAIN, spots=((3.0, -40.0), (3.0, 20.0))), "two laser spots, at pixels")
+
+
+def test_the_same_photograph_twice_is_refused() -> None:
+    with pytest.raises(NotDeterminedError, match=r"is the same photograph as rendered\.png"):
+        check_different(
+            [
+                measured(PLAIN),
+                replace(measured(PLAIN), photograph=replace(measured(PLAIN).photograph, path=Path("b.png"))),
+            ]
+        )
+
+
+def test_a_bent_board_is_refused() -> None:
+    """A sag of 4 mm seen at 15 degrees: the dots leave a third of a millimetre, and d was wrong by half of one."""
+    bent = render(replace(PLAIN, tilt_deg=(0.0, 15.0)))
+    y, x = np.mgrid[: bent.shape[0], : bent.shape[1]].astype(np.float32)
+    wave = 5 * 1.1 * np.sin(2 * np.pi * (x - 150) / 600).astype(np.float32)
+    photograph = Photograph(Path("bent.png"), cv2.remap(bent, x + wave, y, cv2.INTER_CUBIC).astype(np.uint8), "red")
+    with pytest.raises(NotDeterminedError, match="rms off a flat lattice; flatten the board"):
+        measure_photograph(photograph, BOARD)
+
+
+def test_a_spot_at_the_rim_of_a_glare_is_refused() -> None:
+    pixels = render(PLAIN).astype(np.float64)
+    y, x = np.mgrid[: pixels.shape[0], : pixels.shape[1]]
+    spot_x, spot_y = measured(PLAIN).spot.centre_px
+    glare = 600 * np.exp(-((x - spot_x - 20) ** 2 + (y - spot_y) ** 2) / 2 / 14**2)
+    photograph = Photograph(Path("glare.png"), np.clip(pixels + glare[..., None], 0, 255).astype(np.uint8), "red")
+    with pytest.raises(NotDeterminedError, match=r"glare\.png: "):
+        measure_photograph(photograph, BOARD)
 
 
 def test_too_many_hidden_dots_are_refused() -> None:

@@ -62,6 +62,13 @@ def test_the_permissible_error_of_the_norm_does_not_depend_on_the_zero_of_the_ou
     assert 0.0003 < dm < 0.002
 
 
+def test_a_non_orthogonality_and_its_uncertainty_do_not_depend_on_the_unit() -> None:
+    noisy = turn(random(), draw_sensor(random(2)), 1, Rig())
+    in_volts = replace(noisy, mean=0.42 * noisy.mean + 1.5)
+    (one,), (other,) = fit_rotation((noisy,)).pairs, fit_rotation((in_volts,)).pairs
+    assert (other.angle_rad, other.u_rad) == pytest.approx((one.angle_rad, one.u_rad))
+
+
 def test_the_prediction_interval_holds_95_percent_of_further_readings() -> None:
     rig = Rig(angle_deg=0, noise_g=1e-3)
     hits = []

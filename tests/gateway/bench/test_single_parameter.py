@@ -1,5 +1,7 @@
 """Single-parameter calibration: the source's table and figure, planted parameters, limits."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -59,6 +61,15 @@ def test_equation_20_gives_the_relative_uncertainty_of_a_calibrated_angle() -> N
         np.radians([2.0]), fit.a_z_off_g
     )
     assert u[0] == pytest.approx(np.sqrt(fit.u_g**2 + 0.0005**2 + (approximation_error(fit.a_z_off_g) ** 2) / 3))
+
+
+def test_the_offset_of_the_reading_axis_acts_by_half_of_it_per_radian() -> None:
+    """Large enough to show beside the other causes, at two angles: linear in the offset, square in the angle."""
+    fit = fit_single_parameter(TABLE_7, STATED)
+    tilted = replace(fit, a_z_off_g=0.0, u_g=0.0, setup=replace(fit.setup, u_zero_g_offset_g=0.1))
+    raw = np.radians([1.0, 3.0])
+    np.testing.assert_allclose(relative_angle_u_rad(raw, tilted, 0.0), 0.05 * raw**2, rtol=1e-6)
+    np.testing.assert_allclose(relative_angle_u_rad(raw, tilted, 0.01), np.hypot(0.01, 0.05 * raw**2), rtol=1e-6)
 
 
 def test_the_approximation_error_is_that_of_figure_7() -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from devices.block import DeviceInfo, SampleBlock
 from gateway.bench.thermal.datasheet_limits import LIMITS_BY_PART, judge_interval
+from gateway.bench.thermal.output import thermal_figure
 from gateway.bench.thermal.ramp_calibration import ThermalCalibration, calibrate_ramps
 from gateway.bench.thermal.rest_calibration import learn_at_rest
 from gateway.calibration.acceptance import change_since
@@ -71,7 +72,7 @@ def test_planted_coefficients_are_recovered(calibrations: dict[str, ThermalCalib
 def test_the_intervals_hold_the_planted_coefficients_in_95_of_100_cases() -> None:
     random = np.random.default_rng(11)
     hits = []
-    for _ in range(25):
+    for _ in range(15):
         for sensor in SENSORS:
             _, _, offset_mg, scale_percent = planted(sensor)
             for axis, entry in enumerate(calibrate_ramps(ramps(sensor, random, duration_s=120.0)).summary):
@@ -81,6 +82,16 @@ def test_the_intervals_hold_the_planted_coefficients_in_95_of_100_cases() -> Non
                 ):
                     hits.append(found.ci95[0] <= value <= found.ci95[1])
     assert 0.92 <= np.mean(hits) <= 0.98
+
+
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_the_figure_shows_the_half_sums_of_opposite_ramps(
+    calibrations: dict[str, ThermalCalibration], sensor: str
+) -> None:
+    """Sawicki and Walendziuk 2016, eq. 8, in mg from the reference on."""
+    *_, offset_mg, _ = planted(sensor)
+    for axis, series in enumerate(thermal_figure(calibrations[sensor]).series):
+        np.testing.assert_allclose(series.y, offset_mg[axis] * (np.array(series.x) - 25), atol=1.0)
 
 
 def test_the_verdicts_are_those_of_the_published_tables(calibrations: dict[str, ThermalCalibration]) -> None:
@@ -216,7 +227,7 @@ def test_too_little_warming_at_rest_teaches_nothing(record: Callable[..., dict[s
 
 
 def test_zeroing_applies_and_keeps_the_thermal_model() -> None:
-    parent = make(calibrate_ramps(ramps("MPU-9255", np.random.default_rng(8))))
+    parent = make(calibrate_ramps(ramps("MPU-9255", np.random.default_rng(8), duration_s=1800.0)))
     zero_g, sensitivity, offset_mg, scale_percent = planted("MPU-9255")
     random = np.random.default_rng(9)
     warm_g = np.array([0.01, -0.02, 0.99975]) * (1 + scale_percent / 100 * 25) + offset_mg / 1000 * 25

@@ -78,6 +78,11 @@ def test_equations_19_to_21_follow_from_table_8() -> None:
     assert found_deg == pytest.approx(aged["tilt_error_deg"], abs=0.005)
 
 
+def test_a_tilt_error_is_the_arcsine_and_a_right_angle_from_1_g() -> None:
+    """The difference to the argument itself is below the printed digits of the source."""
+    np.testing.assert_allclose(np.degrees(tilt_error_rad(np.array([0.5, -0.5, 1.0, 1.05]))), [30.0, 30.0, 90.0, 90.0])
+
+
 def test_figure_7_and_table_8_follow_from_the_calibrations_of_48_hours() -> None:
     first = record_of_table(0)
     offset, scale = np.array(first.offset), 1 / np.diag(np.array(first.correction_matrix))

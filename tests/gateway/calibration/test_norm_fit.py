@@ -141,6 +141,19 @@ def test_magnitudes_that_scatter_more_than_the_noise_enlarge_the_uncertainty() -
     assert fit.covariance[9, 9] > 50 * quiet.covariance[9, 9]
 
 
+def test_a_pose_that_moved_is_left_out_and_named() -> None:
+    random = np.random.default_rng(8)
+    poses = list(poses_of(DIRECTIONS, 1e-4, random))
+    x, y, z = (np.array(poses[4].mean) * 1.01).tolist()
+    poses[4] = replace(poses[4], mean=(x, y, z))
+    fit = fit_norm(tuple(poses), UNITS_PER_G)
+    (warning,) = fit.warnings
+    assert warning.kind is WarningKind.OUTLIER
+    assert "pose 5 reads" in warning.text
+    assert [pose.used for pose in fit.poses].count(False) == 1
+    assert fit.residual_rms_g < 3e-4
+
+
 def test_a_fit_of_nine_poses_is_reported_as_unchecked() -> None:
     up = np.empty((0, 3))
     for _ in range(9):

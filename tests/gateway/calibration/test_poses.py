@@ -154,10 +154,12 @@ def test_the_same_face_again_is_a_repeat() -> None:
     assert "+x taken again: 2 are averaged" in procedure.progress().text
 
 
-def test_norm_fit_refuses_a_pose_too_near_an_earlier_one() -> None:
+def test_a_pose_near_an_earlier_one_counts_for_a_norm_fit_but_not_as_one_that_it_asks_for() -> None:
     procedure = feed("norm-fit", make_readings(rest_on_faces(["+x", "-x", "+x"])))
-    assert len(procedure.progress().poses) == 2
-    assert "too near pose 1: adds nothing" in procedure.progress().text
+    once = feed("norm-fit", make_readings(rest_on_faces(["+x", "-x"])))
+    assert len(procedure.progress().poses) == 3
+    assert "pose 3 taken, near pose 1: it adds little" in procedure.progress().text
+    assert procedure.progress().text.endswith(once.progress().text.split("; ")[-1])
 
 
 def test_a_pose_between_faces_is_not_used_for_six_positions() -> None:

@@ -70,6 +70,16 @@ def test_published_offsets_and_scale_factors_are_reproduced(number: int) -> None
     np.testing.assert_allclose(found.type_a, TYPE_A_V / np.sqrt(2))
 
 
+def test_the_uncertainty_of_the_extremes_is_that_of_both() -> None:
+    poses = tuple(
+        Pose(
+            pose.mean, (0.0003, 0.0003, 0.0003) if pose.face and pose.face[0] == "+" else (0.0004,) * 3, 300, pose.face
+        )
+        for pose in place_on_faces(GAIN, OFFSET)
+    )
+    np.testing.assert_allclose(find_extremes(poses).type_a, 0.00025)
+
+
 def test_misalignment_angles_of_table_1_are_reproduced_with_the_pairs_from_the_data() -> None:
     found = fit_six_positions(table(1)).misalignment_deg
     expected = {"x": [1.318, -1.579], "y": [0.533, -3.211], "z": [1.065, -3.218]}

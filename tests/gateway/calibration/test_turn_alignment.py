@@ -49,6 +49,12 @@ def test_equations_1_to_3_give_the_printed_angles() -> None:
     assert math.degrees(calibration_error_rad(math.radians(1.0))) == pytest.approx(0.0087, abs=5e-5)
 
 
+def test_equations_1_and_3_hold_where_the_arcsine_is_not_its_argument() -> None:
+    assert math.degrees(alignment_precision_error_rad(0.5)) == pytest.approx(30.0)
+    assert math.degrees(alignment_precision_error_rad(1.05)) == pytest.approx(90.0)
+    assert math.degrees(calibration_error_rad(math.radians(60.0))) == pytest.approx(30.0)
+
+
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_a_planted_tilt_is_recovered_within_its_interval(axis: int) -> None:
     towards = [0.4, -0.9, 0.7]

@@ -206,7 +206,7 @@ def test_a_missing_face_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture
 
 
 @pytest.mark.parametrize(
-    ("columns", "factor", "unit"), [("ax,ay,az", 1, "V"), ("ax_g,ay_g,az_g", 1, "g"), ("ax,ay,az", 4096, "counts")]
+    ("columns", "factor", "unit"), [("ax,ay,az", 1, "V"), ("ax_v,ay_v,az_v", 1, "V"), ("ax,ay,az", 4096, "counts")]
 )
 def test_an_analogue_zero_is_found_for_any_names_of_the_columns(
     tmp_path: Path, columns: str, factor: int, unit: str
@@ -218,6 +218,16 @@ def test_an_analogue_zero_is_found_for_any_names_of_the_columns(
     code, record = calibrated(tmp_path, "six-position", path)
     assert (code, record.unit) == (0, unit)
     np.testing.assert_allclose(np.array(record.offset) / factor, [1.4765, 1.4882, 1.5102], atol=2e-4)
+
+
+@pytest.mark.parametrize(("factor", "gravity"), [(9.80665, "9.64 g"), (0.3, "0.295 g"), (1000.0, "983 g")])
+def test_readings_that_are_not_in_g_are_refused_under_a_header_that_says_g(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], factor: float, gravity: str
+) -> None:
+    _, counts = session("six-position")
+    path = write(tmp_path / "session.csv", "ax_g,ay_g,az_g", counts / 256000 * factor)
+    assert calibrate(tmp_path, "six-position", path) == (2, None)
+    assert f"gravity reads {gravity}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("poses", "text"), [(5, "face"), (1, "volts per g")])

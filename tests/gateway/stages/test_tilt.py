@@ -43,6 +43,29 @@ def test_angles_are_unfolded_after_the_arccosine() -> None:
     assert math.degrees(fused_tilt(rolled(-100.0)).roll_rad) == pytest.approx(-100.0)
 
 
+@pytest.mark.parametrize("azimuth_rad", np.arange(-3.0, 3.1, 0.75).tolist())
+@pytest.mark.parametrize("tilt_rad", [0.0, 0.01, 0.4, 1.0, 1.5])
+def test_both_branches_take_the_geometric_sum_of_the_other_two_axes(tilt_rad: float, azimuth_rad: float) -> None:
+    """Łuczak n.d., eq. 16 and 17: turned about two axes at once, the sine of an angle is the component of its own axis."""
+    across = math.sin(tilt_rad)
+    m = np.array([across * math.cos(azimuth_rad), across * math.sin(azimuth_rad), math.cos(tilt_rad)])
+    for critical_value in (0.0, 1e9):  # the arccosine always, the arctangent always
+        found = fused_tilt(m, critical_value)
+        assert math.sin(found.pitch_rad) == pytest.approx(m[0], abs=1e-7)
+        assert math.sin(found.roll_rad) == pytest.approx(m[1], abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("angle_deg", "by_arccosine"), [(30.0, False), (75.9, False), (76.3, True), (85.0, True), (-85.0, True)]
+)
+def test_the_arctangent_is_used_up_to_76_degrees_and_the_arccosine_beyond(angle_deg: float, by_arccosine: bool) -> None:
+    """Łuczak n.d., eq. 27 to 30: of a reading of 1.01 g only the arctangent gives the angle itself."""
+    long = 1.01 * math.cos(math.radians(angle_deg))
+    expected = math.copysign(math.degrees(math.acos(long)), angle_deg) if by_arccosine else angle_deg
+    assert math.degrees(fused_tilt(1.01 * pitched(angle_deg)).pitch_rad) == pytest.approx(expected, abs=1e-9)
+    assert math.degrees(fused_tilt(1.01 * rolled(angle_deg)).roll_rad) == pytest.approx(expected, abs=1e-9)
+
+
 @given(
     st.floats(-1, 1), st.floats(-math.pi, math.pi), st.floats(-math.pi / 3, math.pi / 3), st.floats(-math.pi, math.pi)
 )
@@ -103,6 +126,14 @@ def test_the_roll_about_x_is_that_of_the_housing(pitch_rad: float, roll_rad: flo
 
 def test_a_vertical_x_axis_leaves_no_roll() -> None:
     assert math.isnan(roll_about_x(np.array([1.0, 0.0, 0.0])))
+    assert math.isnan(roll_from_angles(0.0, math.pi / 2))
+    assert math.isnan(roll_from_angles(0.0, -math.pi / 2))
+
+
+def test_angles_that_no_attitude_has_give_a_roll_of_a_right_angle() -> None:
+    """Noise makes the sine of beta exceed the cosine of alpha."""
+    for sign in (1, -1):
+        assert roll_from_angles(sign * math.radians(80.0), math.radians(11.0)) == pytest.approx(sign * math.pi / 2)
 
 
 def test_the_lean_direction_points_to_the_load() -> None:

@@ -1,0 +1,61 @@
+"""Runs the campaign: `python -m tests.gateway.bench.blunders --sessions 10`; `--write` puts the table into its page."""
+
+import argparse
+from pathlib import Path
+
+from tests.gateway.bench.blunders.campaign import run
+from tests.gateway.bench.blunders.table import BLUNDERS, SOUND
+
+PAGE = Path(__file__).parents[4] / "docs" / "evidence" / "blunders.md"
+MARK = "<!-- written by python -m tests.gateway.bench.blunders --write -->"
+
+
+def campaign(sessions: int, first_seed: int = 1) -> str:
+    """Return the table of what is refused or flagged, as Markdown."""
+    seeds = range(first_seed, first_seed + sessions)
+    lines, caught = [], 0
+    for blunder in BLUNDERS:
+        answers = [run(blunder.make, seed, blunder.method + blunder.text) for seed in seeds]
+        named = [answer for answer in answers if answer.names(blunder.suspicion)]
+        refused = sum(answer.code > 0 for answer in named)
+        caught += len(named)
+        lines.append(
+            f"| {blunder.method} | {blunder.text} | {refused} | {len(named) - refused} | {sessions - len(named)} |"
+        )
+    good = {name: [run(make, seed, name) for seed in seeds] for name, make in SOUND.items()}
+    objections = {name: sum(answer.is_objection for answer in answers) for name, answers in good.items()}
+    total, sound = sessions * len(BLUNDERS), sessions * len(SOUND)
+    share = f"{caught} of {total} ({100 * caught / total:.1f} %)"
+    return "\n".join(
+        [
+            f"{len(BLUNDERS)} blunders, {sessions} sessions of each: {share} are refused or flagged with the right suspicion.",
+            f"Of {sound} good sessions {sum(objections.values())} are refused or flagged.",
+            "",
+            "| method | blunder | refused | flagged | neither |",
+            "|---|---|---|---|---|",
+            *lines,
+            "",
+            "| good sessions | refused or flagged |",
+            "|---|---|",
+            *(f"| {name} | {count} of {sessions} |" for name, count in objections.items()),
+            "",
+        ]
+    )
+
+
+def main() -> None:
+    """Run the campaign and print its table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--sessions", type=int, default=10)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--write", action="store_true")
+    arguments = parser.parse_args()
+    table = campaign(arguments.sessions, arguments.seed)
+    print(table)
+    if arguments.write:
+        head = PAGE.read_text().split(MARK)[0]
+        PAGE.write_text(f"{head}{MARK}\n\n{table}")
+
+
+if __name__ == "__main__":
+    main()
