@@ -8,6 +8,7 @@ from gateway.documents.format import as_sentence, format_number, format_time_spa
 from gateway.twin.effects import EFFECTS
 from gateway.twin.reconcile.output.estimates import Law, NamedEffect
 from gateway.twin.reconcile.output.result import Equivalent, Reconciliation
+from gateway.twin.reconcile.output.swing_lines import HINT, name_multiple, suggests_other_reading
 from gateway.twin.report.effect_size import Size, effect_sizes
 from gateway.twin.report.formatting import format_noise_ratio
 from gateway.twin.report.gap_table import part_rows
@@ -77,9 +78,11 @@ def unexplained(result: Reconciliation) -> str:
     if not peaks:
         return f"{size}; no single frequency stands out."
     strongest = ", ".join(
-        f"{format_number(p.hz)} Hz on {p.axis} ({format_number(1e3 * p.amplitude_g, 2)} mg)" for p in peaks
+        f"{format_number(p.hz)} Hz on {p.axis} ({format_number(1e3 * p.amplitude_g, 2)} mg{name_multiple(p, result)})"
+        for p in peaks
     )
-    return f"{size}; its largest spectral peaks are {strongest}."
+    hint = f" {as_sentence(HINT)}" if suggests_other_reading(result) else ""
+    return f"{size}; its largest spectral peaks are {strongest}.{hint}"
 
 
 def _sentence(result: Reconciliation) -> str:

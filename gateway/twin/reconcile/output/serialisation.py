@@ -7,6 +7,7 @@ import numpy as np
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 from gateway.twin.reconcile.output.estimates import Estimate, Law, NamedEffect
 from gateway.twin.reconcile.output.result import Gap, Reconciliation
+from gateway.twin.reconcile.output.swing_lines import multiple_of_swing
 
 SCHEMA_VERSION = 2
 """Raised when a field changes its meaning; fields are added without."""
@@ -149,5 +150,13 @@ def _residual(result: Reconciliation) -> dict[str, Any] | None:
     return {
         "white": result.residual.white,
         "ljung_box_p": result.residual.ljung_box_p,
-        "peaks": [{"hz": p.hz, "axis": p.axis, "amplitude_g": p.amplitude_g} for p in result.residual.peaks],
+        "peaks": [
+            {
+                "hz": p.hz,
+                "axis": p.axis,
+                "amplitude_g": p.amplitude_g,
+                "multiple_of_swing": multiple_of_swing(p, result),
+            }
+            for p in result.residual.peaks
+        ],
     }

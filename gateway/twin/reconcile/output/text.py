@@ -9,6 +9,7 @@ from gateway.twin.effects.parameter import Value
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 from gateway.twin.reconcile.output.estimates import Estimate, Law, Resemblance
 from gateway.twin.reconcile.output.result import AVERAGED, Curves, Gap, Reconciliation
+from gateway.twin.reconcile.output.swing_lines import HINT, name_multiple, suggests_other_reading
 
 VERDICT_SENTENCES = {
     "data_unusable": "the data cannot be used",
@@ -51,8 +52,10 @@ def to_text(result: Reconciliation) -> str:
         lines.append(f"gap          {_gap(result.gap)}")
     if result.leaves_remainder and result.residual is not None:
         lines += [
-            f"residual     {p.amplitude_g * 1e3:.3g} mg at {p.hz:.4g} Hz on {p.axis}" for p in result.residual.peaks
+            f"residual     {p.amplitude_g * 1e3:.3g} mg at {p.hz:.4g} Hz on {p.axis}{name_multiple(p, result)}"
+            for p in result.residual.peaks
         ]
+        lines += [f"hint         {HINT}"] if suggests_other_reading(result) else []
     return "\n".join(lines)
 
 

@@ -100,7 +100,7 @@ def test_final_model_is_no_answer_where_the_verdict_gives_none(make: Maker, page
 def test_remainder_is_described_and_not_named(pages: dict[str, Page]) -> None:
     found = pages["named_with_remainder"]
     assert "viscous damping, and a further effect that is not known" in found.sections["verdict"]
-    assert "0.131 Hz on x (2.1 mg)" in found.sections["verdict"]
+    assert "0.131 Hz on x (2.1 mg, the swing's frequency)" in found.sections["verdict"]
     assert "agrees with the measurement" not in found.sections["verdict"]
     assert "Not white." in found.sections["residual"]
 
