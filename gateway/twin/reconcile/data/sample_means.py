@@ -13,8 +13,8 @@ from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.data.recordings import Recordings
 
 Array = NDArray[np.float64]
-AFFORDABLE_SAMPLES = 9000
-"""Samples of both parts that are used as they are: three minutes at 50 Hz, which a search takes some ten seconds for."""
+AFFORDABLE_SAMPLES = 12_000
+"""Samples of both parts that are used as they are: four minutes at 50 Hz, which a search takes some ten seconds for."""
 LOWEST_RATE_HZ = 10.0
 """Rate of the means, which is not undercut: second modes and bounces of cranes reach 4 Hz."""
 MIN_USED_SHARE = 0.75
