@@ -70,7 +70,6 @@ def compute(
     report: ReportProgress = ignore_progress,
 ) -> ComputeResult:
     """Run the tasks of a kind that have no result; `again`: also those that failed. Raises `InputError` and `ArchiveError`."""
-    archive.create()
     planned = plan_tasks(kind, archive.files(archive.open(RECORDINGS)))
     known = _known(archive, kind, with_failed=not again)
     tasks = [task for task in planned if task.id not in known]

@@ -185,3 +185,11 @@ def test_a_cluster_that_is_not_there_is_one_line(
     arguments = ["archive", "verify", str(fleet[0].folder.parent), "--table", str(table), "--cluster", address]
     assert main(arguments) == BAD_INPUT
     assert f"--cluster {address}: no scheduler answers" in capsys.readouterr().err
+
+
+def test_a_mistyped_place_of_the_tables_is_refused_and_not_made(
+    fleet: list[SmallCrane], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["archive", "replay", str(fleet[0].folder), "--table", str(tmp_path / "none")]) == BAD_INPUT
+    assert "none: has no table recordings; make it with plumbline archive index" in capsys.readouterr().err
+    assert not (tmp_path / "none").exists()
