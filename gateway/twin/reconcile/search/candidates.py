@@ -93,16 +93,9 @@ class CandidateTable:
 
     def start_round(self) -> "CandidateTable":
         """Fix the noise inflation of the next round, and where its fits give up."""
-        return self.fix_noise().limit_fits()
-
-    def fix_noise(self) -> "CandidateTable":
-        """Take the noise inflation of the residual of the closest fit."""
         residual = self.log.residual_sigma(self.closest.fit.force_g)
-        return replace(self, noise_inflation=noise_inflation_factor(self.log.time_s, residual))
-
-    def limit_fits(self) -> "CandidateTable":
-        """Give up further fits that are no rivals to the best one so far."""
-        return replace(self, give_up_above=2 * self.best.fit.chi2)
+        fixed = replace(self, noise_inflation=noise_inflation_factor(self.log.time_s, residual))
+        return replace(fixed, give_up_above=2 * fixed.best.fit.chi2)
 
     def record_move(self, before: CandidateFit, after: CandidateFit) -> "CandidateTable":
         """Note that the search continues from another set of effects."""

@@ -115,18 +115,13 @@ def fit_by_score(
     return context.fit_in_turn(table, requests_beside(table, context, parent, likely[FITTED_FIRST:]), is_needed)
 
 
-def fit_persistent(table: CandidateTable, context: SearchContext, parent: CandidateFit, name: str) -> CandidateTable:
-    """Fit one more persistent effect from the parent's initial conditions.
-
-    An effect with initial guesses from the data is fitted from fresh ones: segments join only under the right guess.
-    """
-    requests = context.requests(table, parent.values, name, *_guesses_and_starts(context, parent, name))
-    return context.fit_in_turn(table, requests)
-
-
 def _guesses_and_starts(
     context: SearchContext, parent: CandidateFit, name: str
 ) -> tuple[Sequence[Mapping[str, Value]], Array | None]:
+    """Return the guesses of one more effect, and the initial conditions to start from: the parent's.
+
+    An effect with initial guesses from the data is fitted from fresh ones: segments join only under the right guess.
+    """
     if not EFFECTS[name].guesses_from_data:
         return [{}], context.segment_starts(parent)
     setting = context.setting
