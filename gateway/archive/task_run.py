@@ -64,7 +64,12 @@ class TaskProcesses:
             if self._is_stopped:
                 return -1, "", "stopped"
             process = subprocess.Popen(
-                command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+                command,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+                env=environment,
+                start_new_session=True,  # Ctrl-C is for the run alone: `reconcile` would take it for a wish to answer early
             )
             self._running.add(process)
         try:
