@@ -52,6 +52,9 @@ JOIN_S = 0.8
 SWITCH_S = 0.0005
 """Longest wait of a thread for the interpreter. Basis: the usual 5 ms of a swing fit would delay an alert; shorter ones cost
 switches."""
+SINKS_END_S = 2.2
+"""Of `STOP_S`, what is kept after a signal for those that write and send what was processed. Basis: a choice; a sync of
+a slow card and two `JOIN_S`."""
 PAGE_END_S = 3.0
 """Longest wait for the page to end. Basis: a choice; it closes its streams in less, and the service has 10 s in all
 (TimeoutStopSec)."""
@@ -242,7 +245,7 @@ class Gateway:
         parts.sampler.stop()
         shutdown.join(parts.sampler, JOIN_S)
         parts.processor.finish()
-        shutdown.drain(parts.processor, max(patience_s, HUNG_S), JOIN_S)
+        shutdown.drain(parts.processor, max(patience_s, HUNG_S), JOIN_S, SINKS_END_S)
         page_end = threading.Thread(
             target=parts.page.stop if parts.page is not None else bool, name="page", daemon=True
         )
@@ -253,7 +256,7 @@ class Gateway:
         for worker in parts.sinks:
             worker.finish()
             if worker is parts.recording:
-                shutdown.drain(worker, max(patience_s, WRITING_S), STOP_S)
+                shutdown.drain(worker, max(patience_s, WRITING_S), STOP_S, JOIN_S)
             else:
                 shutdown.join(worker, compaction_s if worker is parts.compaction else patience_s)
         parts.bus.stop()

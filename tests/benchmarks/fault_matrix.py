@@ -30,7 +30,7 @@ PARTS = ("bus", "disk", "page", "log", "state", "key", "device")
 PUBLISHED_AS = {"bus": "bus", "page": "page", "key": "signing", "device": "device"}
 """Parts whose fault stands in the health message; the disk that hangs is the recorder's, and is named after 20 s."""
 TOML = '[device]\nkind = "adxl355"\nbus = 1\nodr_hz = 125\n[housing]\nposition_m = 9.0\n'
-START_S, SETTLE_S, LOOK_S, LONGEST_STOP_S = 40.0, 3.0, 3.0, 5.0
+START_S, SETTLE_S, LOOK_S, LONGEST_STOP_S = 40.0, 3.0, 3.0, 9.0
 
 
 class Run:

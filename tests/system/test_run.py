@@ -57,8 +57,8 @@ def test_stops_cleanly_with_every_sample_on_disk(
     peer = join_bus(gateway.endpoint)
     peer.wait_for("health", lambda message: message["samples"] > 1500)
     code, err = gateway.stop(name)
-    assert code == 0
     assert [line for line in err.splitlines() if not line.startswith("INFO ")] == []
+    assert code == 0
     (path,) = gateway.recordings
     info = summarise(path)
     assert info.closed

@@ -7,9 +7,9 @@ from typing import Any
 
 from gateway.daemon.runtime.worker import Worker
 
-STOP_S = 3.0
-"""Longest time from a signal to the end of the wait for all threads. Basis: a choice; more than one `gateway.JOIN_S`, and below
-TimeoutStopSec (10 s) of the service."""
+STOP_S = 7.0
+"""Longest time from a signal to the end of the wait for all threads. Basis: a choice; on a busy computer the samples of some
+seconds wait to be processed, and the service has 10 s in all (TimeoutStopSec)."""
 THREAD_POLL_S = 0.05
 """Time between two looks for the end. Basis: a choice; not visible to a person, and twenty wakings per second for three
 seconds."""
@@ -29,13 +29,19 @@ class Shutdown:
         end_s = time.monotonic() + patience_s
         self._wait(thread, lambda: end_s)
 
-    def drain(self, worker: Worker[Any], patience_s: float, hurried_s: float) -> None:
-        """Wait while a thread works off its queue, for each step so long as `patience_s`; after a signal `hurried_s` for all."""
+    def drain(self, worker: Worker[Any], patience_s: float, hurried_s: float, kept_s: float = 0.0) -> None:
+        """Wait while a thread works off its queue, for each step so long as `patience_s`.
+
+        After a signal for each step `hurried_s`, and so that `kept_s` of `STOP_S` is left to the threads after it.
+        """
         begun_s = time.monotonic()
 
         def end_s() -> float:
-            end_s = max(begun_s, worker.progress_s) + patience_s
-            return end_s if self._signalled_s is None else min(end_s, max(begun_s, self._signalled_s) + hurried_s)
+            step_s = max(begun_s, worker.progress_s)
+            if self._signalled_s is None:
+                return step_s + patience_s
+            hurried_end_s = max(step_s, self._signalled_s) + min(hurried_s, patience_s)
+            return min(hurried_end_s, self._signalled_s + STOP_S - kept_s)
 
         self._wait(worker, end_s)
 

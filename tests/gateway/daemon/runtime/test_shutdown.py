@@ -59,10 +59,23 @@ def test_a_signal_leaves_time_for_the_threads_after(delay_s: float, monkeypatch:
     threading.Timer(delay_s, signalled.set).start()
     shutdown = Shutdown(signalled)
     begun_s = time.monotonic()
-    shutdown.drain(worker, 60.0, 0.5)
+    shutdown.drain(worker, 60.0, 0.5, kept_s=PATIENCE_S - 0.5)
     assert 0.5 <= time.monotonic() - begun_s < PATIENCE_S / 2
     assert shutdown.stuck == ["steps"]
     worker.released.set()
+
+
+def test_after_a_signal_a_thread_that_gets_on_is_waited_for_and_one_that_hangs_is_not() -> None:
+    signalled = threading.Event()
+    signalled.set()
+    shutdown = Shutdown(signalled)
+    busy, hung = Steps(*[STEP_S] * 30), Steps(60.0)
+    shutdown.drain(busy, 60.0, 20 * STEP_S)
+    shutdown.drain(hung, 60.0, 20 * STEP_S)
+    assert busy.done == 30
+    assert shutdown.stuck == ["steps"]
+    assert hung.is_alive()
+    hung.released.set()
 
 
 def test_a_signal_bounds_the_wait_for_all_threads() -> None:
