@@ -43,7 +43,7 @@ def swing_reading(motion: MotionEstimate) -> Reading | None:
     if motion.angle_rad is None or motion.u_rad is None:
         return None
     peak = motion.expected_peak
-    coming = None if peak is None else Reading.of(peak.angle_rad, peak.u_rad, peak.in_s)
+    coming = None if peak is None else Reading.of(peak.angle_rad, peak.u_rad, peak.in_s, motion.period_s or math.inf)
     return larger_reading(Reading.of(motion.angle_rad, motion.u_rad), coming)
 
 

@@ -23,7 +23,7 @@ from gateway.motion.estimate import MotionEstimate
 from gateway.motion.motion_monitor import MotionMonitor
 from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
-from gateway.stages.alerts import DECISION_FACTOR, Limits, RuleState, judge
+from gateway.stages.alerts import DECISION_FACTOR, Limits, RuleState, decision_factor, judge
 from gateway.swing.rig import MountedHousing
 from tests.benchmarks import motion_plot
 from tests.benchmarks.motion import replace_tables, table
@@ -36,6 +36,7 @@ from tests.working_crane.real.write import write_recording
 
 BLOCK_S = 0.1
 FACTORS = (0.0, DECISION_FACTOR, 1.0, NORMAL_975)
+"""At the present angle."""
 TRIPS_DEG = (3.0, 4.5, 6.0, 10.0)
 QUIET_PERIODS = 2.0
 """An exceedance counts after so long below the limit; a trip is without cause where nothing near it came within this time."""
@@ -203,7 +204,9 @@ def _value_rad(one: MotionEstimate, factor: float) -> float | None:
     if one.angle_rad is None or one.u_rad is None:
         return None
     peak, now_rad = one.expected_peak, one.angle_rad + factor * one.u_rad
-    return now_rad if peak is None else max(now_rad, peak.upper_rad(factor))
+    if peak is None or one.period_s is None:
+        return now_rad
+    return max(now_rad, peak.upper_rad(decision_factor(peak.in_s / one.period_s, factor)))
 
 
 def accuracy(all_followed: Sequence[Followed]) -> str:

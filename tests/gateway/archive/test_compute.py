@@ -73,7 +73,12 @@ def test_the_answers_are_those_of_the_commands(
     assert run(source, table, "measure").failed == []
     ((content,),) = select(table, "SELECT content FROM results WHERE kind = 'measure'")
     assert main(["measure", str(path), "--json", "-"]) == 0
-    assert json.loads(content) == json.loads(capsys.readouterr().out)
+    assert _to_nine_digits(content) == _to_nine_digits(capsys.readouterr().out)
+
+
+def _to_nine_digits(answer: str) -> object:
+    """Read an answer; the last digits of a fit depend on where its arrays lie in memory."""
+    return json.loads(answer, parse_float=lambda text: f"{float(text):.9g}")
 
 
 def test_what_has_an_answer_is_not_done_again(fleet: list[SmallCrane], table: Path) -> None:

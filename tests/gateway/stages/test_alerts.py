@@ -7,8 +7,10 @@ from dataclasses import replace
 import pytest
 
 from gateway.stages.alerts import (
+    DECISION_FACTOR,
     GRACE_S,
     STEP_DOWN_SHARE,
+    WAITING_FACTOR,
     Limits,
     Reading,
     RuleState,
@@ -178,3 +180,12 @@ def test_the_larger_reading_is_the_present_angle_or_the_coming_peak() -> None:
 def test_without_the_present_angle_there_is_no_larger_reading() -> None:
     assert larger_reading(None, None) is None
     assert larger_reading(None, Reading(0.02, 1.5)) is None
+
+
+def test_the_later_a_peak_comes_the_less_its_uncertainty_counts() -> None:
+    at_present = Reading.of(0.05, 0.02)
+    assert at_present.value_rad == pytest.approx(0.05 + DECISION_FACTOR * 0.02)
+    soon, late = Reading.of(0.05, 0.02, 1.0, period_s=8.0), Reading.of(0.05, 0.02, 4.0, period_s=8.0)
+    assert soon.value_rad == pytest.approx(0.05 + (DECISION_FACTOR - WAITING_FACTOR / 8) * 0.02)
+    assert late.value_rad == 0.05  # never less than the best estimate
+    assert late.upper_rad > at_present.value_rad
