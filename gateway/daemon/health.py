@@ -15,7 +15,6 @@ from gateway.daemon.commands.rpc_server import RpcServer
 from gateway.daemon.commands.security_log import SecurityLog
 from gateway.daemon.commands.worker import CommandWorker
 from gateway.daemon.outputs.alert_sender import AlertSender
-from gateway.daemon.outputs.duplicate_watch import DuplicateWatch
 from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.daemon.outputs.publisher import Publisher
 from gateway.daemon.outputs.relay_worker import RelayWorker
@@ -55,7 +54,6 @@ class HealthReporter:
     acknowledgements: AcknowledgementService
     rpc: RpcServer
     security_log: SecurityLog
-    duplicates: DuplicateWatch
     certificates: "SiteCertificates | None"
     recording: RecordingWorker
     publisher: Publisher
@@ -78,7 +76,6 @@ class HealthReporter:
 
     def make(self, header: Header, info: DeviceInfo | None) -> Health:
         """Return the present state of the gateway."""
-        self.duplicates.poll()
         counters, path, standing = self.counters, self.recording.path, self.faults.standing
         return Health(
             **header,

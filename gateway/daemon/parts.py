@@ -159,10 +159,10 @@ def compose(
         signer,
         prepare=lambda: dispatcher.use(make_authoriser(boot_id, section.data_dir, configuration.bus.tls, certificates)),
     )
-    duplicates = DuplicateWatch(section.key, boot_id, faults)
+    duplicates = DuplicateWatch(section.key, boot_id, faults, lambda: chain.key, rpc.note_refusal)
     # Calls first: who hears or sees the gateway may ask it at once.
     users = rpc.attach, duplicates.attach, publisher.attach, alerts.attach
-    bus = BusConnection(partial(open_gateway_session, configuration.bus, section.key), users, faults)
+    bus = BusConnection(partial(open_gateway_session, configuration.bus, section.key), users, [duplicates.poll], faults)
     page_channel = PageChannel(
         PageRequests({"acknowledge": acknowledgements.requests.submit}).answer,
         partial(outbox.recent, RECALL_PATIENCE_S),
@@ -183,7 +183,6 @@ def compose(
         acknowledgements=acknowledgements,
         rpc=rpc,
         security_log=security_log,
-        duplicates=duplicates,
         certificates=certificates,
         recording=recording,
         publisher=publisher,

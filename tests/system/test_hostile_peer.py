@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 from contextlib import closing
 from pathlib import Path
@@ -191,11 +192,16 @@ def test_a_second_gateway_with_the_same_key_is_noticed(tmp_path: Path) -> None:
     config = zenoh.Config()
     for key, value in {"mode": "router", "listen/endpoints": [endpoint], "scouting/multicast/enabled": False}.items():
         config.insert_json5(key, json.dumps(value))
-    gateways = []
+    gateways: list[RunningGateway] = []
     with zenoh.open(config):
         try:
             for name in ("one", "two"):
                 (tmp_path / name).mkdir()
+                if gateways:  # from a copy of the disk
+                    signing_key = gateways[0].data_dir / "signing-key.pem"
+                    wait_until(signing_key.exists, "the key of the first")
+                    (tmp_path / name / "data").mkdir()
+                    shutil.copy(signing_key, tmp_path / name / "data")
                 connect = {"PLUMBLINE_BUS__CONNECT": json.dumps([endpoint])}
                 gateways.append(RunningGateway(tmp_path / name, environment=connect))
             with closing(BusPeer(endpoint, f"{KEY}/health")) as peer:

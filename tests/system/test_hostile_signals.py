@@ -32,3 +32,25 @@ while True:
         ((accepted, content),) = query_signed(peer.session, "recalibrate", payload, gateway.data_dir)
         assert not accepted, content
         assert "a load hangs on the hook" in content["reason"]
+
+
+def test_a_forged_token_of_presence_is_counted_and_is_no_fault(
+    start_gateway: StartGateway, join_bus: JoinBus, hostile: Hostile
+) -> None:
+    gateway = start_gateway()
+    peer = join_bus(gateway.endpoint)
+    peer.wait_for("health", lambda message: message["samples"] > 0)
+    hostile(
+        gateway.endpoint,
+        f"""
+tokens = [session.liveliness().declare_token("{KEY}/alive/%012x" % number) for number in range(200)]
+own = [str(each.ok.key_expr) for each in session.liveliness().get("{KEY}/alive/*") if each.ok][0].split("/")[-1]
+proof = f"{KEY}/alive/000000000001/{{own}}/" + "0" * 128
+tokens.append(session.liveliness().declare_token(proof))
+time.sleep(3600)
+""",
+    )
+    counted = peer.wait_for("health", lambda message: message["refused"].get("unproved_presence"))
+    assert counted["standing_faults"] == {}
+    lines = (gateway.data_dir / "security.jsonl").read_text()
+    assert "somebody who pretends to be one" in lines

@@ -58,9 +58,12 @@ class Answer:
 
 
 @dataclass(frozen=True, slots=True)
-class RefusedLoadSignal:
-    """A message on the key of the crane's load signal that is none, and why."""
+class RefusedSignal:
+    """What came without a question on a key of the gateway and was not taken, and why."""
 
+    key: str
+    """The key below that of the gateway."""
+    kind: str
     reason: str
 
 
@@ -71,7 +74,7 @@ class IncomingSignInReport:
     payload: bytes
 
 
-RpcItem = IncomingQuery | Answer | RefusedLoadSignal | IncomingSignInReport
+RpcItem = IncomingQuery | Answer | RefusedSignal | IncomingSignInReport
 
 
 class RpcServer(Worker[RpcItem]):
@@ -123,7 +126,11 @@ class RpcServer(Worker[RpcItem]):
             self._recalibration.set_load_signal(parse_payload(LoadSignal, sample.payload.to_bytes()))
         except RequestError as error:
             why = f'{error}; a load signal is JSON such as {{"loaded": true}}'
-            self.inbox.put(RefusedLoadSignal(why), RESERVED_FOR_ANSWERS)
+            self.note_refusal("load", "invalid_signal", why)
+
+    def note_refusal(self, key: str, kind: str, reason: str) -> None:
+        """Note what was not taken on a key below that of the gateway. Called by any thread; does not wait."""
+        self.inbox.put(RefusedSignal(key, kind, reason), RESERVED_FOR_ANSWERS)
 
     def receive_sign_in_report(self, payload: bytes) -> None:
         """Take a report of the page. Called by the thread of the page's channel; does not wait."""
@@ -136,8 +143,8 @@ class RpcServer(Worker[RpcItem]):
                 self._dispatch(item)
             case Answer():
                 self._send(item)
-            case RefusedLoadSignal():
-                self._dispatcher.refuse_signal("load", item.reason, self._describe_origin)
+            case RefusedSignal():
+                self._dispatcher.refuse_signal(item.key, item.kind, item.reason, self._describe_origin)
             case IncomingSignInReport():
                 self._sign_ins.take(item.payload)
 
