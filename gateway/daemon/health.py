@@ -11,6 +11,7 @@ from devices.block import DeviceInfo
 from devices.device import Device
 from gateway import __version__
 from gateway.daemon.commands.acknowledgement_service import AcknowledgementService
+from gateway.daemon.commands.configuration_service import ConfigurationService
 from gateway.daemon.commands.rpc_server import RpcServer
 from gateway.daemon.commands.security_log import SecurityLog
 from gateway.daemon.commands.worker import CommandWorker
@@ -55,6 +56,7 @@ class HealthReporter:
     rpc: RpcServer
     security_log: SecurityLog
     certificates: "SiteCertificates | None"
+    changes: ConfigurationService
     recording: RecordingWorker
     publisher: Publisher
     alerts: AlertSender
@@ -105,6 +107,7 @@ class HealthReporter:
             refused=dict(self.security_log.counts),
             page=self.page_url,
             certificate_days_left=None if self.certificates is None else self.certificates.expires_in_days,
+            changed_limits=self.changes.changed_limits,
             recording=None if path is None else str(path),
             recording_error=standing.get("recording"),
             newest_statement=self.recording.newest_statement,

@@ -151,13 +151,18 @@ def compose(
         security_log,
         clock.now_ns,
     )
+
+    def prepare_calls() -> None:
+        dispatcher.use(make_authoriser(boot_id, section.data_dir, configuration.bus.tls, certificates))
+        changes.compare_limits(configuration.alerts)
+
     rpc = RpcServer(
         section.key,
         dispatcher,
         recalibration,
         SignInWatch(security_log, faults, section.data_dir / PIN_NAME, clock.now_ns),
         signer,
-        prepare=lambda: dispatcher.use(make_authoriser(boot_id, section.data_dir, configuration.bus.tls, certificates)),
+        prepare=prepare_calls,
     )
     duplicates = DuplicateWatch(section.key, boot_id, faults, lambda: chain.key, rpc.note_refusal)
     # Calls first: who hears or sees the gateway may ask it at once.
@@ -184,6 +189,7 @@ def compose(
         rpc=rpc,
         security_log=security_log,
         certificates=certificates,
+        changes=changes,
         recording=recording,
         publisher=publisher,
         alerts=alerts,

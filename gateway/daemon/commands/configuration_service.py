@@ -11,7 +11,9 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gateway.atomic_io import write_durably
+from gateway.configuration.commissioned_limits import describe_changes, note_change
 from gateway.configuration.loading import ConfigurationError, load_text, require_sensor
+from gateway.configuration.model import AlertsSection
 from gateway.configuration.proposal import CheckedProposal, check_proposal, text_hash, visible_part
 from gateway.configuration.trial import ConfigurationTrial, Outcome, TrialJournal
 from gateway.daemon.commands.requests import RemoteRequest, RequestHandler
@@ -51,7 +53,10 @@ class ConfigurationService:
         self._environment = environment
         self.restart_wanted = False
         """Whether the gateway must end, and start again with another configuration."""
+        self.changed_limits: list[str] = []
+        """A line for each limit of the alerts that was changed over the bus since commissioning."""
         self._audit: Audit | None = None
+        self._data_dir = Path()
         self._proposal_path = Path(FOLDER)
 
     def resume(self) -> Outcome:
@@ -67,7 +72,7 @@ class ConfigurationService:
     def open(self, data_dir: Path) -> dict[str, RequestHandler]:
         """Start in a gateway; return the handlers of the verbs. A trial that was rolled back is noted in the audit."""
         self._audit = Audit(data_dir / FOLDER / "audit.jsonl", log.warning)
-        self._proposal_path = data_dir / FOLDER / "proposal.json"
+        self._data_dir, self._proposal_path = data_dir, data_dir / FOLDER / "proposal.json"
         journal = self._journal()
         if self.trial is not None and journal is not None and journal.rolled_back is not None:
             try:
@@ -80,6 +85,12 @@ class ConfigurationService:
             "config_propose": lambda request: self._handle(request, self._propose),
             "config_apply": lambda request: self._handle(request, self._apply),
         }
+
+    def compare_limits(self, alerts: AlertsSection) -> None:
+        """Compare the limits in force with those of commissioning. Called by the thread of the remote calls, once."""
+        self.changed_limits = describe_changes(self._data_dir, alerts)
+        for line in self.changed_limits:
+            log.warning("%s", line)
 
     @property
     def on_trial(self) -> bool:
@@ -162,6 +173,8 @@ class ConfigurationService:
         self._note(
             "applied", wanted, changes=[str(change) for change in checked.changes], proposed_by=stored.request.by
         )
+        before, after = (load_text(each, path.name, {}).alerts for each in (text, checked.text))
+        note_change(self._data_dir, before, after)
         ConfigurationTrial(path).begin(begun)
         return {"text": f"on trial; the former one is kept: {path.with_name(kept)}"}
 
