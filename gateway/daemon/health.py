@@ -27,6 +27,7 @@ from gateway.daemon.sampling.counters import SampleCounters
 from gateway.daemon.sampling.sampler import Sampler
 from gateway.daemon.storage.drift_state_store import DriftStateStore
 from gateway.daemon.storage.recording_worker import RecordingWorker
+from gateway.daemon.storage.time_stamper import PART as TIME_STAMPS
 from gateway.messages import Health
 from gateway.pipeline.alert_rules import SWING
 from gateway.pipeline.outgoing_message import Header
@@ -122,13 +123,17 @@ class HealthReporter:
         )
 
     def find_problem(self, now_s: float) -> str | None:
-        """Return what keeps the gateway from being healthy: no samples, no alerts, a part that does not work; None: it is."""
+        """Return what keeps the gateway from being healthy: no samples, no alerts, a part that does not work; None: it is.
+
+        The time stamps do not count: who cuts the authority off would keep every configuration from being confirmed.
+        """
         samples, since_s = self._last_samples
         if self.counters.samples != samples:
             self._last_samples = (self.counters.samples, now_s)
         if self.sampler.recovering or samples == 0 or now_s - since_s > NO_SAMPLES_S:
             return "no samples arrive from the device"
-        return next(iter(self.faults.standing.values()), None) or unable_to_alert(self.publisher.latest().get("alert"))
+        standing = [text for part, text in self.faults.standing.items() if part != TIME_STAMPS]
+        return next(iter(standing), None) or unable_to_alert(self.publisher.latest().get("alert"))
 
     def _state(self) -> Literal["running", "recovering", "stopping"]:
         if self.stopping:

@@ -47,6 +47,7 @@ from gateway.daemon.storage.compaction_worker import CompactionWorker
 from gateway.daemon.storage.drift_state_store import DriftStateStore
 from gateway.daemon.storage.outbox_writer import OutboxWriter
 from gateway.daemon.storage.recording_worker import RecordingWorker, make_recorder
+from gateway.daemon.storage.time_stamper import TimeStamper, make_time_stamper
 from gateway.outbox.outbox import FOLDER as OUTBOX_FOLDER
 from gateway.page.pin import PIN_NAME
 from gateway.pipeline.outgoing_message import EncodedMessage
@@ -76,6 +77,7 @@ class Parts:
     alerts: AlertSender
     publisher: Publisher
     bus: BusConnection
+    time_stamper: TimeStamper | None
     relay: RelayWorker | None
     page: PageProcess | None
     health: HealthReporter
@@ -90,7 +92,8 @@ class Parts:
     @property
     def threads(self) -> tuple[threading.Thread, ...]:
         """The threads in the order of the data flow."""
-        return self.sampler, self.processor, *self.sinks, self.bus
+        stamper = () if self.time_stamper is None else (self.time_stamper,)
+        return self.sampler, self.processor, *self.sinks, self.bus, *stamper
 
 
 def compose(
@@ -241,6 +244,9 @@ def compose(
         alerts=alerts,
         publisher=publisher,
         bus=bus,
+        time_stamper=make_time_stamper(
+            configuration.recorder, lambda: recording.newest_statement, section.data_dir, faults
+        ),
         relay=relay,
         page=page,
         health=health,
