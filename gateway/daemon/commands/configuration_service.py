@@ -1,6 +1,5 @@
 """Changes of the configuration over the bus: proposed, applied on trial, confirmed or rolled back by the gateway's health."""
 
-import json
 import logging
 import threading
 from collections.abc import Callable, Mapping
@@ -8,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
 from gateway.atomic_io import write_durably
 from gateway.configuration.commissioned_limits import describe_changes, note_change
@@ -17,7 +16,7 @@ from gateway.configuration.model import AlertsSection
 from gateway.configuration.proposal import CheckedProposal, check_proposal, text_hash, visible_part
 from gateway.configuration.trial import ConfigurationTrial, Outcome, TrialJournal
 from gateway.daemon.commands.requests import RemoteRequest, RequestHandler
-from gateway.file_input import parse_toml
+from gateway.file_input import parse_json, parse_toml, read_bounded
 from gateway.recalibration.journal import Audit
 from gateway.recalibration.requests import ApplyConfiguration, ProposeConfiguration, ReadConfiguration, Request
 
@@ -188,8 +187,8 @@ class ConfigurationService:
 
     def _stored_proposal(self) -> StoredProposal | None:
         try:
-            return StoredProposal.model_validate(json.loads(self._proposal_path.read_bytes()))
-        except (FileNotFoundError, ValidationError, ValueError):
+            return StoredProposal.model_validate(parse_json(read_bounded(self._proposal_path)))
+        except (OSError, ValueError):
             return None
 
     def _journal(self) -> TrialJournal | None:
