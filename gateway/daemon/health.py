@@ -19,6 +19,7 @@ from gateway.daemon.outputs.alert_sender import AlertSender
 from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.daemon.outputs.publisher import Publisher
 from gateway.daemon.outputs.relay_worker import RelayWorker
+from gateway.daemon.outputs.silent_connections import PART as SILENT_CONNECTIONS
 from gateway.daemon.runtime.faults import FaultRegister
 from gateway.daemon.runtime.logs import LineWriter
 from gateway.daemon.runtime.resources import CpuMeter, resident_mb
@@ -38,6 +39,8 @@ if TYPE_CHECKING:
 RATE_WINDOW = 60
 """The rate is computed over this many messages, one per second. Basis: a choice; a minute shows a rate to 0.1 % and a change
 soon."""
+CAUSED_BY_ANYBODY = {SILENT_CONNECTIONS, TIME_STAMPS}
+"""Faults that somebody can cause who has no right to anything: by connections to the bus, by cutting an authority off."""
 NO_SAMPLES_S = 2.0
 """A gateway without a new sample for this long is not healthy. Basis: a choice; longer than a restart of a device that returns
 (`sampler.MAX_REOPENING_PAUSE_S`) and twice the health's period."""
@@ -125,14 +128,14 @@ class HealthReporter:
     def find_problem(self, now_s: float) -> str | None:
         """Return what keeps the gateway from being healthy: no samples, no alerts, a part that does not work; None: it is.
 
-        The time stamps do not count: who cuts the authority off would keep every configuration from being confirmed.
+        What anybody can cause does not count (`CAUSED_BY_ANYBODY`): he would keep every configuration from being confirmed.
         """
         samples, since_s = self._last_samples
         if self.counters.samples != samples:
             self._last_samples = (self.counters.samples, now_s)
         if self.sampler.recovering or samples == 0 or now_s - since_s > NO_SAMPLES_S:
             return "no samples arrive from the device"
-        standing = [text for part, text in self.faults.standing.items() if part != TIME_STAMPS]
+        standing = [text for part, text in self.faults.standing.items() if part not in CAUSED_BY_ANYBODY]
         return next(iter(standing), None) or unable_to_alert(self.publisher.latest().get("alert"))
 
     def _state(self) -> Literal["running", "recovering", "stopping"]:
