@@ -30,6 +30,7 @@ def test_every_installation_hint_names_this_distribution_and_one_of_its_extras()
         "relay",
         "security",
         "signing",
+        "timestamp",
         "twin",
     }
     for file, distribution, extra in hints:

@@ -23,7 +23,7 @@ def access_control(bus: BusSection, key: str) -> dict[str, Any]:
         _rule("ask_others", READ, "egress", [EVERYTHING]),
         _rule("read", READ, "ingress", [EVERYTHING]),
         _rule("load_signal", ("put",), "ingress", [f"{key}/load"]),
-        _rule("boot", ("liveliness_token",), "ingress", [f"{key}/alive/*"]),
+        _rule("boot", ("liveliness_token",), "ingress", [f"{key}/alive/**"]),
         _rule("route", WRITE, "ingress", [EVERY_GATEWAY]),
     ]
     if forwarded:

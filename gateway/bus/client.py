@@ -159,19 +159,21 @@ class GatewayClient:
         payload = json.dumps(request).encode()
         try:
             key_expr = f"{self.key}/rpc/{verb}"
-            attachment = make_question().attachment if VERBS[verb].role is None else self._prove(key_expr, payload)
+            attachment: bytes | None = make_question().attachment
+            if VERBS[verb].role is not None:
+                challenge = self._get("challenge", b"", attachment)
+                if challenge is None or challenge.is_to_be_repeated:
+                    return None  # without it the request would be refused as one without a credential
+                attachment = self._prove(key_expr, payload, challenge)
             reply = self._get(verb, payload, attachment)
         except zenoh.ZError:
             return None  # the link is down
         return None if reply is None or reply.is_to_be_repeated else reply
 
-    def _prove(self, key_expr: str, payload: bytes) -> bytes | None:
+    def _prove(self, key_expr: str, payload: bytes, answer: RpcReply) -> bytes | None:
         """Return the credential for a request; None without one, so that the gateway states what is missing."""
-        reply = self._get("challenge", b"", make_question().attachment)
-        if reply is None:
-            return None
         try:
-            challenge = Challenge.model_validate(reply.content)
+            challenge = Challenge.model_validate(answer.content)
         except ValidationError:
             return None  # not the answer of a gateway
         return self._credentials.prove(key_expr, payload, challenge)

@@ -178,6 +178,13 @@ class RecorderSection(Section):
         None,
         description="Ed25519 key in PEM that signs the recordings; default: data_dir/signing-key.pem, made at first start",
     )
+    time_stamp_authority: str | None = Field(
+        None,
+        max_length=200,
+        pattern=r"^https?://[^\s\"'<>]+$",
+        description="address of a time stamp authority (RFC 3161) that stamps the newest signed statement; default: none",
+    )
+    time_stamp_every_s: float = Field(3600.0, ge=1, le=604_800, description="least time between two time stamps")
 
 
 DirectionName = Annotated[str, Field(min_length=1, max_length=14, pattern=r"^[^\x00-\x1f\x7f]+$")]

@@ -41,14 +41,15 @@ REMOTE_BOUNDS = {
     "alerts.hold_s": (0.5, 60.0),
     "alerts.stale_s": (0.2, 5.0),
     "rope.length_m": (0.3, 500.0),
+    "filter.cutoff_hz": (0.1, 100.0),
     "recorder.quota_mb": (1000.0, 1e9),
     "recorder.pre_event_s": (10.0, 86_400.0),
     "recorder.post_event_s": (10.0, 86_400.0),
 }
 """Bounds within which values may be changed over the bus. Basis: choices; no crane works at 15 degrees, an operator waits a
-minute for the end of an alarm, no hoist rope is shorter or longer, 1000 MB hold the recordings of some five days, and what is
-kept around an alert shows how it came about. `recorder.keep_events_days` cannot be changed over the bus: no change there deletes
-an event that is younger."""
+minute for the end of an alarm, no hoist rope is shorter or longer, a filter of 0.1 Hz shows the lean of a load at rest within
+seconds, 1000 MB hold the recordings of some five days, and what is kept around an alert shows how it came about.
+`recorder.keep_events_days` cannot be changed over the bus: no change there deletes an event that is younger."""
 
 
 class KeyChange(BaseModel):

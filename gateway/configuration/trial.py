@@ -4,13 +4,13 @@ The steps of a change, each written completely or not at all: the journal, a cop
 then starts again with it. A trial ends when the gateway is healthy (`confirm`) or is not in time (`roll_back`).
 """
 
-import json
 from pathlib import Path
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gateway.atomic_io import sync_folder, write_durably
+from gateway.file_input import parse_json, read_bounded
 
 MAX_TRIAL_STARTS = 3
 """Starts of the gateway within a trial; at the next one the configuration before is put back. Basis: a choice; power may fail
@@ -60,7 +60,7 @@ class ConfigurationTrial:
             return "unreadable"
         if journal is None:
             return "none"
-        present = self.path.read_text(encoding="utf-8")
+        present = self.path.read_text(encoding="utf-8", errors="replace")
         if present == journal.before:
             self.roll_back(journal.rolled_back or "the change was cut off")
             return "rolled_back"
@@ -76,7 +76,7 @@ class ConfigurationTrial:
     def journal(self) -> TrialJournal | None:
         """Return the trial in progress, or the one that was rolled back; None: there is none. Raises `ValueError`: damaged."""
         try:
-            return TrialJournal.model_validate(json.loads(self._journal_path.read_bytes()))
+            return TrialJournal.model_validate(parse_json(read_bounded(self._journal_path)))
         except FileNotFoundError:
             return None
         except ValidationError as error:

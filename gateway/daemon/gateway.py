@@ -259,6 +259,8 @@ class Gateway:
                 shutdown.drain(worker, max(patience_s, WRITING_S), STOP_S, JOIN_S)
             else:
                 shutdown.join(worker, compaction_s if worker is parts.compaction else patience_s)
+        if parts.time_stamper is not None:
+            parts.time_stamper.stop()
         parts.bus.stop()
         shutdown.join(parts.bus, JOIN_S)
         shutdown.join(page_end, PAGE_END_S)

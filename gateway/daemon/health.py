@@ -11,14 +11,15 @@ from devices.block import DeviceInfo
 from devices.device import Device
 from gateway import __version__
 from gateway.daemon.commands.acknowledgement_service import AcknowledgementService
+from gateway.daemon.commands.configuration_service import ConfigurationService
 from gateway.daemon.commands.rpc_server import RpcServer
 from gateway.daemon.commands.security_log import SecurityLog
 from gateway.daemon.commands.worker import CommandWorker
 from gateway.daemon.outputs.alert_sender import AlertSender
-from gateway.daemon.outputs.duplicate_watch import DuplicateWatch
 from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.daemon.outputs.publisher import Publisher
 from gateway.daemon.outputs.relay_worker import RelayWorker
+from gateway.daemon.outputs.silent_connections import PART as SILENT_CONNECTIONS
 from gateway.daemon.runtime.faults import FaultRegister
 from gateway.daemon.runtime.logs import LineWriter
 from gateway.daemon.runtime.resources import CpuMeter, resident_mb
@@ -27,6 +28,7 @@ from gateway.daemon.sampling.counters import SampleCounters
 from gateway.daemon.sampling.sampler import Sampler
 from gateway.daemon.storage.drift_state_store import DriftStateStore
 from gateway.daemon.storage.recording_worker import RecordingWorker
+from gateway.daemon.storage.time_stamper import PART as TIME_STAMPS
 from gateway.messages import Health
 from gateway.pipeline.alert_rules import SWING
 from gateway.pipeline.outgoing_message import Header
@@ -37,6 +39,8 @@ if TYPE_CHECKING:
 RATE_WINDOW = 60
 """The rate is computed over this many messages, one per second. Basis: a choice; a minute shows a rate to 0.1 % and a change
 soon."""
+CAUSED_BY_ANYBODY = {SILENT_CONNECTIONS, TIME_STAMPS}
+"""Faults that somebody can cause who has no right to anything: by connections to the bus, by cutting an authority off."""
 NO_SAMPLES_S = 2.0
 """A gateway without a new sample for this long is not healthy. Basis: a choice; longer than a restart of a device that returns
 (`sampler.MAX_REOPENING_PAUSE_S`) and twice the health's period."""
@@ -55,8 +59,8 @@ class HealthReporter:
     acknowledgements: AcknowledgementService
     rpc: RpcServer
     security_log: SecurityLog
-    duplicates: DuplicateWatch
     certificates: "SiteCertificates | None"
+    changes: ConfigurationService
     recording: RecordingWorker
     publisher: Publisher
     alerts: AlertSender
@@ -78,7 +82,6 @@ class HealthReporter:
 
     def make(self, header: Header, info: DeviceInfo | None) -> Health:
         """Return the present state of the gateway."""
-        self.duplicates.poll()
         counters, path, standing = self.counters, self.recording.path, self.faults.standing
         return Health(
             **header,
@@ -108,6 +111,7 @@ class HealthReporter:
             refused=dict(self.security_log.counts),
             page=self.page_url,
             certificate_days_left=None if self.certificates is None else self.certificates.expires_in_days,
+            changed_limits=self.changes.changed_limits,
             recording=None if path is None else str(path),
             recording_error=standing.get("recording"),
             newest_statement=self.recording.newest_statement,
@@ -122,13 +126,17 @@ class HealthReporter:
         )
 
     def find_problem(self, now_s: float) -> str | None:
-        """Return what keeps the gateway from being healthy: no samples, no alerts, a part that does not work; None: it is."""
+        """Return what keeps the gateway from being healthy: no samples, no alerts, a part that does not work; None: it is.
+
+        What anybody can cause does not count (`CAUSED_BY_ANYBODY`): he would keep every configuration from being confirmed.
+        """
         samples, since_s = self._last_samples
         if self.counters.samples != samples:
             self._last_samples = (self.counters.samples, now_s)
         if self.sampler.recovering or samples == 0 or now_s - since_s > NO_SAMPLES_S:
             return "no samples arrive from the device"
-        return next(iter(self.faults.standing.values()), None) or unable_to_alert(self.publisher.latest().get("alert"))
+        standing = [text for part, text in self.faults.standing.items() if part not in CAUSED_BY_ANYBODY]
+        return next(iter(standing), None) or unable_to_alert(self.publisher.latest().get("alert"))
 
     def _state(self) -> Literal["running", "recovering", "stopping"]:
         if self.stopping:

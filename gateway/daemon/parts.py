@@ -33,6 +33,7 @@ from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.daemon.outputs.page_process import PageProcess
 from gateway.daemon.outputs.publisher import Publisher
 from gateway.daemon.outputs.relay_worker import RelayWorker, make_relay
+from gateway.daemon.outputs.silent_connections import SilentConnections
 from gateway.daemon.processor import Processor
 from gateway.daemon.runtime.bounded_queue import BoundedQueue
 from gateway.daemon.runtime.faults import FaultRegister
@@ -47,6 +48,7 @@ from gateway.daemon.storage.compaction_worker import CompactionWorker
 from gateway.daemon.storage.drift_state_store import DriftStateStore
 from gateway.daemon.storage.outbox_writer import OutboxWriter
 from gateway.daemon.storage.recording_worker import RecordingWorker, make_recorder
+from gateway.daemon.storage.time_stamper import TimeStamper, make_time_stamper
 from gateway.outbox.outbox import FOLDER as OUTBOX_FOLDER
 from gateway.page.pin import PIN_NAME
 from gateway.pipeline.outgoing_message import EncodedMessage
@@ -76,6 +78,7 @@ class Parts:
     alerts: AlertSender
     publisher: Publisher
     bus: BusConnection
+    time_stamper: TimeStamper | None
     relay: RelayWorker | None
     page: PageProcess | None
     health: HealthReporter
@@ -90,7 +93,8 @@ class Parts:
     @property
     def threads(self) -> tuple[threading.Thread, ...]:
         """The threads in the order of the data flow."""
-        return self.sampler, self.processor, *self.sinks, self.bus
+        stamper = () if self.time_stamper is None else (self.time_stamper,)
+        return self.sampler, self.processor, *self.sinks, self.bus, *stamper
 
 
 def compose(
@@ -151,18 +155,26 @@ def compose(
         security_log,
         clock.now_ns,
     )
+
+    def prepare_calls() -> None:
+        dispatcher.use(make_authoriser(boot_id, section.data_dir, configuration.bus.tls, certificates))
+        changes.compare_limits(configuration.alerts)
+
     rpc = RpcServer(
         section.key,
         dispatcher,
         recalibration,
         SignInWatch(security_log, faults, section.data_dir / PIN_NAME, clock.now_ns),
         signer,
-        prepare=lambda: dispatcher.use(make_authoriser(boot_id, section.data_dir, configuration.bus.tls, certificates)),
+        prepare=prepare_calls,
     )
-    duplicates = DuplicateWatch(section.key, boot_id, faults)
+    duplicates = DuplicateWatch(section.key, boot_id, faults, lambda: chain.key, rpc.note_refusal)
     # Calls first: who hears or sees the gateway may ask it at once.
-    users = rpc.attach, duplicates.attach, publisher.attach, alerts.attach
-    bus = BusConnection(partial(open_gateway_session, configuration.bus, section.key), users, faults)
+    silent = SilentConnections(configuration.bus.active_listeners, faults)
+    users = rpc.attach, duplicates.attach, silent.attach, publisher.attach, alerts.attach
+    bus = BusConnection(
+        partial(open_gateway_session, configuration.bus, section.key), users, [duplicates.poll, silent.poll], faults
+    )
     page_channel = PageChannel(
         PageRequests({"acknowledge": acknowledgements.requests.submit}).answer,
         partial(outbox.recent, RECALL_PATIENCE_S),
@@ -183,8 +195,8 @@ def compose(
         acknowledgements=acknowledgements,
         rpc=rpc,
         security_log=security_log,
-        duplicates=duplicates,
         certificates=certificates,
+        changes=changes,
         recording=recording,
         publisher=publisher,
         alerts=alerts,
@@ -236,6 +248,9 @@ def compose(
         alerts=alerts,
         publisher=publisher,
         bus=bus,
+        time_stamper=make_time_stamper(
+            configuration.recorder, lambda: recording.newest_statement, section.data_dir, faults
+        ),
         relay=relay,
         page=page,
         health=health,

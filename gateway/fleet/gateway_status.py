@@ -37,6 +37,8 @@ class StatusCauses:
     failed_gates: tuple[str, ...] = ()
     """Gates that a reading which cannot be trusted has not passed."""
     faulty_parts: tuple[str, ...] = ()
+    limits_changed: bool = False
+    """Limits of the alerts are not as they were at commissioning."""
     age_s: float | None = None
     """Age of the oldest message on which the state depends."""
 
@@ -51,6 +53,7 @@ def status_causes(evidence: PageEvidence) -> StatusCauses:
         session=None if calibration is None else calibration.session.phase,
         failed_gates=() if condition is None or condition.trusted else _failed(condition.gates),
         faulty_parts=() if health is None else tuple(health.standing_faults),
+        limits_changed=health is not None and bool(health.changed_limits),
         age_s=max((evidence.age_s[topic] for topic in evidence.judged if topic in evidence.age_s), default=None),
     )
 
@@ -137,6 +140,8 @@ def gateway_status(
         state, reasons = "FAULT", list(health.standing_faults.values())
     elif state == "OK" and health is not None and health.battery_low:
         state, reasons = "BATTERY LOW", ["the battery of the sensor is low"]
+    if health is not None and health.changed_limits:
+        reasons = [*reasons, *health.changed_limits]
     current = alert is not None and evidence.gateway and is_fresh(evidence, "alert")
     if alert is not None and evidence.doubt is not None and alert.level == "normal":
         current = False

@@ -45,6 +45,13 @@ class Health(Message):
     refused: Annotated[dict[str, int], Field(description="requests refused since start, by kind")] = field(
         default_factory=dict
     )
+    changed_limits: Annotated[
+        list[str] | None,
+        Field(
+            description="limits of the alerts that were changed over the bus and are not as they were at commissioning, a line "
+            "each; null: an older gateway does not say"
+        ),
+    ] = None
     page: Annotated[
         str | None,
         Field(

@@ -58,6 +58,8 @@ def _resource_families(health: Health) -> Iterator[Family]:
     yield gauge(
         "gateway_resident_memory_bytes", "Resident memory of the gateway.", _scaled(health.resident_mb, BYTES_PER_MB)
     )
+    changed = None if health.changed_limits is None else len(health.changed_limits)
+    yield gauge("changed_limits", "Limits of the alerts that are not as they were at commissioning.", changed)
     text = "Time until the bus certificate of the gateway expires, in whole days."
     yield gauge("certificate_remaining_seconds", text, _scaled(health.certificate_days_left, DAY_S))
     if health.relay is not None:

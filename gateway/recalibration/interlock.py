@@ -1,7 +1,6 @@
 """The interlock: what must be true of the load before its sensor is taken off the rope or zeroed."""
 
 from collections import deque
-from dataclasses import dataclass
 
 from gateway.calibration.methods.zeroing import MIN_UNBROKEN_REST_S
 from gateway.messages import Verdict
@@ -15,26 +14,21 @@ MIN_STATIC_S = MIN_UNBROKEN_REST_S + 2.0
 """Least time, s, for which a load must have been static before its rope is used as a plumb line. Basis: the rest that zeroing
 reads, and one window of the conditions."""
 LOAD_SIGNAL_VALID_S = 10.0
-"""Time for which a message of the load signal is valid, s. Basis: a choice; a sender may miss some messages, and a load is not
-hooked in and lifted sooner."""
+"""Time for which a load counts as hanging after the load signal has last said so, s. Basis: a choice; a sender may miss some
+messages, and a load is not hooked in and lifted sooner."""
 STILL_VERDICTS: tuple[Verdict, ...] = ("static", "quasi_static")
 MOVING_VERDICTS: tuple[Verdict, ...] = ("swinging", "driven", "disturbed")
 
 
-@dataclass(frozen=True, slots=True)
-class LoadState:
-    """State of the crane's load signal."""
-
-    loaded: bool
-    time_ns: int
-
-
 class LoadInterlock:
-    """Remembers the verdicts of the condition over the last minute, and the load signal. Times are those of the samples."""
+    """Remembers the verdicts of the condition over the last minute, and when the load signal last reported a load.
+
+    A signal that says "no load" takes nothing back: it proves its sender no more than any other. Times are those of the samples.
+    """
 
     def __init__(self) -> None:
         self._verdicts: deque[tuple[int, Verdict]] = deque(maxlen=MAX_VERDICTS)
-        self._load: LoadState | None = None
+        self._loaded_ns: int | None = None
 
     def add_verdict(self, verdict: Verdict, time_ns: int) -> None:
         """Add a verdict of the condition stage."""
@@ -42,9 +36,9 @@ class LoadInterlock:
         while time_ns - self._verdicts[0][0] > MEMORY_S * 1e9:
             self._verdicts.popleft()
 
-    def set_load_state(self, load: LoadState) -> None:
-        """Set the newest state of the load signal."""
-        self._load = load
+    def note_load(self, time_ns: int) -> None:
+        """Note that the load signal reported a load."""
+        self._loaded_ns = time_ns
 
     def clear(self) -> None:
         """Forget the verdicts, after which the load may have moved."""
@@ -59,7 +53,7 @@ class LoadInterlock:
 
     def recalibration_refusal(self, *, confirmed: bool, now_ns: int) -> str | None:
         """Return why the housing may not be taken off the rope, or None; `confirmed` if it has been taken off."""
-        if self._load is not None and self._load.loaded and now_ns - self._load.time_ns < LOAD_SIGNAL_VALID_S * 1e9:
+        if self._loaded_ns is not None and now_ns - self._loaded_ns < LOAD_SIGNAL_VALID_S * 1e9:
             return "a load hangs on the hook, by the load signal; its swing must be monitored"
         if confirmed:
             return None

@@ -34,7 +34,10 @@ from gateway.outbox.outbox import AlertOutbox
 from gateway.recalibration.journal import Journal
 from gateway.recalibration.requests import parse_payload
 from gateway.recording.chain.chain_state import read_state
+from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.format.frames import RECORD_HEAD
+from gateway.recording.info.recording_info import summarise_timeline
+from gateway.recording.reading.catalogue import open_timelines
 from gateway.recording.reading.recording_file import open_recording, read_index
 from gateway.recording.segments.events import read_event_intervals
 from gateway.verbs import VERBS
@@ -72,6 +75,16 @@ def parse_mcap(content: bytes) -> None:
             recording.decode(message)
     with suppress(DeviceError):
         read_index(path)
+
+
+def parse_recording(content: bytes) -> None:
+    """Read a file with these bytes, whole or damaged; seeds are recordings and the files of `test_hostile_recordings`."""
+    path = _file(content, "input.mcap")
+    with suppress(PlumblineError, DeviceError):
+        verify_file(path, None)
+    with suppress(PlumblineError, DeviceError):
+        for timeline in open_timelines([path]):
+            summarise_timeline(timeline)
 
 
 def parse_table(content: bytes) -> None:
@@ -140,6 +153,7 @@ def parse_request(content: bytes) -> None:
 
 TARGETS: dict[str, Callable[[bytes], None]] = {
     "mcap": parse_mcap,
+    "recording": parse_recording,
     "table": parse_table,
     "configuration": parse_configuration,
     "rig": parse_rig,

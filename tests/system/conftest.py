@@ -22,6 +22,15 @@ from tests.waiting import PATIENCE_S
 ROOT = Path(__file__).parents[2]
 LONGEST_STOP_S = 10.0
 """From a signal to the end: TimeoutStopSec of the service, after which it is killed."""
+HOSTILE = """
+import json, sys, time, zenoh
+config = zenoh.Config()
+for key, value in {{"mode": "client", "connect/endpoints": [sys.argv[1]], "scouting/multicast/enabled": False}}.items():
+    config.insert_json5(key, json.dumps(value))
+session = zenoh.open(config)
+print("ready", flush=True)
+{work}
+"""
 
 
 class RunningGateway:
@@ -122,9 +131,20 @@ class BusPeer:
         self.session.close()
 
 
+def health(peer: BusPeer, after_s: float = 1.5, least_refused: int = 0) -> Any:
+    """A health message that describes what comes from now on, with so many refusals at least."""
+    begun_ns = time.time_ns() + round(after_s * 1e9)
+    return peer.wait_for(
+        "health",
+        lambda message: message["time_ns"] > begun_ns and sum(message["refused"].values()) >= least_refused,
+    )
+
+
 StartGateway = Callable[..., RunningGateway]
 """Starts a gateway with the arguments of `RunningGateway` but the folder."""
 JoinBus = Callable[[str], BusPeer]
+Hostile = Callable[[str, str], "subprocess.Popen[str]"]
+"""Starts a process that works on the bus at an endpoint."""
 
 
 class Plumbline(Protocol):
@@ -181,6 +201,24 @@ def plumbline() -> Plumbline:
         )
 
     return run
+
+
+@pytest.fixture
+def hostile() -> Iterator[Hostile]:
+    """Starts processes without any credential that do some work on the bus, with a `session`."""
+    running: list[subprocess.Popen[str]] = []
+
+    def start(endpoint: str, work: str) -> subprocess.Popen[str]:
+        command = [sys.executable, "-c", HOSTILE.format(work=work), endpoint]
+        running.append(subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT))
+        assert running[-1].stdout is not None
+        assert running[-1].stdout.readline() == "ready\n"
+        return running[-1]
+
+    yield start
+    for process in running:
+        process.kill()
+        process.communicate()
 
 
 @contextmanager

@@ -2,11 +2,8 @@
 
 import json
 import os
+import shutil
 import signal
-import subprocess
-import sys
-import time
-from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -22,7 +19,7 @@ from gateway.topics import TOPICS
 from gateway.verbs import VERBS
 from tests.ports import unused_port
 from tests.system.bus_query import KEY, query, sign
-from tests.system.conftest import ROOT, BusPeer, JoinBus, Plumbline, RunningGateway, StartGateway
+from tests.system.conftest import BusPeer, Hostile, JoinBus, Plumbline, RunningGateway, StartGateway, health
 from tests.system.test_alert_delivery import CHATTERING
 from tests.waiting import wait_until
 
@@ -30,43 +27,6 @@ pytestmark = pytest.mark.slow
 ODR_HZ = 1000
 TOML = f'[device]\nkind = "simulated"\nodr_hz = {ODR_HZ}\n'
 TRIP = "[alerts]\nwarn_deg = 0.2\ntrip_deg = 0.3\nclear_deg = 0.1\n"
-
-HOSTILE = """
-import json, sys, time, zenoh
-config = zenoh.Config()
-for key, value in {{"mode": "client", "connect/endpoints": [sys.argv[1]], "scouting/multicast/enabled": False}}.items():
-    config.insert_json5(key, json.dumps(value))
-session = zenoh.open(config)
-print("ready", flush=True)
-{work}
-"""
-
-
-@pytest.fixture
-def hostile(request: pytest.FixtureRequest) -> Iterator[Any]:
-    """Starts hostile processes."""
-    running: list[subprocess.Popen[str]] = []
-
-    def start(endpoint: str, work: str) -> subprocess.Popen[str]:
-        command = [sys.executable, "-c", HOSTILE.format(work=work), endpoint]
-        running.append(subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT))
-        assert running[-1].stdout is not None
-        assert running[-1].stdout.readline() == "ready\n"
-        return running[-1]
-
-    yield start
-    for process in running:
-        process.kill()
-        process.communicate()
-
-
-def health(peer: BusPeer, after_s: float = 1.5, least_refused: int = 0) -> Any:
-    """A health message that describes what comes from now on, with so many refusals at least."""
-    begun_ns = time.time_ns() + round(after_s * 1e9)
-    return peer.wait_for(
-        "health",
-        lambda message: message["time_ns"] > begun_ns and sum(message["refused"].values()) >= least_refused,
-    )
 
 
 def resident_mb(gateway: RunningGateway) -> float:
@@ -76,7 +36,7 @@ def resident_mb(gateway: RunningGateway) -> float:
 
 
 def test_forged_messages_of_every_topic_reach_no_client(
-    start_gateway: StartGateway, join_bus: JoinBus, hostile: Any
+    start_gateway: StartGateway, join_bus: JoinBus, hostile: Hostile
 ) -> None:
     gateway = start_gateway(TOML + TRIP)
     peer = join_bus(gateway.endpoint)
@@ -134,7 +94,7 @@ def test_a_refusal_that_cannot_be_written_is_a_fault(start_gateway: StartGateway
 
 
 def test_a_flood_of_requests_loses_no_sample_and_the_engineer_gets_through(
-    start_gateway: StartGateway, join_bus: JoinBus, hostile: Any, plumbline: Plumbline
+    start_gateway: StartGateway, join_bus: JoinBus, hostile: Hostile, plumbline: Plumbline
 ) -> None:
     gateway = start_gateway(TOML)
     peer = join_bus(gateway.endpoint)
@@ -161,7 +121,7 @@ while True:
 
 
 def test_large_messages_and_a_stalled_peer_cost_no_memory_and_no_alert(
-    start_gateway: StartGateway, join_bus: JoinBus, hostile: Any
+    start_gateway: StartGateway, join_bus: JoinBus, hostile: Hostile
 ) -> None:
     gateway = start_gateway(TOML)
     peer = join_bus(gateway.endpoint)
@@ -232,11 +192,16 @@ def test_a_second_gateway_with_the_same_key_is_noticed(tmp_path: Path) -> None:
     config = zenoh.Config()
     for key, value in {"mode": "router", "listen/endpoints": [endpoint], "scouting/multicast/enabled": False}.items():
         config.insert_json5(key, json.dumps(value))
-    gateways = []
+    gateways: list[RunningGateway] = []
     with zenoh.open(config):
         try:
             for name in ("one", "two"):
                 (tmp_path / name).mkdir()
+                if gateways:  # from a copy of the disk
+                    signing_key = gateways[0].data_dir / "signing-key.pem"
+                    wait_until(signing_key.exists, "the key of the first")
+                    (tmp_path / name / "data").mkdir()
+                    shutil.copy(signing_key, tmp_path / name / "data")
                 connect = {"PLUMBLINE_BUS__CONNECT": json.dumps([endpoint])}
                 gateways.append(RunningGateway(tmp_path / name, environment=connect))
             with closing(BusPeer(endpoint, f"{KEY}/health")) as peer:

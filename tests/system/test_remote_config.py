@@ -32,7 +32,7 @@ def _proposal(folder: Path, text: str) -> Path:
 
 
 def test_a_change_is_proposed_applied_and_confirmed(
-    gateway: RunningGateway, plumbline: Plumbline, tmp_path: Path
+    gateway: RunningGateway, plumbline: Plumbline, join_bus: JoinBus, tmp_path: Path
 ) -> None:
     code, out, _ = _remote(plumbline, gateway, "get")
     assert code == 0
@@ -47,6 +47,9 @@ def test_a_change_is_proposed_applied_and_confirmed(
     assert (code, err) == (0, "")
     assert "confirmed: the gateway is healthy" in out
     assert "trip_deg = 5.5  # agreed with the owner" in (tmp_path / "gateway.toml").read_text()
+    (changed,) = join_bus(gateway.endpoint).wait_for("health")["changed_limits"]
+    assert changed.startswith("alerts.trip_deg is 5.5, changed over the bus; at commissioning it was 6;")
+    assert changed in plumbline("fleet", "status", "--connect", gateway.endpoint, "--json", "-").stdout
     (kept,) = tmp_path.glob("gateway.toml.until-*")
     assert kept.read_text() == FILE
     assert not (tmp_path / "gateway.toml.trial.json").exists()

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import pytest
 
 from gateway.bus.session import MOST_PENDING
-from tests.system.conftest import Plumbline, StartGateway
+from tests.system.conftest import JoinBus, Plumbline, StartGateway
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow
@@ -49,12 +49,18 @@ def silent_connections(port: int) -> Iterator[None]:
         process.communicate()
 
 
-def test_silent_connections_keep_nobody_out(start_gateway: StartGateway, plumbline: Plumbline) -> None:
+def test_silent_connections_keep_nobody_out_and_are_shown(
+    start_gateway: StartGateway, plumbline: Plumbline, join_bus: JoinBus
+) -> None:
     gateway = start_gateway()
     status = "remote", "status", "--connect", gateway.endpoint, "--json", "-"
     wait_until(lambda: plumbline(*status).returncode == 0, "the gateway")
     with silent_connections(gateway.bus_port):
         mark = "remote", "mark", "x", "--by", "ann", "--connect", gateway.endpoint, "--credentials", gateway.data_dir
         marked = [plumbline(*mark) for _ in range(4)]
+        peer = join_bus(gateway.endpoint)
+        shown = peer.wait_for("health", lambda message: "bus_connections" in message["standing_faults"])
+    assert "open no link" in shown["standing_faults"]["bus_connections"]
+    peer.wait_for("health", lambda message: "bus_connections" not in message["standing_faults"])
     assert [(each.returncode, each.stdout) for each in marked] == [(0, "mark: marked: x\n")] * 4
     assert json.loads(plumbline(*status).stdout)

@@ -9,7 +9,13 @@ from tests.system.conftest import ROOT, JoinBus, StartGateway
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow
-TOML = '[relay]\nkind = "command"\ncommand = ["/bin/true"]\n'
+TOML = """
+[relay]
+kind = "command"
+command = ["/bin/true"]
+[recorder]
+time_stamp_authority = "http://127.0.0.1:9"
+"""
 SECTION = (
     (ROOT / "docs" / "development" / "architecture.md").read_text().partition("## Threads\n")[2].partition("\n## ")[0]
 )

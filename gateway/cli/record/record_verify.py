@@ -49,6 +49,21 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         help="health messages that somebody kept, as `remote status --json FILE` writes them: what they say of the newest "
         "segment must be there",
     )
+    verify.add_argument(
+        "--tsa-ca",
+        type=Path,
+        metavar="FILE",
+        help="certificates, in PEM, of the CA of the time stamp authority that the gateway asks: its time stamps are checked, "
+        "and what they are about must be there",
+    )
+    verify.add_argument(
+        "--time-stamps",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="time stamps that were kept elsewhere, beside those in the folders: a copy of time-stamps.jsonl",
+    )
     add_json(verify)
     verify.set_defaults(run=run)
 
@@ -61,6 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.pki.signing_key import read_public_key
     from gateway.recording.chain.chain_verification import verify_chain
     from gateway.recording.chain.file_verification import verify_file
+    from gateway.recording.chain.time_stamps import describe_proven, list_time_stamp_files, load_verifier, prove_all
     from gateway.recording.reading.catalogue import list_recordings
 
     paths = list_recordings(arguments.paths)
@@ -69,13 +85,21 @@ def run(arguments: argparse.Namespace) -> int:
     pinned = None if known is None else known.public_key
     key = pinned if arguments.key is None else read_public_key(arguments.key)
     heard += [] if known is None or known.public_key != key else [known]
+    folders = [path for path in arguments.paths if path.is_dir()]
+    stamp_files = [*arguments.time_stamps, *(file for folder in folders for file in list_time_stamp_files(folder))]
+    verifier = None if arguments.tsa_ca is None else load_verifier(arguments.tsa_ca)
+    proven, remarks = prove_all(stamp_files, verifier)
+    heard += [each.statement for each in proven]
     found = []
     with ProgressBar("verifying") as bar:
         for number, path in enumerate(paths):
             bar.update(number / len(paths))
             found.append(verify_file(path, key))
-    chain = verify_chain(found, [path for path in arguments.paths if path.is_dir()], key, heard)
-    show(_text(chain, key, is_pinned=arguments.key is None), chain.as_json(), arguments.json)
+    chain = verify_chain(found, folders, key, heard)
+    said = [*describe_proven(proven), *remarks]
+    stamps = [{"segment": each.statement.segment, "time_utc": each.at.isoformat()} for each in proven]
+    content = {**chain.as_json(), "time_stamps": stamps, "time_stamp_remarks": remarks}
+    show(_text(chain, key, said, is_pinned=arguments.key is None), content, arguments.json)
     return EXIT_CODES[chain.answer]
 
 
@@ -88,13 +112,14 @@ def _gateway_of(path: Path) -> str:
     return "" if statement is None else statement.gateway
 
 
-def _text(chain: "ChainVerification", key: str | None, *, is_pinned: bool) -> str:
+def _text(chain: "ChainVerification", key: str | None, said: list[str], *, is_pinned: bool) -> str:
     from gateway.pki.signing_key import fingerprint
 
     lines = [line for file in chain.files for line in _file_lines(file)]
     if chain.segments:
         lines.append(f"the files are segments {chain.segments[0]} to {chain.segments[-1]}")
     lines += [f"  {problem}" for problem in chain.problems] + [f"  {remark}" for remark in chain.remarks]
+    lines += [f"  {text}" for text in said]
     if is_pinned and key is not None:
         lines.append(f"key {fingerprint(key)} is pinned: this user heard it from the gateway at the first contact")
     if key is None and chain.public_keys:

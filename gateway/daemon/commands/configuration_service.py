@@ -1,6 +1,5 @@
 """Changes of the configuration over the bus: proposed, applied on trial, confirmed or rolled back by the gateway's health."""
 
-import json
 import logging
 import threading
 from collections.abc import Callable, Mapping
@@ -8,14 +7,16 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
 from gateway.atomic_io import write_durably
+from gateway.configuration.commissioned_limits import describe_changes, note_change
 from gateway.configuration.loading import ConfigurationError, load_text, require_sensor
+from gateway.configuration.model import AlertsSection
 from gateway.configuration.proposal import CheckedProposal, check_proposal, text_hash, visible_part
 from gateway.configuration.trial import ConfigurationTrial, Outcome, TrialJournal
 from gateway.daemon.commands.requests import RemoteRequest, RequestHandler
-from gateway.file_input import parse_toml
+from gateway.file_input import parse_json, parse_toml, read_bounded
 from gateway.recalibration.journal import Audit
 from gateway.recalibration.requests import ApplyConfiguration, ProposeConfiguration, ReadConfiguration, Request
 
@@ -51,7 +52,10 @@ class ConfigurationService:
         self._environment = environment
         self.restart_wanted = False
         """Whether the gateway must end, and start again with another configuration."""
+        self.changed_limits: list[str] = []
+        """A line for each limit of the alerts that was changed over the bus since commissioning."""
         self._audit: Audit | None = None
+        self._data_dir = Path()
         self._proposal_path = Path(FOLDER)
 
     def resume(self) -> Outcome:
@@ -67,7 +71,7 @@ class ConfigurationService:
     def open(self, data_dir: Path) -> dict[str, RequestHandler]:
         """Start in a gateway; return the handlers of the verbs. A trial that was rolled back is noted in the audit."""
         self._audit = Audit(data_dir / FOLDER / "audit.jsonl", log.warning)
-        self._proposal_path = data_dir / FOLDER / "proposal.json"
+        self._data_dir, self._proposal_path = data_dir, data_dir / FOLDER / "proposal.json"
         journal = self._journal()
         if self.trial is not None and journal is not None and journal.rolled_back is not None:
             try:
@@ -80,6 +84,12 @@ class ConfigurationService:
             "config_propose": lambda request: self._handle(request, self._propose),
             "config_apply": lambda request: self._handle(request, self._apply),
         }
+
+    def compare_limits(self, alerts: AlertsSection) -> None:
+        """Compare the limits in force with those of commissioning. Called by the thread of the remote calls, once."""
+        self.changed_limits = describe_changes(self._data_dir, alerts)
+        for line in self.changed_limits:
+            log.warning("%s", line)
 
     @property
     def on_trial(self) -> bool:
@@ -162,6 +172,8 @@ class ConfigurationService:
         self._note(
             "applied", wanted, changes=[str(change) for change in checked.changes], proposed_by=stored.request.by
         )
+        before, after = (load_text(each, path.name, {}).alerts for each in (text, checked.text))
+        note_change(self._data_dir, before, after)
         ConfigurationTrial(path).begin(begun)
         return {"text": f"on trial; the former one is kept: {path.with_name(kept)}"}
 
@@ -175,8 +187,8 @@ class ConfigurationService:
 
     def _stored_proposal(self) -> StoredProposal | None:
         try:
-            return StoredProposal.model_validate(json.loads(self._proposal_path.read_bytes()))
-        except (FileNotFoundError, ValidationError, ValueError):
+            return StoredProposal.model_validate(parse_json(read_bounded(self._proposal_path)))
+        except (OSError, ValueError):
             return None
 
     def _journal(self) -> TrialJournal | None:

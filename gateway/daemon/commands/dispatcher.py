@@ -62,9 +62,9 @@ class RequestDispatcher:
         except NotAuthorised as refusal:
             self._refuse(verb, refusal, origin, reply)
 
-    def refuse_signal(self, key: str, why: str, origin: Callable[[], str]) -> None:
-        """Note an invalid message on a key of the gateway; nobody waits for an answer to it."""
-        self._security_log.add(Refusal(key, "invalid_signal", None, why), origin, self._now_ns())
+    def refuse_signal(self, key: str, kind: str, why: str, origin: Callable[[], str]) -> None:
+        """Note what was not taken on a key of the gateway; nobody waits for an answer to it."""
+        self._security_log.add(Refusal(key, kind, None, why), origin, self._now_ns())
 
     def _check_form(self, verb: Verb, request: SignedRequest) -> None:
         if len(request.payload) > verb.max_bytes:

@@ -12,7 +12,6 @@ from gateway.daemon.storage.calibration_provider import CalibrationProvider
 from gateway.messages import CalibrationSession, Verdict
 from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.pipeline.rate_limiter import RateLimiter
-from gateway.recalibration.interlock import LoadState
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.requests import Fetch, LoadSignal, Request
 from gateway.recalibration.session import Session, Timestamp, make_session_message
@@ -71,7 +70,7 @@ class RecalibrationService:
         self._attach = attach
         self._attached: Correction | None = None
         """The correction whose files were attached last."""
-        self._load: LoadState | None = None
+        self._loaded_ns: int | None = None
         self._limiter = RateLimiter(SESSION_PERIOD_S)
         self._shown: Session | None = None
         self._info: DeviceInfo | None = None
@@ -81,8 +80,9 @@ class RecalibrationService:
         """Set when the first device has been opened."""
 
     def set_load_signal(self, signal: LoadSignal) -> None:
-        """Take a message of the load signal. Called by the thread of the remote calls."""
-        self._load = LoadState(signal.loaded, self._wall_clock.clock.now_ns())
+        """Take a message of the load signal. Called by any thread."""
+        if signal.loaded:
+            self._loaded_ns = self._wall_clock.clock.now_ns()
 
     def fetch(self, request: RemoteRequest) -> None:
         """Answer with what is stored. Called by the thread of the remote calls."""
@@ -109,8 +109,8 @@ class RecalibrationService:
 
     def tick(self) -> None:
         """End a session that has timed out, take the load signal, and attach the files of another record to the recording."""
-        if self._load is not None:
-            self._recalibration.interlock.set_load_state(self._load)
+        if self._loaded_ns is not None:
+            self._recalibration.interlock.note_load(self._loaded_ns)
         self._tell(self._recalibration.tick(self._now()))
         told = self.instruction
         if told is None or told.correction is self._attached:

@@ -58,10 +58,13 @@ class Answer:
 
 
 @dataclass(frozen=True, slots=True)
-class IncomingLoadSignal:
-    """A message of the crane's load signal."""
+class RefusedSignal:
+    """What came without a question on a key of the gateway and was not taken, and why."""
 
-    payload: bytes
+    key: str
+    """The key below that of the gateway."""
+    kind: str
+    reason: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +74,7 @@ class IncomingSignInReport:
     payload: bytes
 
 
-RpcItem = IncomingQuery | Answer | IncomingLoadSignal | IncomingSignInReport
+RpcItem = IncomingQuery | Answer | RefusedSignal | IncomingSignInReport
 
 
 class RpcServer(Worker[RpcItem]):
@@ -118,21 +121,30 @@ class RpcServer(Worker[RpcItem]):
         self.inbox.put(IncomingQuery(verb, query), RESERVED_FOR_ANSWERS)
 
     def _receive_load_signal(self, sample: zenoh.Sample) -> None:
-        self.inbox.put(IncomingLoadSignal(sample.payload.to_bytes()), RESERVED_FOR_ANSWERS)
+        """Take a load at once: in the inbox a flood could displace it."""
+        try:
+            self._recalibration.set_load_signal(parse_payload(LoadSignal, sample.payload.to_bytes()))
+        except RequestError as error:
+            why = f'{error}; a load signal is JSON such as {{"loaded": true}}'
+            self.note_refusal("load", "invalid_signal", why)
+
+    def note_refusal(self, key: str, kind: str, reason: str) -> None:
+        """Note what was not taken on a key below that of the gateway. Called by any thread; does not wait."""
+        self.inbox.put(RefusedSignal(key, kind, reason), RESERVED_FOR_ANSWERS)
 
     def receive_sign_in_report(self, payload: bytes) -> None:
         """Take a report of the page. Called by the thread of the page's channel; does not wait."""
         self.inbox.put(IncomingSignInReport(payload))
 
     def handle(self, item: RpcItem) -> None:
-        """Take a query or a load signal, or send an answer."""
+        """Take a query or a report, or send an answer."""
         match item:
             case IncomingQuery():
                 self._dispatch(item)
             case Answer():
                 self._send(item)
-            case IncomingLoadSignal():
-                self._take_load_signal(item.payload)
+            case RefusedSignal():
+                self._dispatcher.refuse_signal(item.key, item.kind, item.reason, self._describe_origin)
             case IncomingSignInReport():
                 self._sign_ins.take(item.payload)
 
@@ -149,13 +161,6 @@ class RpcServer(Worker[RpcItem]):
             origin=self._describe_origin,
             reply=lambda accepted, content: self.inbox.put(Answer(item, accepted, content)),
         )
-
-    def _take_load_signal(self, payload: bytes) -> None:
-        try:
-            self._recalibration.set_load_signal(parse_payload(LoadSignal, payload))
-        except RequestError as error:
-            why = f'{error}; a load signal is JSON such as {{"loaded": true}}'
-            self._dispatcher.refuse_signal("load", why, self._describe_origin)
 
     def _describe_origin(self) -> str:
         return "" if self._session is None else describe_links(self._session)

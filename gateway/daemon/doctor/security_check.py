@@ -7,6 +7,7 @@ from pathlib import Path
 from gateway.authorization.token import TOKEN_NAME
 from gateway.bus.credentials import VARIABLE
 from gateway.configuration.bus_section import BusSection, is_encrypted, is_loopback
+from gateway.configuration.commissioned_limits import describe_changes
 from gateway.configuration.model import Configuration
 from gateway.daemon.commands.authorisation import read_certificates
 from gateway.daemon.doctor.check_result import CheckResult
@@ -24,6 +25,8 @@ def examine_security(configuration: Configuration) -> Iterator[CheckResult]:
     yield from _certificates(configuration.bus)
     yield from _files(configuration)
     yield from _page(configuration)
+    for line in describe_changes(configuration.gateway.data_dir, configuration.alerts):
+        yield CheckResult("note", "limits", line)
 
 
 def _listeners(bus: BusSection) -> Iterator[CheckResult]:

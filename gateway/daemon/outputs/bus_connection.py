@@ -13,6 +13,8 @@ log = logging.getLogger("plumbline.bus")
 MIN_OPENING_PAUSE_S, MAX_OPENING_PAUSE_S = 0.5, 5.0
 """Pauses between two attempts to open the bus, the first and the longest. Basis: a choice; a restart of the router is over soon,
 and a missing one costs little."""
+WATCH_S = 1.0
+"""Time between two looks at the open bus. Basis: a choice; what is looked for is a fault after seconds."""
 PART = "bus"
 
 
@@ -23,12 +25,14 @@ class BusConnection(threading.Thread):
         self,
         open_session: Callable[[], zenoh.Session],
         users: Sequence[Callable[[zenoh.Session], None]],
+        watches: Sequence[Callable[[], None]],
         faults: FaultRegister,
     ) -> None:
-        """`users` are called with the session once it is open; they may not be called before."""
+        """`users` are called with the session once it is open, and not before; `watches` about once a second from then on."""
         super().__init__(name="bus", daemon=True)
         self._open_session = open_session
         self._users = users
+        self._watches = watches
         self._faults = faults
         self._stopping = threading.Event()
         self.tried = threading.Event()
@@ -45,11 +49,19 @@ class BusConnection(threading.Thread):
             session = self._try_open()
             self.tried.set()
             if session is not None:
-                self._stopping.wait()
+                while not self._stopping.wait(WATCH_S):
+                    self._watch()
                 session.close()
                 return
             self._stopping.wait(backoff.pause_s)
             backoff.increase()
+
+    def _watch(self) -> None:
+        for watch in self._watches:
+            try:
+                watch()
+            except zenoh.ZError as error:
+                log.error("the bus cannot be watched: %s", error)
 
     def _try_open(self) -> zenoh.Session | None:
         try:

@@ -1,6 +1,7 @@
 """The offset of the wall clock from gateway time, and whether the kernel's clock is synchronised."""
 
 import ctypes
+from functools import cache
 
 from devices.host_clock import HostClock
 from gateway.pipeline.outgoing_message import ClockState
@@ -33,5 +34,10 @@ class WallClockMonitor:
 def _is_kernel_synchronised() -> bool:
     """Return whether a time service disciplines the clock, by adjtimex in read-only mode."""
     request = ctypes.create_string_buffer(512)  # struct timex, all zero: modes = 0 reads
-    state: int = ctypes.CDLL(None).adjtimex(request)
+    state: int = _library().adjtimex(request)
     return 0 <= state < TIME_ERROR
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    return ctypes.CDLL(None)

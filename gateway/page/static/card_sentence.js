@@ -3,10 +3,10 @@
 import {sentence} from "./sentence.js";
 import {hasText, text} from "./texts.js";
 
-// Return the sentence of a card; empty where all is well.
+// Return the sentence of a card; empty where all is well and the limits are those of commissioning.
 export function cardSentence({word, alive, causes}) {
   switch (word) {
-    case "OK": return "";
+    case "OK": return causes.limits_changed ? text("note_limits") : "";
     case "MISSING": return text("fleet_missing");
     case "GONE": return text("gateway_gone");
     case "NOT AUTHENTICATED": return text("fleet_not_authenticated");

@@ -9,6 +9,7 @@ export function operatorNotice(health) {
   if (health.relay === "failed" || faults.relay) return text("note_relay");
   if (health.battery_low) return text("note_battery");
   if (health.recording_error || faults.recording) return text("note_recording");
+  if (health.changed_limits?.length) return text("note_limits");
   return "";
 }
 
@@ -18,5 +19,5 @@ export function serviceNotices(health) {
   const state = health.state === "running" ? [] : [`gateway ${health.state}`];
   const recording = health.recording_error ? [`${text("not_recording")} ${health.recording_error}`] : [];
   const others = Object.entries(health.standing_faults ?? {}).filter(([part]) => part !== "recording").map(([, reason]) => reason);
-  return [...state, ...recording, ...others];
+  return [...state, ...recording, ...others, ...(health.changed_limits ?? [])];
 }

@@ -72,6 +72,8 @@ class RecomputedSummary:
 
     def _add_message_index(self, content: bytes, place: int, length: int) -> None:
         channel_id, entries_bytes = INDEX_HEAD.unpack_from(content)
+        if not self._section.chunk_count:
+            raise ValueError("an index of messages that no chunk precedes")
         if self._unread is not None and channel_id not in self._channels:
             for opcode, definition in self._chunks.frames(self._unread):
                 self._define(opcode, definition)

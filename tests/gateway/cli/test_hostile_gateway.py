@@ -12,6 +12,8 @@ import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gateway.atomic_io import write_private
+from gateway.authorization.token import TOKEN_NAME, token_id
 from gateway.bus.client import RpcReply
 from gateway.bus.session import open_session
 from gateway.bus.untrusted import parse_message, parse_status
@@ -31,7 +33,10 @@ class HostileGateway:
 
     def __init__(self) -> None:
         self.endpoint = f"tcp/127.0.0.1:{unused_port()}"
-        self.answers: dict[str, Callable[[Any], bytes]] = {}
+        self.answers: dict[str, Callable[[Any], bytes | None]] = {}
+        """The answer to each verb; None: the query is dropped."""
+        self.asked: list[tuple[str, bool]] = []
+        """Verbs that were asked for, and whether with a credential or a random number."""
         self._session = open_session("peer", [], [self.endpoint])
         self._alive = self._session.liveliness().declare_token(f"{KEY}/alive")
         self._queryable = self._session.declare_queryable(f"{KEY}/rpc/*", self._answer)
@@ -41,8 +46,11 @@ class HostileGateway:
     def _answer(self, query: zenoh.Query) -> None:
         verb = str(query.key_expr).rpartition("/")[2]
         request = json.loads(query.payload.to_bytes() or b"{}") if query.payload is not None else {}
+        self.asked.append((verb, query.attachment is not None))
+        answer = self.answers.get(verb, lambda _: b"\xff\xfe")(request)
         with query:
-            query.reply(f"{KEY}/rpc/{verb}", self.answers.get(verb, lambda _: b"\xff\xfe")(request))
+            if answer is not None:
+                query.reply(f"{KEY}/rpc/{verb}", answer)
 
     def publish(self, topic: str, *payloads: bytes) -> None:
         """Publish payloads until the end of the test."""
@@ -157,6 +165,21 @@ def test_a_hostile_answer_to_a_command_is_printed_harmlessly(
     assert main(["remote", "mark", "hello", "--by", "ann", "--connect", hostile.endpoint]) == 0
     out = capsys.readouterr().out
     assert ("\x1b" in out, out.count("\n")) == (False, 1)
+
+
+def test_a_challenge_that_a_flood_has_displaced_is_asked_for_again(
+    hostile: HostileGateway, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    write_private(tmp_path / TOKEN_NAME, b"1" * 64 + b"\n", 0o600)
+    challenge = {"boot_id": "0" * 12, "time_ns": 5, "scheme": "token", "token_id": token_id(bytes.fromhex("1" * 64))}
+    answers = iter([None, json.dumps(challenge).encode()])
+    hostile.answers["challenge"] = lambda _: next(answers)
+    hostile.answers["mark"] = lambda _: json.dumps({"accepted": True, "text": "marked"}).encode()
+    command = ["remote", "mark", "x", "--by", "ann", "--connect", hostile.endpoint, "--credentials", str(tmp_path)]
+    assert main(command) == 0
+    assert capsys.readouterr().out == "mark: marked\n"
+    assert [with_it for verb, with_it in hostile.asked if verb == "mark"] == [True]
 
 
 def test_watching_survives_garbage_and_shows_what_is_valid(

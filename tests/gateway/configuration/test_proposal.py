@@ -80,6 +80,7 @@ def test_a_new_section_is_added() -> None:
         ({"bus": {"allow_unencrypted": True}}, "bus.allow_unencrypted: can only be changed"),
         ({"recorder": {"quota_mb": 0.001}}, "recorder.quota_mb: 0.001 is not between 1000 and"),
         ({"alerts": {"trip_deg": 89.9}}, "alerts.trip_deg: 89.9 is not between 0 and 15"),
+        ({"filter": {"cutoff_hz": 1e-6}}, "filter.cutoff_hz: 1e-06 is not between 0.1 and 100"),
         ({"alerts": {"lean_trip_deg": 80}}, "alerts.lean_trip_deg: 80 is not between 0 and 15"),
         ({"alerts": {"hold_s": 600}}, "alerts.hold_s: 600 is not between 0.5 and 60"),
         ({"alerts": {"stale_s": 60}}, "alerts.stale_s: 60 is not between 0.2 and 5"),

@@ -71,6 +71,7 @@ class Scene:
         self.drift: dict[str, Any] | None = None
         self.standing_faults: dict[str, str] = {}
         self.battery_low: bool | None = None
+        self.changed_limits: list[str] | None = []
         self.incident: str | None = "b00t-1"
         self.acknowledged_by: str | None = None
         self.time_to_peak_s = 1.7
@@ -230,6 +231,7 @@ class Scene:
             drift=self.drift,
             standing_faults=self.standing_faults,
             battery_low=self.battery_low,
+            changed_limits=self.changed_limits,
         )
 
 

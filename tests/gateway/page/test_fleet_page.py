@@ -192,10 +192,11 @@ def test_cards_say_why_in_the_language_of_the_page(
     disturbed = site.add("crane-6")
     disturbed.condition, disturbed.trusted = "disturbed", False
     site.add("crane-7")
+    site.add("crane-9").changed_limits = ["alerts.trip_deg is 15, changed over the bus"]
     expected = tmp_path / "expected.txt"
     expected.write_text("north-yard/crane-8/hook\n")
     window = _open(browser, serve("--language", "de", "--expect", str(expected)))
-    expect(window.locator("#cards li")).to_have_count(8)  # what was never seen cannot go
+    expect(window.locator("#cards li")).to_have_count(9)  # what was never seen cannot go
     site.remove("crane-7")
     expect(window.locator("#cards .why")).to_have_text(
         [
@@ -207,6 +208,7 @@ def test_cards_say_why_in_the_language_of_the_page(
             "Das Pendeln ist zurzeit unbekannt.",
             "Arbeitet nicht: Aufzeichnung, Schreiben der Zustandsdateien.",
             "Die Batterie des Sensors ist schwach. Laden oder wechseln.",
+            "Die Grenzen der Alarme sind nicht die der Inbetriebnahme.",
         ]
     )
     window.close()

@@ -313,6 +313,10 @@ def test_the_operator_is_told_only_of_faults_that_ask_for_action(
     gateway.scene.battery_low = True
     screen.text("#note", "The sensor's battery is low. Charge or change it.")
     gateway.scene.standing_faults, gateway.scene.recording_error, gateway.scene.battery_low = {}, None, None
+    gateway.scene.changed_limits = ["alerts.trip_deg is 15, changed over the bus; at commissioning it was 6"]
+    screen.text("#note", "The limits of the alarms are not those of commissioning.")
+    screen.text("#reasons li >> nth=0", gateway.scene.changed_limits[0])
+    gateway.scene.changed_limits = []
     screen.text("#note", "")
     expect(screen.page.locator("#to-service")).not_to_have_class("faulty")
     assert screen.errors == []

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import pytest
 
 from gateway.messages import Verdict
-from gateway.recalibration.interlock import LOAD_SIGNAL_VALID_S, MEMORY_S, MIN_STATIC_S, LoadInterlock, LoadState
+from gateway.recalibration.interlock import LOAD_SIGNAL_VALID_S, MEMORY_S, MIN_STATIC_S, LoadInterlock
 
 Stretches = Sequence[tuple[Verdict, int]]
 
@@ -43,13 +43,11 @@ def test_the_housing_stays_on_the_rope_while_the_load_moves(stretches: Stretches
 
 def test_a_load_on_the_hook_refuses_a_recalibration_even_if_it_is_confirmed() -> None:
     interlock, now_ns = interlock_after(("static", 70))
-    interlock.set_load_state(LoadState(True, now_ns))
+    interlock.note_load(now_ns)
     assert "a load hangs" in str(interlock.recalibration_refusal(confirmed=True, now_ns=now_ns))
     assert (
         interlock.recalibration_refusal(confirmed=True, now_ns=now_ns + round(LOAD_SIGNAL_VALID_S * NS_PER_S)) is None
     )
-    interlock.set_load_state(LoadState(False, now_ns))
-    assert interlock.recalibration_refusal(confirmed=False, now_ns=now_ns) is None
 
 
 @pytest.mark.parametrize(

@@ -152,6 +152,7 @@ code = subprocess.run(sys.argv[2:]).returncode
 open(sys.argv[1], "w").write(f"{code} {resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss}")
 """
 """Runs a command from a small process: the memory of a child begins at that of its parent. A command without end is ended."""
+EARLY_INDEX = RECORD_HEAD.pack(Opcode.MESSAGE_INDEX, 6) + struct.pack("<HI", 1, 0)
 DEFINITIONS = serialise(Schema(1, b"{}", "jsonschema", "plumbline.Samples"), Channel(1, "/samples", "json", {}, 1))
 VERBS = [["record", "info"], ["record", "verify"], ["record", "incident", "--list"], ["record", "replay"], ["measure"]]
 
@@ -191,6 +192,7 @@ HOSTILE: dict[str, Callable[[], bytes]] = {
     "channels": lambda: packed(serialise(Channel(1, "/c", "json", {}, 0)) * 1_000_000),
     "a claim of 6 GB": lambda: RECORD_HEAD.pack(Opcode.ATTACHMENT, 6_000_000_000),
     "a cut schema": cut_schema,
+    "an index before the first chunk": lambda: EARLY_INDEX + packed(DEFINITIONS + samples(10)),
     "4 MB of short messages": lambda: repeated(
         packed(DEFINITIONS + b"".join(samples(50, number) for number in range(3000)))
     ),

@@ -1,6 +1,7 @@
 """Changes of the configuration: who, what and why are on the disk, and only health confirms."""
 
 import json
+import os
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 import pytest
 
 from gateway.authorization.caller import Caller, Role
+from gateway.configuration.loading import load_text
 from gateway.configuration.trial import MAX_TRIAL_STARTS
 from gateway.daemon.commands.configuration_service import DEADLINE_S, HEALTHY_S, ConfigurationService, TrialSupervisor
 from gateway.daemon.commands.requests import RemoteRequest
@@ -180,3 +182,43 @@ def test_a_gateway_without_samples_is_rolled_back_in_time(bench: Bench) -> None:
     assert bench.service.restart_wanted
     bench.start()
     assert bench.events[-1] == "rolled_back"
+
+
+DAMAGES: dict[str, Callable[[Path], object]] = {
+    "deep": lambda path: path.write_bytes(b"[" * 100_000),
+    "not UTF-8": lambda path: path.write_bytes(b"\xff\xfe{"),
+    "empty": lambda path: path.write_bytes(b""),
+    "a folder": Path.mkdir,
+    "a pipe": os.mkfifo,
+    "a link to a device": lambda path: path.symlink_to("/dev/zero"),
+    "a link to nothing": lambda path: path.symlink_to("nowhere"),
+}
+
+
+@pytest.mark.parametrize("damage", list(DAMAGES))
+def test_a_damaged_journal_or_proposal_keeps_no_gateway_from_starting(bench: Bench, damage: str) -> None:
+    DAMAGES[damage](bench.path.with_name("plumbline.toml.trial.json"))
+    (bench.data_dir / "configuration").mkdir(parents=True, exist_ok=True)
+    DAMAGES[damage](bench.data_dir / "configuration" / "proposal.json")
+    bench.start()
+    TrialSupervisor(bench.service, lambda _: None, threading.Event(), 0.0).tick(0.0)
+    accepted, answer = bench.apply()
+    assert not accepted
+    assert "propose it again" in answer["reason"]
+    assert bench.path.read_text() == FILE
+
+
+def test_no_flipped_bit_of_the_journal_keeps_a_gateway_from_starting(bench: Bench) -> None:
+    bench.propose()
+    bench.apply()
+    journal = bench.path.with_name("plumbline.toml.trial.json")
+    changed = bench.path.read_bytes()
+    files = {path: path.read_bytes() for path in (journal, bench.data_dir / "configuration" / "proposal.json")}
+    for path, whole in files.items():
+        for place in range(len(whole)):
+            for each, content in files.items():
+                each.write_bytes(content)
+            bench.path.write_bytes(changed)
+            path.write_bytes(whole[:place] + bytes([whole[place] ^ 1 << place % 8]) + whole[place + 1 :])
+            bench.start()
+            load_text(bench.path.read_text(), "the file", {})

@@ -172,9 +172,15 @@ def test_a_load_signal_refuses_a_recalibration(service: RecalibrationService) ->
     service.set_load_signal(parse_payload(LoadSignal, b'{"loaded": true, "load_kg": 1250.0}'))
     service.tick()
     assert not ask(service, "recalibrate", "request-1", housing_off_rope=True)[0]
+    service.set_load_signal(parse_payload(LoadSignal, b'{"loaded": false}'))  # it may be anybody's
+    service.tick()
+    assert not ask(service, "recalibrate", "request-2", housing_off_rope=True)[0]
+
+
+def test_a_signal_of_no_load_permits_a_recalibration(service: RecalibrationService) -> None:
     service.set_load_signal(parse_payload(LoadSignal, b'{"loaded": false}'))
     service.tick()
-    assert ask(service, "recalibrate", "request-2", housing_off_rope=True)[0]
+    assert ask(service, "recalibrate", "request-1", housing_off_rope=True)[0]
 
 
 @pytest.mark.parametrize("payload", [b"", b"5", b'{"loaded": "yes"}', b"\xff", b"[" * 8000])

@@ -35,16 +35,24 @@ def session() -> Iterator[zenoh.Session]:
 
 
 @pytest.fixture
-def server(session: zenoh.Session, tmp_path: Path) -> RpcServer:
+def recalibration(tmp_path: Path) -> Recalibration:
+    return Recalibration(tmp_path, AXES, software="test", log_line=print)
+
+
+@pytest.fixture
+def service(recalibration: Recalibration, tmp_path: Path) -> RecalibrationService:
+    calibrations = CalibrationProvider(tmp_path, AXES)
+    return RecalibrationService(recalibration, calibrations, WallClockMonitor(HostClock()), lambda _: True)
+
+
+@pytest.fixture
+def server(session: zenoh.Session, service: RecalibrationService, tmp_path: Path) -> RpcServer:
     """Takes calls, and its thread does not run yet."""
-    recalibration = Recalibration(tmp_path, AXES, software="test", log_line=print)
     security_log = SecurityLog(tmp_path / "security.jsonl")
     server = RpcServer(
         KEY,
         RequestDispatcher(KEY, refuse_all("boot"), {}, security_log, lambda: 0),
-        RecalibrationService(
-            recalibration, CalibrationProvider(tmp_path, AXES), WallClockMonitor(HostClock()), lambda _: True
-        ),
+        service,
         SignInWatch(security_log, FaultRegister(), tmp_path / "page-pin", lambda: 0),
         MessageSigner(lambda: None, "0" * 12, lambda: 0),
         prepare=lambda: None,
@@ -53,8 +61,26 @@ def server(session: zenoh.Session, tmp_path: Path) -> RpcServer:
     return server
 
 
-def test_load_signals_that_find_the_inbox_full_are_counted(session: zenoh.Session, server: RpcServer) -> None:
+def flood(session: zenoh.Session, server: RpcServer) -> None:
     for _ in range(INBOX):
-        session.put(f"{KEY}/load", b'{"loaded": true}')
+        session.put(f"{KEY}/load", b"5")
     wait_until(lambda: len(server.inbox) + server.inbox.dropped == INBOX, "the last signal")
+
+
+def test_refused_load_signals_that_find_the_inbox_full_are_counted(session: zenoh.Session, server: RpcServer) -> None:
+    flood(session, server)
     assert server.inbox.dropped == RESERVED_FOR_ANSWERS
+
+
+def test_a_load_is_noted_though_the_inbox_is_full(
+    session: zenoh.Session, server: RpcServer, service: RecalibrationService, recalibration: Recalibration
+) -> None:
+    flood(session, server)
+    session.put(f"{KEY}/load", b'{"loaded": true}')
+
+    def is_refused() -> bool:
+        service.tick()
+        refusal = recalibration.interlock.recalibration_refusal(confirmed=True, now_ns=HostClock().now_ns())
+        return "a load hangs" in str(refusal)
+
+    wait_until(is_refused, "the load")
