@@ -119,7 +119,7 @@ def test_steady_wind_leans_and_trips_the_lean_alert() -> None:
 @pytest.mark.slow
 def test_alerts_are_raised_by_the_upper_limit_and_clear_after_the_hold_time() -> None:
     limits = {"alerts": {"warn_deg": 4.0, "trip_deg": 6.0, "clear_deg": 3.0, "hold_s": 2.0}}
-    run = Run(crane(7.0, damping_ratio=0.05), limits).go(60)
+    run = Run(crane(8.0, damping_ratio=0.05), limits).go(60)
     events = [(alert.level, alert.event) for alert in run.out["alert"] if alert.event in ("raised", "cleared")]
     assert events[0] == ("trip", "raised")
     assert events[-1] == ("normal", "cleared")
