@@ -12,7 +12,7 @@ from typing import Any, Self
 from tests.waiting import PATIENCE_S
 
 TEXT, BINARY, CLOSE, PING = 1, 2, 8, 9
-MESSAGE_DATA = 1
+MESSAGE_DATA, TIME = 1, 2
 
 
 class FoxgloveClient:
@@ -40,6 +40,10 @@ class FoxgloveClient:
         """What is advertised, by topic."""
         self.statuses: dict[str, dict[str, Any]] = {}
         self.messages: dict[str, list[dict[str, Any]]] = {}
+        self.times_ns: dict[str, list[int]] = {}
+        """The times of the messages."""
+        self.clock_ns: list[int] = []
+        """What the server has said of its own time."""
 
     def subscribe(self, *topics: str) -> Self:
         """Subscribe to topics; without any, to all that are advertised."""
@@ -70,8 +74,11 @@ class FoxgloveClient:
     def _take(self, opcode: int, payload: bytes) -> None:
         assert opcode != CLOSE
         if opcode == BINARY and payload[0] == MESSAGE_DATA:
-            subscription, _log_time_ns = struct.unpack_from("<IQ", payload, 1)
+            subscription, log_time_ns = struct.unpack_from("<IQ", payload, 1)
             self.messages.setdefault(self._names[subscription], []).append(json.loads(payload[13:]))
+            self.times_ns.setdefault(self._names[subscription], []).append(log_time_ns)
+        if opcode == BINARY and payload[0] == TIME:
+            self.clock_ns += struct.unpack_from("<Q", payload, 1)
         if opcode != TEXT:
             return
         said = json.loads(payload)
