@@ -36,6 +36,8 @@ class FoxgloveClient:
         head, _, self._waiting = self._waiting.partition(b"\r\n\r\n")
         assert head.startswith(b"HTTP/1.1 101"), head
         self.sessions: list[str] = []
+        self._wanted: tuple[str, ...] = ()
+        self._names: dict[int, str] = {}
         self.channels: dict[str, dict[str, Any]] = {}
         """What is advertised, by topic."""
         self.statuses: dict[str, dict[str, Any]] = {}
@@ -46,12 +48,16 @@ class FoxgloveClient:
         """What the server has said of its own time."""
 
     def subscribe(self, *topics: str) -> Self:
-        """Subscribe to topics; without any, to all that are advertised."""
+        """Subscribe to topics, as often as they are advertised; without any, to all that are advertised."""
         self.until(lambda: "/bridge" in self.channels)
-        self._names = {self.channels[topic]["id"]: topic for topic in topics or self.channels}
-        wanted = [{"id": number, "channelId": number} for number in self._names]
-        self._send(json.dumps({"op": "subscribe", "subscriptions": wanted}).encode())
+        self._wanted = topics or tuple(self.channels)
+        self._ask([self.channels[topic] for topic in self._wanted])
         return self
+
+    def _ask(self, channels: list[dict[str, Any]]) -> None:
+        self._names |= {channel["id"]: channel["topic"] for channel in channels}
+        wanted = [{"id": channel["id"], "channelId": channel["id"]} for channel in channels]
+        self._send(json.dumps({"op": "subscribe", "subscriptions": wanted}).encode())
 
     def until(self, condition: Callable[[], object], timeout_s: float = PATIENCE_S) -> None:
         """Read until a condition holds."""
@@ -85,8 +91,13 @@ class FoxgloveClient:
         match said["op"]:
             case "serverInfo":
                 self.sessions.append(said["sessionId"])
+                self.statuses.clear()
             case "advertise":
                 self.channels |= {channel["topic"]: channel for channel in said["channels"]}
+                self._ask([channel for channel in said["channels"] if channel["topic"] in self._wanted])
+            case "unadvertise":
+                gone = set(said["channelIds"])
+                self.channels = {topic: each for topic, each in self.channels.items() if each["id"] not in gone}
             case "status":
                 self.statuses[said["id"]] = said
             case "removeStatus":

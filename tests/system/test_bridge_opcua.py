@@ -112,7 +112,8 @@ def test_a_client_that_joins_while_an_alarm_stands_gets_it_by_a_refresh(
 ) -> None:
     site, settings = OpcuaSite(tmp_path), tmp_path / "bridge.toml"
     settings.write_text("demonstration = true\n" + site.settings)
-    gateway = start_gateway(CHATTERING.replace("7.2", "0.2"))  # an alarm that stays
+    stays = CHATTERING.replace("7.2", "0.2").replace("hold_s = 0", "hold_s = 600")
+    gateway = start_gateway(stays)
     peer = BusPeer(gateway.endpoint)
     raised = peer.wait_for("alert", lambda alert: alert["level"] == "trip")
     peer.wait_for("alert", lambda alert: alert["event"] == "standing" and alert["level"] == "trip")

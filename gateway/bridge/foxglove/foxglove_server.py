@@ -24,7 +24,7 @@ STATE_INTERVAL_S = 0.5
 BACKLOG = 256
 """Messages that wait for one client; the library then drops its oldest. Basis: a choice; some five seconds of a gateway."""
 STATUS_ID = "gateway"
-STATE_TOPIC = "/bridge"
+STATE = "bridge"
 STATE_SCHEMA = {
     "title": "plumbline.Bridge",
     "type": "object",
@@ -89,8 +89,9 @@ class FoxgloveServer:
         self._snapshot, self._messages = snapshot, messages
         self.viewers = Viewers()
         self._context = Context()
-        self._channels = {name: self._channel(TOPICS[name].path, schema(name)) for name in messages.topics}
-        self._state_channel = self._channel(STATE_TOPIC, json.dumps(STATE_SCHEMA).encode())
+        self._schemas = {name: (TOPICS[name].path, schema(name)) for name in messages.topics}
+        self._schemas[STATE] = f"/{STATE}", json.dumps(STATE_SCHEMA).encode()
+        self._channels = {name: self._channel(*described) for name, described in self._schemas.items()}
         self._state: PlantState | None = None
         self._stated_s = float("-inf")
         self._newest_ns = 0
@@ -142,15 +143,22 @@ class FoxgloveServer:
         if now_s - self._stated_s >= STATE_INTERVAL_S:
             self._stated_s = now_s
             self._publish_status(server, snapshot.state)  # again and again, for viewers that join late
-            self._state_channel.log(self._encode_state(snapshot))
+            self._channels[STATE].log(self._encode_state(snapshot))
 
     def _announce(self, server: WebSocketServer, state: PlantState) -> None:
         """Tell the clients the new state. Where nothing is heard any more, they forget what they have: it would look present."""
-        if state in UNHEARD and self._state is not None and self._state not in UNHEARD:
-            server.clear_session()
+        if self._state is not None and (state in UNHEARD) != (self._state in UNHEARD):
+            self._begin_session(server)
         self._state = state
         if state is PlantState.FINE:
             server.remove_status([STATUS_ID])
+
+    def _begin_session(self, server: WebSocketServer) -> None:
+        """Let the clients begin anew: Lichtblick forgets the schemas, too, and its list of problems in no other way."""
+        server.clear_session()
+        for name, described in self._schemas.items():
+            self._channels[name].close()
+            self._channels[name] = self._channel(*described)
 
     @staticmethod
     def _publish_status(server: WebSocketServer, state: PlantState) -> None:
