@@ -65,13 +65,15 @@ def run_bridge(
     messages = HeardMessages(key, demonstration=settings.demonstration, allow_unsigned=settings.allow_unsigned)
     reader = GatewayReader(connect_endpoint(arguments), key, client_credentials(arguments), messages, **heard)
     notifier = ServiceNotifier()
+    running: set[asyncio.Task[None]] = set()
 
     def announce() -> None:
         print(f"{description(settings)}, of {key}", flush=True)
         notifier.send("READY=1")
+        running.add(asyncio.get_running_loop().create_task(_show_life(notifier)))
 
     try:
-        asyncio.run(_until_signal(serve(settings, reader, announce), notifier))
+        asyncio.run(_until_signal(serve(settings, reader, announce)))
     except BaseException:
         reader.close()
         raise
@@ -79,14 +81,12 @@ def run_bridge(
     os._exit(0)  # a thread of the bus that does not end would hold the process; there is nothing to save
 
 
-async def _until_signal(serving: Coroutine[None, None, None], notifier: "ServiceNotifier") -> None:
+async def _until_signal(serving: Coroutine[None, None, None]) -> None:
     task, loop = asyncio.ensure_future(serving), asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, task.cancel)
-    alive = asyncio.ensure_future(_show_life(notifier))
     with suppress(asyncio.CancelledError):
         await task
-    alive.cancel()
 
 
 async def _show_life(notifier: "ServiceNotifier") -> None:
