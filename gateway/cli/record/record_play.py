@@ -2,6 +2,7 @@
 
 import argparse
 import asyncio
+import time
 from typing import TYPE_CHECKING
 
 from gateway.cli.options.argument_types import above_zero, require_foxglove
@@ -13,8 +14,8 @@ if TYPE_CHECKING:
     from gateway.recording.reading.recording_file import Selection
     from gateway.recording.reading.timeline import Timeline
 
-BEGIN_DELAY_S = 1.0
-"""From the first topic that a viewer asks for to the first message. Basis: viewers ask panel by panel."""
+SETTLED_S = 2.0
+"""From the last topic that a viewer asks for to the first message. Basis: viewers ask panel by panel, for seconds."""
 LOOK_S = 0.1
 """Time between two looks at the viewers. Basis: a choice; a person notices no later answer."""
 EXAMPLE = """examples:
@@ -32,7 +33,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         description="Publish recordings on the bus, at their pace or another. The keys have -replayed behind the sensor's name, "
         "and the clock of every message is `replayed`; the times are those of the recording. Long gaps are shortened. "
         "With --foxglove serve them to Foxglove, Lichtblick and other viewers on this machine instead, as they are recorded, "
-        "from the first topic that a viewer asks for until the last viewer leaves.",
+        "from when a viewer has asked for its topics until the last viewer leaves.",
         epilog=EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -127,11 +128,13 @@ async def _show(timeline: "Timeline", selection: "Selection", section: "Foxglove
         serving = asyncio.create_task(
             server.serve(lambda: print(f"playing to viewers at ws://{section.listen}, of {key}", flush=True))
         )
-        has_begun = False
-        while server.viewers.subscriptions or not playback.is_at_end:
-            if server.viewers.subscriptions and not has_begun:
+        subscriptions, has_begun, changed_s = 0, False, time.monotonic()
+        while subscriptions or not playback.is_at_end:
+            if server.viewers.subscriptions != subscriptions:
+                subscriptions, changed_s = server.viewers.subscriptions, time.monotonic()
+            if subscriptions and not has_begun and time.monotonic() - changed_s >= SETTLED_S:
                 has_begun = True
-                playback.begin(BEGIN_DELAY_S)
+                playback.begin()
             await asyncio.wait((serving,), timeout=LOOK_S)
             if serving.done():
                 await serving  # raises what has ended it

@@ -130,9 +130,9 @@ class ViewerPlayback:
         self.played = 0
         """Number of messages so far."""
 
-    def begin(self, delay_s: float) -> None:
-        """Let the first message become due after a delay, s. Raises `RecordingError`."""
-        self._scheduled = schedule(self._messages, self._speed, self._now_s() + delay_s)
+    def begin(self) -> None:
+        """Let the first message become due. Raises `RecordingError`."""
+        self._scheduled = schedule(self._messages, self._speed, self._now_s())
         self._next = next(self._scheduled, None)
 
     @property
