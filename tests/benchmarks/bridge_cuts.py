@@ -94,6 +94,7 @@ class _Cuts:
         self._ending = threading.Event()
         self._seen: dict[str, Seen] = {name: [] for name in self._clients}
         self._viewed: list[dict[str, Any]] = []
+        self._complaints: Counter[str] = Counter()
         self._broker_cuts: list[tuple[float, float]] = []
 
     def run(self, duration_s: float) -> None:
@@ -212,6 +213,7 @@ class _Cuts:
                         viewer.until(lambda n=n_bridge, v=viewer: len(v.messages.get("/bridge", ())) > n)  # type: ignore[misc]
                 finally:
                     self._viewed += viewer.messages.get("/motion", ())
+                    self._complaints.update(viewer.statuses.keys() - {"gateway"})
                     viewer.close()
 
     def _judge(self, angles: dict[int, float]) -> None:
@@ -226,6 +228,7 @@ class _Cuts:
         known = [each for each in self._viewed if each["time_ns"] in angles and "angle_deg" in each]
         wrong_n = sum(abs(each["angle_deg"] - angles[each["time_ns"]]) > ROUNDED_DEG for each in known)
         print(f"  values at foxglove: {len(self._viewed)} messages, {len(known)} found again, {wrong_n} of them differ")
+        print(f"  complaints of its server: {dict(self._complaints)}")
 
     def _is_broker_cut(self, at_s: float) -> bool:
         """Whether the broker was cut just before: its consumers have their own time-out then."""

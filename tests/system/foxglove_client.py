@@ -99,7 +99,7 @@ class FoxgloveClient:
                 gone = set(said["channelIds"])
                 self.channels = {topic: each for topic, each in self.channels.items() if each["id"] not in gone}
             case "status":
-                self.statuses[said["id"]] = said
+                self.statuses[said.get("id", said["message"])] = said
             case "removeStatus":
                 for number in said["statusIds"]:
                     self.statuses.pop(number, None)

@@ -20,7 +20,7 @@ MOST_CONDITIONS = 16
 """Conditions of one gateway. Basis: a choice; several times the rules, and a bound for names that somebody invents."""
 
 
-class OpcuaAlarms:
+class OpcuaAlerts:
     """A condition for each rule, sent from the node of the gateway and, as most clients expect, from that of the server."""
 
     def __init__(self, server: Server) -> None:

@@ -9,7 +9,7 @@ from asyncua.common.node import Node
 from asyncua.server.internal_server import InternalServer
 from asyncua.server.internal_session import InternalSession
 
-from gateway.bridge.opcua.opcua_alarms import OpcuaAlarms
+from gateway.bridge.opcua.opcua_alerts import OpcuaAlerts
 from gateway.bridge.opcua.opcua_security import PlantUsers, secure, trust_store
 from gateway.bridge.opcua.opcua_values import NAMESPACE, data_value, engineering_unit, is_measured
 from gateway.bridge.plant_snapshot import BRIDGE_GONE, PlantSnapshot
@@ -64,7 +64,7 @@ class OpcuaServer:
             await self._write(server, BRIDGE_GONE)
             await server.stop()
 
-    async def _build(self, server: Server) -> OpcuaAlarms:
+    async def _build(self, server: Server) -> OpcuaAlerts:
         """Make the nodes: an object for the gateway, below it a variable for each value; return its alarms."""
         index = await server.register_namespace(NAMESPACE)
         name = self._key.removeprefix("plumbline/v1/")
@@ -73,7 +73,7 @@ class OpcuaServer:
             node = await _add_value(server, crane, index, name, value)
             self._nodes.append((value, node.nodeid))
         self._written = [ua.DataValue()] * len(self._nodes)
-        alarms = OpcuaAlarms(server)
+        alarms = OpcuaAlerts(server)
         await alarms.build(crane, index, name)
         await self._write(server, START)
         return alarms
@@ -90,7 +90,7 @@ class OpcuaServer:
                 self._written[place] = wanted
                 await server.write_attribute_value(node, wanted)
 
-    async def _send_alerts(self, alarms: OpcuaAlarms) -> None:
+    async def _send_alerts(self, alarms: OpcuaAlerts) -> None:
         while True:
             for event in await asyncio.to_thread(self._poll):
                 await alarms.take(event)
