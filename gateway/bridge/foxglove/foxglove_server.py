@@ -37,6 +37,7 @@ STATE_SCHEMA = {
     },
     "required": ["state", "meaning", "dropped", "invalid"],
 }
+STATE_CHANNEL = f"/{STATE}", json.dumps(STATE_SCHEMA).encode()
 
 
 class MessageSource(Protocol):
@@ -89,9 +90,8 @@ class FoxgloveServer:
         self._snapshot, self._messages = snapshot, messages
         self.viewers = Viewers()
         self._context = Context()
-        self._schemas = {name: (TOPICS[name].path, schema(name)) for name in messages.topics}
-        self._schemas[STATE] = f"/{STATE}", json.dumps(STATE_SCHEMA).encode()
-        self._channels = {name: self._channel(*described) for name, described in self._schemas.items()}
+        self._channels = {name: self._channel(TOPICS[name].path, schema(name)) for name in messages.topics}
+        self._channels[STATE] = self._channel(*STATE_CHANNEL)
         self._state: PlantState | None = None
         self._stated_s = float("-inf")
         self._newest_ns = 0
@@ -154,11 +154,13 @@ class FoxgloveServer:
             server.remove_status([STATUS_ID])
 
     def _begin_session(self, server: WebSocketServer) -> None:
-        """Let the clients begin anew: Lichtblick forgets the schemas, too, and its list of problems in no other way."""
+        """Let the clients begin anew. Lichtblick looks at the schemas again when any topic is advertised anew.
+
+        One, because the library keeps each channel for ever.
+        """
         server.clear_session()
-        for name, described in self._schemas.items():
-            self._channels[name].close()
-            self._channels[name] = self._channel(*described)
+        self._channels[STATE].close()
+        self._channels[STATE] = self._channel(*STATE_CHANNEL)
 
     @staticmethod
     def _publish_status(server: WebSocketServer, state: PlantState) -> None:
