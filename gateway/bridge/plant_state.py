@@ -44,7 +44,7 @@ STATE_CODES: dict[str, Code] = {
     PlantState.GATEWAY_GONE: Code(7, "the gateway has stopped, or hangs"),
     PlantState.LINK_GONE: Code(8, "the bridge has no link to the gateway or its router, or its certificate is refused"),
     PlantState.SIMULATED: Code(9, "the gateway simulates a crane"),
-    PlantState.REPLAY: Code(10, "the gateway replays a recording"),
+    PlantState.REPLAY: Code(10, "a recording is replayed"),
     PlantState.DUPLICATE: Code(11, "two gateways use this name at the same time"),
     PlantState.BRIDGE_GONE: Code(12, "the bridge has ended or hangs; MQTT alone can say this"),
     PlantState.NOT_AUTHENTICATED: Code(13, "what comes under the gateway's name is not signed with its key"),

@@ -32,13 +32,14 @@ from gateway.daemon.runtime.faults import FaultRegister
 from gateway.daemon.runtime.instance import FolderError, InstanceLock
 from gateway.daemon.runtime.logs import LineWriter, RecordingHandler
 from gateway.daemon.runtime.shutdown import STOP_S, Shutdown
-from gateway.daemon.runtime.watchdog import HUNG_S, SLOW_DISK_S, ServiceNotifier, Watchdog
+from gateway.daemon.runtime.watchdog import HUNG_S, SLOW_DISK_S, Watchdog
 from gateway.daemon.sampling.device_factory import make_device
 from gateway.daemon.storage.recording_worker import describe_key, load_key
 from gateway.messages import Log
 from gateway.page.pin import PIN_NAME
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.chain.segment_chain import SegmentChain
+from gateway.service_state import ServiceNotifier
 
 log = logging.getLogger("plumbline")
 SUPERVISION_S = 0.2

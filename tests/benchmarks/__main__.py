@@ -7,6 +7,7 @@ from itertools import takewhile
 from tests.benchmarks import (
     alert_latency,
     archive,
+    bridge_cuts,
     bridges,
     calibration,
     chain,
@@ -57,6 +58,7 @@ ALL: dict[str, Callable[..., None]] = {
     "fleet": fleet.main,
     "page": page.main,
     "bridges": bridges.main,
+    "bridge_cuts": bridge_cuts.main,
     "archive": archive.main,
 }
 
@@ -66,7 +68,7 @@ unknown = [name for name in names if name not in ALL]
 if unknown:
     sys.exit(f"no benchmark {', '.join(unknown)}; there are {', '.join(ALL)}")
 if options and names not in (
-    ["bridges"],
+    ["bridge_cuts"],
     ["footprint"],
     ["motion"],
     ["motion_gyro"],
@@ -75,7 +77,7 @@ if options and names not in (
     ["archive"],
 ):
     sys.exit(
-        "only the benchmarks archive, bridges, footprint, motion, motion_gyro, real_cranes and record_info have options"
+        "only the benchmarks archive, bridge_cuts, footprint, motion, motion_gyro, real_cranes and record_info have options"
     )
 for name in names or ALL:
     ALL[name](*([options] if options else []))

@@ -1,18 +1,13 @@
-"""What the bridges cost and how late they are, how soon a consumer sees a failure, and alerts over failures of MQTT's parties.
+"""What the bridges cost and how late they are, and how soon a consumer sees a failure: real processes all of them."""
 
-script/bench bridges [--minutes N] [--seed N]: N minutes of failures; real processes all of them.
-"""
-
-import argparse
 import asyncio
 import os
-import random
 import signal
 import statistics
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from datetime import datetime
 from functools import partial
 from pathlib import Path
@@ -20,13 +15,14 @@ from typing import Any
 
 from asyncua import ua
 
+from tests.benchmarks.plant_figures import resident_mib
 from tests.gateway.bridge.modbus_client import ModbusClient
 from tests.system.bus_query import KEY
 from tests.system.conftest import BusPeer, RunningGateway
-from tests.system.mosquitto import Mosquitto, Subscriber
+from tests.system.mosquitto import Subscriber
 from tests.system.plant_clients import ModbusPlant, MqttPlant, OpcuaPlant, OpcuaSite
-from tests.system.running_bridge import PlantClient, RunningBridge
-from tests.system.test_alert_delivery import CHATTERING, stored
+from tests.system.running_bridge import PlantClient
+from tests.system.test_alert_delivery import CHATTERING
 from tests.system.test_bridge_states import Plant
 from tests.waiting import wait_until
 
@@ -37,27 +33,17 @@ RUNS = 3
 TICKS = os.sysconf("SC_CLK_TCK")
 
 
-def main(options: Sequence[str] = ()) -> None:
+def main() -> None:
     """Print the figures."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--minutes", type=float, default=5)
-    parser.add_argument("--seed", type=int, default=1)
-    chosen = parser.parse_args(options)
     print(f"bridges: simulated crane, load {os.getloadavg()[0]:.0f}", flush=True)
     for part in (_costs, _failures):
         with tempfile.TemporaryDirectory() as folder:
             part(Path(folder))
-    with tempfile.TemporaryDirectory() as folder:
-        _campaign(Path(folder), 60 * chosen.minutes, random.Random(chosen.seed))
 
 
 def _cpu_s(process_id: int) -> float:
     fields = Path(f"/proc/{process_id}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / TICKS
-
-
-def _resident_mib(process_id: int) -> float:
-    return int(Path(f"/proc/{process_id}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
 def _late_ms(sample: datetime) -> float:
@@ -75,7 +61,7 @@ def _costs(folder: Path) -> None:
             late_ms = consume[name](plant) if consume else _rest(plant)
             cpu_percent = 100 * (_cpu_s(bridge.process.pid) - before_s) / (time.monotonic() - start_s)
             print(
-                f"  {name:<7} {clients:2} clients: {cpu_percent:5.1f} % of a core, {_resident_mib(bridge.process.pid):4.0f} MiB"
+                f"  {name:<7} {clients:2} clients: {cpu_percent:5.1f} % of a core, {resident_mib(bridge.process.pid):4.0f} MiB"
                 + (f", sample to client {_quantiles(late_ms)} ms" if late_ms else ""),
                 flush=True,
             )
@@ -224,81 +210,3 @@ def _time_to_nothing(client: PlantClient, act: Callable[[], object]) -> float:
     act()
     wait_until(lambda: client.angle_deg() is None, "no angle")
     return time.monotonic() - begin_s
-
-
-def _campaign(folder: Path, duration_s: float, chance: random.Random) -> None:
-    """Kill, hold and restart broker, bridge and gateway at random, and compare what came with what was sent."""
-    broker = Mosquitto(folder)
-    gateway = RunningGateway(folder, CHATTERING)
-    endpoint = gateway.endpoint
-    settings = folder / "bridge.toml"
-    settings.write_text(
-        f'demonstration = true\n[mqtt]\nport = {broker.port}\nposition_file = "{folder}/position.json"\n'
-    )
-    bridge = RunningBridge("mqtt", endpoint, settings)
-    subscriber = Subscriber(broker.port, "#")
-    steady = RunningBridge("modbus", endpoint, settings)
-
-    def received() -> list[tuple[str, int]]:
-        return [
-            (each["boot_id"], each["alert_number"]) for each in subscriber.contents("/alert") if "missed" not in each
-        ]
-
-    wait_until(lambda: len(subscriber.contents("/state")) > 30, "states")
-    first = len(stored(gateway))
-    counts: dict[str, int] = {}
-    resident: list[tuple[float, float]] = []
-    end_s = time.monotonic() + duration_s
-    while time.monotonic() < end_s:
-        what = chance.choice(["broker restarted", "broker held", "bridge killed", "bridge held", "gateway killed"])
-        counts[what] = counts.get(what, 0) + 1
-        pause_s = chance.uniform(0.5, 6)
-        if what == "broker restarted":
-            broker.stop()
-            time.sleep(pause_s)
-            broker.start()
-        elif what == "broker held":
-            broker.signal(signal.SIGSTOP)
-            time.sleep(pause_s)
-            broker.signal(signal.SIGCONT)
-        elif what == "bridge killed":
-            bridge.end()
-            time.sleep(pause_s)
-            bridge = RunningBridge("mqtt", endpoint, settings)
-        elif what == "bridge held":
-            bridge.signal(signal.SIGSTOP)
-            time.sleep(pause_s)
-            bridge.signal(signal.SIGCONT)
-        else:
-            gateway.process.kill()
-            gateway.wait()
-            gateway = RunningGateway(folder, CHATTERING, environment={"PLUMBLINE_BUS__LISTEN": f'["{endpoint}"]'})
-        time.sleep(chance.uniform(1, 5))
-        resident.append((time.monotonic(), _resident_mib(steady.process.pid)))
-    wait_until(lambda: stored(gateway)[-1] in received(), "the last alert")
-    gateway.stop()
-    time.sleep(5)
-    sent, got = stored(gateway)[first:], received()
-    wanted = [each for each in dict.fromkeys(got) if each in set(sent)]
-    is_ordered = wanted == [each for each in sent if each in set(got)]
-    print(
-        f"  {duration_s / 60:.0f} minutes of failures {counts}: {len(sent)} alerts sent, {len(set(sent) - set(got))} lost, "
-        f"{len(got) - len(set(got))} twice, order {'kept' if is_ordered else 'BROKEN'}; "
-        f"Modbus bridge beside it {resident[0][1]:.1f} MiB at first, {resident[-1][1]:.1f} at the end, {_slope(resident)}",
-        flush=True,
-    )
-    subscriber.close()
-    for each in (bridge, steady):
-        each.end()
-    broker.stop()
-
-
-def _slope(points: list[tuple[float, float]]) -> str:
-    """Return the slope of a line through points, with its standard uncertainty."""
-    times = [at_s / 3600 for at_s, _ in points]
-    values = [value for _, value in points]
-    fit = statistics.linear_regression(times, values)
-    rest = [value - fit.intercept - fit.slope * at for at, value in zip(times, values, strict=True)]
-    spread = sum((at - statistics.fmean(times)) ** 2 for at in times)
-    u = (sum(each**2 for each in rest) / (len(points) - 2) / spread) ** 0.5
-    return f"slope {fit.slope:.2f} MiB/h, u {u:.2f}"

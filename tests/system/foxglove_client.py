@@ -12,7 +12,7 @@ from typing import Any, Self
 from tests.waiting import PATIENCE_S
 
 TEXT, BINARY, CLOSE, PING = 1, 2, 8, 9
-MESSAGE_DATA = 1
+MESSAGE_DATA, TIME = 1, 2
 
 
 class FoxgloveClient:
@@ -36,18 +36,28 @@ class FoxgloveClient:
         head, _, self._waiting = self._waiting.partition(b"\r\n\r\n")
         assert head.startswith(b"HTTP/1.1 101"), head
         self.sessions: list[str] = []
+        self._wanted: tuple[str, ...] = ()
+        self._names: dict[int, str] = {}
         self.channels: dict[str, dict[str, Any]] = {}
         """What is advertised, by topic."""
         self.statuses: dict[str, dict[str, Any]] = {}
         self.messages: dict[str, list[dict[str, Any]]] = {}
+        self.times_ns: dict[str, list[int]] = {}
+        """The times of the messages."""
+        self.clock_ns: list[int] = []
+        """What the server has said of its own time."""
 
     def subscribe(self, *topics: str) -> Self:
-        """Subscribe to topics; without any, to all that are advertised."""
+        """Subscribe to topics, as often as they are advertised; without any, to all that are advertised."""
         self.until(lambda: "/bridge" in self.channels)
-        self._names = {self.channels[topic]["id"]: topic for topic in topics or self.channels}
-        wanted = [{"id": number, "channelId": number} for number in self._names]
-        self._send(json.dumps({"op": "subscribe", "subscriptions": wanted}).encode())
+        self._wanted = topics or tuple(self.channels)
+        self._ask([self.channels[topic] for topic in self._wanted])
         return self
+
+    def _ask(self, channels: list[dict[str, Any]]) -> None:
+        self._names |= {channel["id"]: channel["topic"] for channel in channels}
+        wanted = [{"id": channel["id"], "channelId": channel["id"]} for channel in channels]
+        self._send(json.dumps({"op": "subscribe", "subscriptions": wanted}).encode())
 
     def until(self, condition: Callable[[], object], timeout_s: float = PATIENCE_S) -> None:
         """Read until a condition holds."""
@@ -70,18 +80,26 @@ class FoxgloveClient:
     def _take(self, opcode: int, payload: bytes) -> None:
         assert opcode != CLOSE
         if opcode == BINARY and payload[0] == MESSAGE_DATA:
-            subscription, _log_time_ns = struct.unpack_from("<IQ", payload, 1)
+            subscription, log_time_ns = struct.unpack_from("<IQ", payload, 1)
             self.messages.setdefault(self._names[subscription], []).append(json.loads(payload[13:]))
+            self.times_ns.setdefault(self._names[subscription], []).append(log_time_ns)
+        if opcode == BINARY and payload[0] == TIME:
+            self.clock_ns += struct.unpack_from("<Q", payload, 1)
         if opcode != TEXT:
             return
         said = json.loads(payload)
         match said["op"]:
             case "serverInfo":
                 self.sessions.append(said["sessionId"])
+                self.statuses.clear()
             case "advertise":
                 self.channels |= {channel["topic"]: channel for channel in said["channels"]}
+                self._ask([channel for channel in said["channels"] if channel["topic"] in self._wanted])
+            case "unadvertise":
+                gone = set(said["channelIds"])
+                self.channels = {topic: each for topic, each in self.channels.items() if each["id"] not in gone}
             case "status":
-                self.statuses[said["id"]] = said
+                self.statuses[said.get("id", said["message"])] = said
             case "removeStatus":
                 for number in said["statusIds"]:
                     self.statuses.pop(number, None)

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Protocol
 
@@ -28,7 +29,9 @@ class PlantClient(Protocol):
 class RunningBridge:
     """`plumbline bridge`."""
 
-    def __init__(self, protocol: str, endpoint: str, settings: Path, key: str = KEY) -> None:
+    def __init__(
+        self, protocol: str, endpoint: str, settings: Path, key: str = KEY, environment: Mapping[str, str] | None = None
+    ) -> None:
         self._log = settings.with_name(f"bridge-{next(NUMBERS)}.log")
         with self._log.open("w") as log:
             self.process = subprocess.Popen(
@@ -37,7 +40,7 @@ class RunningBridge:
                     *("--settings", str(settings), "--gateway", key, "--connect", endpoint),
                 ],
                 cwd=ROOT,
-                env={**os.environ, "PYTHONUNBUFFERED": "1"},
+                env={**os.environ, "PYTHONUNBUFFERED": "1", **(environment or {})},
                 stdout=subprocess.PIPE,
                 stderr=log,
                 text=True,

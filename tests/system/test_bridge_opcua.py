@@ -12,7 +12,7 @@ import pytest
 from asyncua import Client, ua
 
 from gateway.bridge.plant_values import PLANT_VALUES
-from tests.system.conftest import StartGateway
+from tests.system.conftest import BusPeer, StartGateway
 from tests.system.plant_clients import OpcuaSite, read_node
 from tests.system.running_bridge import RunningBridge
 from tests.system.test_alert_delivery import CHATTERING
@@ -66,21 +66,91 @@ async def check_refusals(site: OpcuaSite) -> None:
 
 
 async def check_events(client: Client, start_again: Callable[[], object]) -> None:
-    """A gateway that starts again states its levels as changes of alerts."""
+    """A gateway that starts again states its levels as changes of alerts, at its own node and at the server's."""
     index = await client.get_namespace_index("urn:plumbline:bridge")
     (crane,) = [node for node in await client.nodes.objects.get_children() if node.nodeid.NamespaceIndex == index]
-    kind = await client.nodes.base_event_type.get_child(
-        ["0:ConditionType", "0:AcknowledgeableConditionType", "0:AlarmConditionType", f"{index}:PlumblineAlertType"]
-    )
-    events = Events()
+    kind = await alert_type(client)
+    events, everywhere = Events(), Events()
     subscription = await client.create_subscription(50, events)
     await subscription.subscribe_events(crane, kind)
+    of_server = await client.create_subscription(50, everywhere)
+    await of_server.subscribe_events(ua.ObjectIds.Server, kind)
     start_again()
-    await until(lambda: len(events.taken) >= 2, "events")
+    await until(lambda: len(events.taken) >= 2 and len(everywhere.taken) >= 2, "events")
     first = events.taken[0]
     assert first.ConditionName in ("swing", "lean")
     assert (first.AlertNumber > 0, bool(first.BootId), first.Level in ("unknown", "normal")) == (True, True, True)
+    both = {each.EventId for each in everywhere.taken[:2]}
+    await until(lambda: both <= {each.EventId for each in events.taken}, "the same events at both nodes")
     await subscription.delete()
+    await of_server.delete()
+
+
+async def alert_type(client: Client) -> Any:
+    index = await client.get_namespace_index("urn:plumbline:bridge")
+    return await client.nodes.base_event_type.get_child(
+        ["0:ConditionType", "0:AcknowledgeableConditionType", "0:AlarmConditionType", f"{index}:PlumblineAlertType"]
+    )
+
+
+async def refresh(client: Client) -> list[Any]:
+    """What a client gets that has just subscribed and asks for the conditions that stand."""
+    events, condition_type = Events(), client.get_node(ua.ObjectIds.ConditionType)
+    subscription = await client.create_subscription(50, events)
+    brackets = [ua.ObjectIds.RefreshStartEventType, ua.ObjectIds.RefreshEndEventType]
+    await subscription.subscribe_events(ua.ObjectIds.Server, [await alert_type(client), *brackets])
+    number = ua.Variant(subscription.subscription_id, ua.VariantType.UInt32)
+    await condition_type.call_method(ua.NodeId(ua.ObjectIds.ConditionType_ConditionRefresh), number)
+    await until(lambda: events.taken and events.taken[-1].EventType == ua.NodeId(brackets[1]), "the end of the refresh")
+    await subscription.delete()
+    assert events.taken[0].EventType == ua.NodeId(brackets[0])
+    return events.taken[1:-1]
+
+
+def test_a_client_that_joins_while_an_alarm_stands_gets_it_by_a_refresh(
+    start_gateway: StartGateway, tmp_path: Path
+) -> None:
+    site, settings = OpcuaSite(tmp_path), tmp_path / "bridge.toml"
+    settings.write_text("demonstration = true\n" + site.settings)
+    stays = CHATTERING.replace("7.2", "0.2").replace("hold_s = 0", "hold_s = 600")
+    gateway = start_gateway(stays)
+    peer = BusPeer(gateway.endpoint)
+    raised = peer.wait_for("alert", lambda alert: alert["level"] == "trip")
+    peer.wait_for("alert", lambda alert: alert["event"] == "standing" and alert["level"] == "trip")
+    peer.close()
+    bridge = RunningBridge("opcua", gateway.endpoint, settings)  # which has not heard the change
+
+    async def consume() -> None:
+        first, late = await site.connect(), await site.connect()
+        found: list[Any] = []
+        async with asyncio.timeout(PATIENCE_S):
+            while not found:
+                found = await refresh(first)
+        again = await refresh(late)
+        (alarm,) = [each for each in again if each.ConditionName == "swing"]
+        assert (alarm.Level, alarm.Severity, alarm.Retain, alarm.BootId) == ("trip", 900, True, raised["boot_id"])
+        assert getattr(alarm, "ActiveState/Id") is True
+        assert alarm.NodeId.Identifier.endswith("/alarm/swing")
+        assert alarm.EventId == next(each for each in found if each.ConditionName == "swing").EventId
+        assert alarm.Quality.is_good()
+        gateway.process.kill()
+        async with asyncio.timeout(PATIENCE_S):
+            while (await refresh(late))[0].Quality.is_good():
+                continue
+        number = ua.Variant(10_000, ua.VariantType.UInt32)
+        with pytest.raises(ua.UaStatusCodeError, match="BadSubscriptionIdInvalid"):
+            await late.get_node(ua.ObjectIds.ConditionType).call_method(
+                ua.NodeId(ua.ObjectIds.ConditionType_ConditionRefresh), number
+            )
+        await first.disconnect()
+        await late.disconnect()
+
+    try:
+        asyncio.run(asyncio.wait_for(consume(), 2 * PATIENCE_S))
+        code, err = bridge.stop()
+    finally:
+        bridge.end()
+    assert (code, "Traceback" in err) == (0, False), err
 
 
 def test_named_users_of_trusted_applications_read_values_and_get_alerts(

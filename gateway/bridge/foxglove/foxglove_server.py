@@ -1,25 +1,22 @@
-"""The server of the Foxglove WebSocket protocol: the topics of a recording, live, and one that says whether they still hold."""
+"""The server of the Foxglove WebSocket protocol: the topics of recordings, live or played, and whether they hold."""
 
 import asyncio
 import json
 import logging
+import threading
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from typing import Protocol
 
 from foxglove import Channel, Context, Schema, start_server
-from foxglove.websocket import StatusLevel, WebSocketServer
-from pydantic import ValidationError
+from foxglove.websocket import Capability, ChannelView, Client, ServerListener, StatusLevel, WebSocketServer
 
-from gateway.bridge.foxglove.live_messages import LIVE_TOPICS, LiveMessages
 from gateway.bridge.plant_snapshot import PlantSnapshot
 from gateway.bridge.plant_state import STATE_CODES, UNHEARD, PlantState
 from gateway.bridge.settings import FoxgloveSection, host_and_port
 from gateway.errors import InputError
-from gateway.messages import Message
-from gateway.topics import TOPICS, adapter
+from gateway.topics import TOPICS
 
-log = logging.getLogger("plumbline.foxglove")
 STEP_S = 0.02
 """Time between two looks at the queue. Basis: a choice; a picture of a viewer, and little work."""
 STATE_INTERVAL_S = 0.5
@@ -27,7 +24,7 @@ STATE_INTERVAL_S = 0.5
 BACKLOG = 256
 """Messages that wait for one client; the library then drops its oldest. Basis: a choice; some five seconds of a gateway."""
 STATUS_ID = "gateway"
-STATE_TOPIC = "/bridge"
+STATE = "bridge"
 STATE_SCHEMA = {
     "title": "plumbline.Bridge",
     "type": "object",
@@ -40,14 +37,41 @@ STATE_SCHEMA = {
     },
     "required": ["state", "meaning", "dropped", "invalid"],
 }
+STATE_CHANNEL = f"/{STATE}", json.dumps(STATE_SCHEMA).encode()
 
 
-@dataclass(frozen=True, slots=True)
-class RecordedForm:
-    """How a recording writes messages. It is given to the server: bridges and recordings do not know each other."""
+class MessageSource(Protocol):
+    """What viewers are shown: a gateway, live, or a recording."""
 
-    schema: Callable[[str], bytes]
-    encode: Callable[[Message], bytes]
+    topics: tuple[str, ...]
+    has_own_clock: bool
+    """Whether viewers shall count the time of the messages in place of their own."""
+    dropped: int
+    """Messages that it had no room for."""
+    invalid: int
+    """Messages that are not valid by the schema of their topic."""
+
+    def take(self) -> Sequence[tuple[str, bytes, int | None]]:
+        """Return topic, content in its recorded form and time, ns, of the messages that are due; None: they are of now."""
+
+
+class Viewers(ServerListener):
+    """Counts what is looked at. Called from the library's threads."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self.subscriptions = 0
+        """Topics that a viewer gets, over all viewers."""
+
+    def on_subscribe(self, client: Client, channel: ChannelView) -> None:
+        """Count one more."""
+        with self._lock:
+            self.subscriptions += 1
+
+    def on_unsubscribe(self, client: Client, channel: ChannelView) -> None:
+        """Count one less; called for each topic of a viewer that leaves."""
+        with self._lock:
+            self.subscriptions -= 1
 
 
 class FoxgloveServer:
@@ -57,18 +81,20 @@ class FoxgloveServer:
         self,
         section: FoxgloveSection,
         key: str,
-        form: RecordedForm,
+        schema: Callable[[str], bytes],
         snapshot: Callable[[], PlantSnapshot],
-        messages: LiveMessages,
+        messages: MessageSource,
     ) -> None:
-        self._section, self._key, self._form = section, key, form
+        """`schema`: of a topic in recordings. It is given: bridges and recordings do not know each other."""
+        self._section, self._key = section, key
         self._snapshot, self._messages = snapshot, messages
+        self.viewers = Viewers()
         self._context = Context()
-        self._channels = {name: self._channel(TOPICS[name].path, form.schema(name)) for name in LIVE_TOPICS}
-        self._state_channel = self._channel(STATE_TOPIC, json.dumps(STATE_SCHEMA).encode())
+        self._channels = {name: self._channel(TOPICS[name].path, schema(name)) for name in messages.topics}
+        self._channels[STATE] = self._channel(*STATE_CHANNEL)
         self._state: PlantState | None = None
         self._stated_s = float("-inf")
-        self._invalid = 0
+        self._newest_ns = 0
 
     def _channel(self, path: str, schema: bytes) -> Channel:
         name = str(json.loads(schema)["title"])
@@ -87,17 +113,29 @@ class FoxgloveServer:
             await asyncio.sleep(STEP_S)
 
     def _listen(self) -> WebSocketServer:
+        logging.getLogger("foxglove").setLevel(
+            logging.CRITICAL
+        )  # an error for each message that a viewer did not wait for
         host, port = host_and_port(self._section.listen)
         try:
             return start_server(
-                name=self._key, host=host, port=port, context=self._context, message_backlog_size=BACKLOG
+                name=self._key,
+                host=host,
+                port=port,
+                capabilities=[Capability.Time] if self._messages.has_own_clock else [],
+                server_listener=self.viewers,
+                context=self._context,
+                message_backlog_size=BACKLOG,
             )
         except (OSError, RuntimeError) as error:
             raise InputError(f"{self._section.listen} cannot be used ({error}); change foxglove.listen") from error
 
     def _step(self, server: WebSocketServer, now_s: float) -> None:
-        for topic, payload in self._messages.take():
-            self._pass_on(topic, payload)
+        for topic, content, time_ns in self._messages.take():
+            if time_ns is not None and time_ns > self._newest_ns:  # a time before it would make viewers start anew
+                self._newest_ns = time_ns
+                server.broadcast_time(time_ns)
+            self._channels[topic].log(content, log_time=time_ns)
         snapshot = self._snapshot()
         if snapshot.state is not self._state:
             self._announce(server, snapshot.state)
@@ -105,24 +143,24 @@ class FoxgloveServer:
         if now_s - self._stated_s >= STATE_INTERVAL_S:
             self._stated_s = now_s
             self._publish_status(server, snapshot.state)  # again and again, for viewers that join late
-            self._state_channel.log(self._encode_state(snapshot))
-
-    def _pass_on(self, topic: str, payload: bytes) -> None:
-        """Send a message in its recorded form, which leaves out what is not known."""
-        try:
-            message: Message = adapter(topic).validate_json(payload)
-        except ValidationError:
-            self._invalid += 1
-        else:
-            self._channels[topic].log(self._form.encode(message))
+            self._channels[STATE].log(self._encode_state(snapshot))
 
     def _announce(self, server: WebSocketServer, state: PlantState) -> None:
         """Tell the clients the new state. Where nothing is heard any more, they forget what they have: it would look present."""
-        if state in UNHEARD and self._state is not None and self._state not in UNHEARD:
-            server.clear_session()
+        if self._state is not None and (state in UNHEARD) != (self._state in UNHEARD):
+            self._begin_session(server)
         self._state = state
         if state is PlantState.FINE:
             server.remove_status([STATUS_ID])
+
+    def _begin_session(self, server: WebSocketServer) -> None:
+        """Let the clients begin anew. Lichtblick looks at the schemas again when any topic is advertised anew.
+
+        One, because the library keeps each channel for ever.
+        """
+        server.clear_session()
+        self._channels[STATE].close()
+        self._channels[STATE] = self._channel(*STATE_CHANNEL)
 
     @staticmethod
     def _publish_status(server: WebSocketServer, state: PlantState) -> None:
@@ -135,7 +173,7 @@ class FoxgloveServer:
             "state": str(snapshot.state),
             "meaning": STATE_CODES[snapshot.state].meaning,
             "dropped": self._messages.dropped,
-            "invalid": self._invalid,
+            "invalid": self._messages.invalid,
         }
         if snapshot.age_s is not None:
             content["age_s"] = round(snapshot.age_s, 3)

@@ -2,10 +2,14 @@
 
 import threading
 from collections import deque
+from collections.abc import Callable
+
+from pydantic import ValidationError
 
 from gateway.bus.authenticity import Doubt
 from gateway.bus.fleet_inbox import LARGEST_PAYLOAD, FleetInbox
-from gateway.topics import TOPICS
+from gateway.messages import Message
+from gateway.topics import TOPICS, adapter
 
 LIVE_TOPICS = tuple(topic.name for topic in TOPICS.values() if topic.published)
 """What a gateway publishes. A recording has more: see `gateway.topics`."""
@@ -16,11 +20,16 @@ MOST_WAITING = 512
 class LiveMessages(FleetInbox):
     """Keeps live messages in their order until they are taken; the oldest is dropped, and counted, where nobody takes them."""
 
-    def __init__(self) -> None:
+    topics = LIVE_TOPICS
+    has_own_clock = False
+
+    def __init__(self, encode: Callable[[Message], bytes]) -> None:
+        """`encode`: how a recording writes messages. It is given: bridges and recordings do not know each other."""
         super().__init__()
+        self._encode = encode
         self._waiting: deque[tuple[str, bytes]] = deque(maxlen=MOST_WAITING)
         self._queue_lock = threading.Lock()
-        self.dropped = 0
+        self.dropped = self.invalid = 0
 
     def put(self, key_expression: str, payload: bytes, at_s: float, *, live: bool, doubt: Doubt | None = None) -> None:
         """Add a payload under `<gateway>/<topic>`. Called from Zenoh's threads.
@@ -34,9 +43,17 @@ class LiveMessages(FleetInbox):
                 self.dropped += len(self._waiting) == MOST_WAITING
                 self._waiting.append((key_expression.rpartition("/")[2], payload))
 
-    def take(self) -> list[tuple[str, bytes]]:
-        """Return topic and payload of the messages that wait."""
+    def take(self) -> list[tuple[str, bytes, None]]:
+        """Return the messages that wait, in their recorded form, which leaves out what is not known."""
         with self._queue_lock:
             waiting = list(self._waiting)
             self._waiting.clear()
-        return waiting
+        taken = []
+        for topic, payload in waiting:
+            try:
+                message: Message = adapter(topic).validate_json(payload)
+            except ValidationError:
+                self.invalid += 1
+            else:
+                taken.append((topic, self._encode(message), None))
+        return taken

@@ -1,7 +1,6 @@
 """`plumbline bridge foxglove`: the live topics of a gateway for Foxglove, Lichtblick and other viewers."""
 
 import argparse
-import logging
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -29,18 +28,14 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 def _run(arguments: argparse.Namespace) -> int:
     require_foxglove()
     from gateway.bridge.foxglove.live_messages import LIVE_TOPICS, LiveMessages
+    from gateway.recording.format.encoding import encode_recorded, schema_bytes
 
-    messages = LiveMessages()
+    messages = LiveMessages(encode_recorded)
 
     async def serve(settings: "BridgeSettings", reader: "GatewayReader", started: Callable[[], None]) -> None:
-        from gateway.bridge.foxglove.foxglove_server import FoxgloveServer, RecordedForm
-        from gateway.recording.format.encoding import encode_recorded, schema_bytes
+        from gateway.bridge.foxglove.foxglove_server import FoxgloveServer
 
-        logging.getLogger("foxglove").setLevel(
-            logging.CRITICAL
-        )  # an error for each message that a viewer did not wait for
-        form = RecordedForm(schema_bytes, encode_recorded)
-        await FoxgloveServer(settings.foxglove, reader.key, form, reader.snapshot, messages).serve(started)
+        await FoxgloveServer(settings.foxglove, reader.key, schema_bytes, reader.snapshot, messages).serve(started)
 
     return run_bridge(
         arguments,

@@ -16,7 +16,10 @@ from gateway.cli.options.bus_link import add_connect, client_credentials, connec
 if TYPE_CHECKING:
     from gateway.bridge.gateway_reader import GatewayReader
     from gateway.bridge.settings import BridgeSettings
+    from gateway.service_state import ServiceNotifier
 
+ALIVE_S = 0.25
+"""Time between two signs of life to the service manager. Basis: a sixth of the unit's patience, `WatchdogSec`."""
 Serve = Callable[["BridgeSettings", "GatewayReader", Callable[[], None]], Coroutine[None, None, None]]
 """Serves with settings and a reader until cancelled, and says when it has begun."""
 
@@ -55,15 +58,22 @@ def run_bridge(
     from gateway.bridge.gateway_reader import GatewayReader
     from gateway.bridge.heard_messages import HeardMessages
     from gateway.bridge.settings import load_settings
+    from gateway.service_state import ServiceNotifier
 
     logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
     settings, key = load_settings(arguments.settings), gateway_key(arguments)
     messages = HeardMessages(key, demonstration=settings.demonstration, allow_unsigned=settings.allow_unsigned)
     reader = GatewayReader(connect_endpoint(arguments), key, client_credentials(arguments), messages, **heard)
+    notifier = ServiceNotifier()
+    running: set[asyncio.Task[None]] = set()
+
+    def announce() -> None:
+        print(f"{description(settings)}, of {key}", flush=True)
+        notifier.send("READY=1")
+        running.add(asyncio.get_running_loop().create_task(_show_life(notifier)))
+
     try:
-        asyncio.run(
-            _until_signal(serve(settings, reader, lambda: print(f"{description(settings)}, of {key}", flush=True)))
-        )
+        asyncio.run(_until_signal(serve(settings, reader, announce)))
     except BaseException:
         reader.close()
         raise
@@ -77,3 +87,10 @@ async def _until_signal(serving: Coroutine[None, None, None]) -> None:
         loop.add_signal_handler(number, task.cancel)
     with suppress(asyncio.CancelledError):
         await task
+
+
+async def _show_life(notifier: "ServiceNotifier") -> None:
+    """Tell the service manager again and again that the loop turns, in which all is served."""
+    while True:
+        notifier.send("WATCHDOG=1")
+        await asyncio.sleep(ALIVE_S)

@@ -1,41 +1,16 @@
 """The watchdog of the service manager: it is fed only while every thread that monitors, records and publishes makes progress."""
 
-import os
-import socket
 import time
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from gateway.daemon.runtime.faults import FaultRegister
+from gateway.service_state import ServiceNotifier
 
 HUNG_S = 8.0
 """Longest usual time of one step of a thread. Basis: a recovery command of a device may take five seconds."""
 SLOW_DISK_S = 20.0
 """Longest step of a thread that writes. Basis: an SD card that cleans up has been seen to stop for several seconds."""
-
-
-class ServiceNotifier:
-    """Tells systemd that the daemon is ready, alive or stopping; does nothing outside a service."""
-
-    def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
-        address = environment.get("NOTIFY_SOCKET", "")
-        self._address = "\0" + address[1:] if address.startswith("@") else address
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) if address else None
-
-    def send(self, state: str) -> None:
-        """Send `READY=1`, `WATCHDOG=1` or `STATUS=...`. A manager that does not listen does not stop the gateway."""
-        if self._socket is None:
-            return
-        try:
-            self._socket.sendto(state.encode(), self._address)
-        except OSError:
-            return
-
-    def close(self) -> None:
-        """Close the socket."""
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
 
 
 class ProgressingThread(Protocol):

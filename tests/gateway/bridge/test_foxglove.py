@@ -2,14 +2,14 @@
 
 import asyncio
 import contextlib
-import logging
+import json
 import socket
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from gateway.bridge.foxglove.foxglove_server import FoxgloveServer, RecordedForm
+from gateway.bridge.foxglove.foxglove_server import FoxgloveServer
 from gateway.bridge.foxglove.live_messages import LIVE_TOPICS, MOST_WAITING, LiveMessages
 from gateway.bridge.heard_messages import READ_TOPICS
 from gateway.bridge.plant_snapshot import PlantSnapshot
@@ -25,7 +25,6 @@ from tests.gateway.page.conftest import Scene
 from tests.ports import unused_port
 from tests.system.foxglove_client import FoxgloveClient
 
-FORM = RecordedForm(schema_bytes, encode_recorded)
 N_LARGE = 400
 
 
@@ -34,22 +33,26 @@ def test_what_the_state_is_judged_by_is_among_the_live_topics() -> None:
 
 
 def test_the_queue_drops_the_oldest_and_counts_them() -> None:
-    messages = LiveMessages()
+    messages = LiveMessages(encode_recorded)
     for number in range(MOST_WAITING + 3):
-        messages.put(f"{KEY}/tilt", str(number).encode(), 0.0, live=True)
-    messages.put(f"{KEY}/tilt", b"stored", 0.0, live=False)
-    assert messages.dropped == 3
-    assert messages.take()[0] == ("tilt", b"3")
-    assert messages.take() == []
+        messages.put(f"{KEY}/alert", encode(replace(Scene().alert(), sequence=number)), 0.0, live=True)
+    messages.put(f"{KEY}/alert", encode(Scene().alert()), 0.0, live=False)
+    messages.put(f"{KEY}/alert", b"{}", 0.0, live=True)
+    assert messages.dropped == 4
+    taken = messages.take()
+    assert [json.loads(content)["sequence"] for _, content, _ in taken] == list(range(4, MOST_WAITING + 3))
+    assert (messages.take(), messages.invalid) == ([], 1)
 
 
 def test_a_stalled_viewer_does_not_hold_up_another_and_invalid_messages_are_counted() -> None:
-    port, messages = unused_port(), LiveMessages()
+    port, messages = unused_port(), LiveMessages(encode_recorded)
     server = FoxgloveServer(
-        FoxgloveSection(listen=f"127.0.0.1:{port}"), KEY, FORM, lambda: PlantSnapshot(state=PlantState.FINE), messages
+        FoxgloveSection(listen=f"127.0.0.1:{port}"),
+        KEY,
+        schema_bytes,
+        lambda: PlantSnapshot(state=PlantState.FINE),
+        messages,
     )
-
-    logging.getLogger("foxglove").setLevel(logging.CRITICAL)
 
     async def flood() -> FoxgloveClient:
         serving = asyncio.create_task(server.serve(lambda: None))
@@ -88,7 +91,9 @@ def test_an_address_in_use_is_told_in_one_line() -> None:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         section = FoxgloveSection(listen=f"127.0.0.1:{taken.getsockname()[1]}")
-        server = FoxgloveServer(section, KEY, FORM, lambda: PlantSnapshot(state=PlantState.FINE), LiveMessages())
+        server = FoxgloveServer(
+            section, KEY, schema_bytes, lambda: PlantSnapshot(state=PlantState.FINE), LiveMessages(encode_recorded)
+        )
         with pytest.raises(InputError, match=r"cannot be used .*in use.*; change foxglove.listen"):
             asyncio.run(server.serve(lambda: None))
 

@@ -3,6 +3,7 @@
 import json
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from gateway.bus.authenticity import Authenticity
 from gateway.bus.client import query_status
 from gateway.bus.session import open_session
 from gateway.cli.main import main
-from gateway.recording.export.playback import Playback, playback_key
+from gateway.recording.export.playback import MAX_PLAYED_GAP_S, MOST_AT_ONCE, Playback, ViewerPlayback, playback_key
 from gateway.recording.reading.catalogue import open_timeline
 from gateway.recording.reading.recording_file import EVERYTHING
 from gateway.topics import TOPICS
@@ -113,3 +114,53 @@ def test_command_plays_to_the_end(recorded: Path, capsys: pytest.CaptureFixture[
     out = capsys.readouterr().out
     assert f"playing on {KEY}/** at {listen}" in out
     assert "messages published" in out
+
+
+def test_viewers_get_each_message_when_it_is_due_and_as_it_is_recorded(recorded: Path) -> None:
+    played, messages = PlayedTime(), list(open_timeline([recorded]).messages())
+    playback = ViewerPlayback(messages, 2.0, played.now_s)
+    assert (playback.take(), playback.is_at_end) == ([], False)
+    playback.begin()
+    taken: list[tuple[float, tuple[str, bytes, int]]] = []
+    while not playback.is_at_end:
+        played.sleep_s(0.02)
+        taken += [(played.now, each) for each in playback.take()]
+    assert [each for _, each in taken] == [
+        (message.recorded.topic[1:], message.recorded.data, message.recorded.log_time_ns) for message in messages
+    ]
+    first_ns = taken[0][1][2]
+    newest_ns = first_ns
+    for now_s, (_, _, time_ns) in taken:
+        newest_ns = max(newest_ns, time_ns)
+        assert now_s == pytest.approx((newest_ns - first_ns) / 2e9, abs=0.05)
+    assert playback.played == len(messages)
+
+
+def test_a_long_gap_is_shortened_and_viewers_get_no_more_at_once_than_can_wait_for_them(recorded: Path) -> None:
+    messages = list(open_timeline([recorded]).messages())
+    first, last = messages[0], messages[-1]
+    gap = replace(last, recorded=replace(last.recorded, log_time_ns=last.recorded.log_time_ns + 3600 * 10**9))
+    played = PlayedTime()
+    playback = ViewerPlayback([first, gap], 1.0, played.now_s)
+    playback.begin()
+    assert len(playback.take()) == 1
+    played.now = MAX_PLAYED_GAP_S
+    assert len(playback.take()) == 1
+    fast = ViewerPlayback(messages, 1e6, played.now_s)
+    fast.begin()
+    played.now += 1.0
+    assert len(fast.take()) == MOST_AT_ONCE
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--connect", "tcp/10.0.0.5:7447"], "--connect is for the bus: viewers connect to --listen"),
+        (["--listen", "0.0.0.0:8765"], "--listen: 0.0.0.0:8765 is open to others"),
+    ],
+)
+def test_viewers_are_served_on_this_machine_alone(
+    recorded: Path, options: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["record", "play", str(recorded), "--foxglove", *options]) == 2
+    assert said in capsys.readouterr().err

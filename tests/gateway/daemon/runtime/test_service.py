@@ -11,7 +11,7 @@ import pytest
 from devices.host_clock import HostClock
 from gateway.daemon.runtime.instance import FolderError, InstanceError, InstanceLock
 from gateway.daemon.runtime.wall_clock import STEP_NS, WallClockMonitor
-from gateway.daemon.runtime.watchdog import ServiceNotifier
+from gateway.service_state import ServiceNotifier
 from tests.values import present
 
 

@@ -10,8 +10,9 @@ import pytest
 
 from gateway.daemon.runtime.bounded_queue import BoundedQueue
 from gateway.daemon.runtime.faults import FaultRegister
-from gateway.daemon.runtime.watchdog import ServiceNotifier, Watchdog
+from gateway.daemon.runtime.watchdog import Watchdog
 from gateway.daemon.runtime.worker import Worker
+from gateway.service_state import ServiceNotifier
 from tests.waiting import wait_until
 
 PATIENCE_S = 0.5
