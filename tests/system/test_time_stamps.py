@@ -67,7 +67,7 @@ def test_a_time_stamp_proves_what_the_holder_of_the_key_writes_again(
     shutil.copy(folder / "time-stamps.jsonl", kept)
     verify = "record", "verify", folder, "--key", key
     proven = plumbline(*verify, "--tsa-ca", ca)
-    assert (proven.returncode, proven.stderr) == (0, ""), proven
+    assert (proven.returncode, proven.stderr) == (0, ""), proven.stdout
     assert "segment 1, and all before it, existed on 20" in proven.stdout
     assert "are not checked; give the certificate" in plumbline(*verify).stdout
     stranger = plumbline(*verify, "--tsa-ca", make_authority(tmp_path / "other"))
