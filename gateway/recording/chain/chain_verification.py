@@ -17,9 +17,9 @@ from gateway.recording.reading.interval import iso_utc
 
 Answer = Literal["genuine", "consistent", "differs"]
 """Everything is as the key signed that was given; as the recordings say themselves, whoever wrote them; something is not."""
-LATEST_NS = 2_000_000_000
-"""Samples may be recorded so much later than messages about the gateway itself, so that neighbouring segments overlap. Basis: a
-choice; a wireless sensor is a second late, and a segment lasts for minutes."""
+LATEST_NS = 30_000_000_000
+"""Samples may be recorded so much later than messages about the gateway itself, so that neighbouring segments overlap. Basis: on
+a busy host samples wait up to 25 s to be processed (`parts.MAX_WAITING_BLOCKS`), and a wireless sensor is some seconds late."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -133,11 +133,12 @@ def test_a_clock_that_was_set_back_is_named(record: Record, segments: list[Path]
     assert any("CLOCK SET BACK by 3688" in text for text in problems(found))
 
 
+@pytest.mark.parametrize("late_s", [1, 25])
 def test_samples_that_come_after_the_health_of_the_segment_before_are_no_difference(
-    record: Record, start_ns: int
+    record: Record, start_ns: int, late_s: int
 ) -> None:
     record(start_ns, segments=1)
-    assert problems(verify(record(start_ns + 27 * SECOND_NS + 500_000_000, segments=1))) == []
+    assert problems(verify(record(start_ns + (28 - late_s) * SECOND_NS + 500_000_000, segments=1))) == []
 
 
 def test_a_segment_that_could_not_be_begun_takes_no_number(
