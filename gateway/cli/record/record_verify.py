@@ -29,10 +29,9 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         help="check that recordings are what the gateway wrote: nothing changed, removed, exchanged or forged",
         description="Check recordings against the signed statements in them: nothing changed, removed, exchanged, cut off or "
         "forged, and no clock set back by more than 30 s. Exit code 0: genuine by the key that is given, or that `remote status` "
-        "has heard at the first contact. Exit code 1: something differs, and each difference is named. Exit code 3: consistent in "
-        "itself only, "
-        "because no key is known, or nothing is signed. A folder is expected from the first segment on: those that the gateway "
-        "has deleted, as it has signed, are named and are no difference.",
+        "has heard at the first contact. Exit code 1: something differs, and each difference is named. Exit code 3: consistent "
+        "in itself only, because no key is known, or nothing is signed. A folder is expected from the first segment on: those "
+        "that the gateway has deleted, as it has signed, are named and are no difference.",
         epilog="example: plumbline record verify plumbline-data --key signing-key.pem.pub",
     )
     add_paths(verify)
