@@ -104,6 +104,7 @@ assert builder.course(time_ns, time_ns).alert_levels["sway"].state == ("trip",)
 """
 
 
+@pytest.mark.slow
 def test_an_alert_rule_changes_the_files_of_the_guide_and_is_raised_and_recorded(tree: Tree) -> None:
     key = '    sway_trip_deg: float = Field(0.5, gt=0, lt=90, description="trip level of the present angle")\n'
     tree.insert("gateway/configuration/model.py", key, before="    stale_s: float = Field(1.0, ge=0.2, le=60")
@@ -151,6 +152,7 @@ class Echo(Message):
 """
 
 
+@pytest.mark.slow
 def test_a_topic_changes_the_files_of_the_guide_and_is_recorded_and_replayed(tree: Tree) -> None:
     condition = (tree.folder / "gateway/messages/condition.py").read_text(encoding="utf-8")
     tree.write("gateway/messages/condition.py", condition + MESSAGE)
@@ -198,6 +200,7 @@ assert info.device_id.startswith("lis9-") and np.abs(force_g - [0.1, -0.2, 0.95]
 OTHER_CHIP = {"LIS2DW12": "LIS9", "Lis2dw12": "Lis9"}
 
 
+@pytest.mark.slow
 def test_a_chip_changes_the_files_of_the_guide_and_is_found_and_read(tree: Tree) -> None:
     identity = {'0x0F, b"\\x44"': '0x0F, b"\\x39"', 'kind = "lis2dw12"': 'kind = "lis9"'}
     tree.copy("devices/i2c/lis2dw12.py", "devices/i2c/lis9.py", OTHER_CHIP | identity)
@@ -231,6 +234,7 @@ assert "/language.js" in {route.path for route in static_routes("index.html", "n
 """
 
 
+@pytest.mark.slow
 def test_a_language_is_one_file(tree: Tree) -> None:
     tree.copy("gateway/languages/de.json", "gateway/languages/nl.json", {})
     assert tree.changed == named_files("Add a language", languages=("nl",))

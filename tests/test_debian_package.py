@@ -105,6 +105,7 @@ def machine(tmp_path: Path, old: Path) -> Machine:
     return machine
 
 
+@pytest.mark.slow
 def test_the_package_has_the_same_parts_as_the_installer(machine: Machine) -> None:
     for place, part in (
         ("usr/lib/systemd/system/plumbline.service", "plumbline.service"),
@@ -117,6 +118,7 @@ def test_the_package_has_the_same_parts_as_the_installer(machine: Machine) -> No
     assert machine.current == OLD
 
 
+@pytest.mark.slow
 def test_the_arm64_package_is_for_that_processor(build: Callable[..., Path]) -> None:
     package = build("--arch", "arm64")
     done = subprocess.run(
@@ -126,6 +128,7 @@ def test_the_arm64_package_is_for_that_processor(build: Callable[..., Path]) -> 
     assert "python3.11" in done.stdout
 
 
+@pytest.mark.slow
 def test_an_upgrade_and_rollbacks_keep_settings_and_recordings(machine: Machine, new: Path) -> None:
     assert machine.dpkg("-i", new).returncode == 0
     assert machine.current == NEW
@@ -138,6 +141,7 @@ def test_an_upgrade_and_rollbacks_keep_settings_and_recordings(machine: Machine,
     assert machine.recording.exists()
 
 
+@pytest.mark.slow
 def test_an_upgrade_does_not_touch_the_running_version_where_the_settings_are_wrong(
     machine: Machine, new: Path
 ) -> None:
@@ -152,12 +156,14 @@ def test_an_upgrade_does_not_touch_the_running_version_where_the_settings_are_wr
     assert machine.current == NEW
 
 
+@pytest.mark.slow
 def test_a_downgrade_is_an_upgrade_to_the_old_version(machine: Machine, old: Path, new: Path) -> None:
     for package, expected in ((new, NEW), (old, OLD), (old, OLD)):
         assert machine.dpkg("-i", package).returncode == 0
         assert machine.current == expected
 
 
+@pytest.mark.slow
 def test_an_edited_environment_of_the_service_stays(machine: Machine, new: Path) -> None:
     environment = machine.root / "etc" / "default" / "plumbline"
     environment.write_text("PLUMBLINE_GATEWAY__DATA_DIR=/srv/plumbline\n")
@@ -165,6 +171,7 @@ def test_an_edited_environment_of_the_service_stays(machine: Machine, new: Path)
     assert environment.read_text() == "PLUMBLINE_GATEWAY__DATA_DIR=/srv/plumbline\n"
 
 
+@pytest.mark.slow
 def test_the_package_and_the_installer_refuse_each_other(machine: Machine, new: Path) -> None:
     refused = subprocess.run(
         ["sh", str(ROOT / "deploy" / "install.sh")],
@@ -184,6 +191,7 @@ def test_the_package_and_the_installer_refuse_each_other(machine: Machine, new: 
     assert machine.current == OLD
 
 
+@pytest.mark.slow
 def test_only_a_confirmed_purge_deletes_recordings(machine: Machine, new: Path) -> None:
     assert machine.dpkg("--remove", "plumbline-gateway").returncode == 0
     assert not (machine.root / "opt" / "plumbline").exists()

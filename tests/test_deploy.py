@@ -32,6 +32,7 @@ def analyze() -> Callable[..., Completed]:
     return run
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("source", "name"), [(UNIT, UNIT.name), (BRIDGE_UNIT, "plumbline-bridge@mqtt.service")])
 def test_systemd_accepts_the_unit(analyze: Callable[..., Completed], tmp_path: Path, source: Path, name: str) -> None:
     unit = tmp_path / name
@@ -135,6 +136,7 @@ def test_nothing_is_put_into_service_without_a_configuration(installation: Insta
     assert not installation.root.exists()
 
 
+@pytest.mark.slow
 def test_a_simulated_crane_is_not_put_into_service(installation: Installation, wanted: Path) -> None:
     wanted.write_text("[rope]\nlength_m = 12.0\n")
     done = installation.run("install.sh", wanted)
@@ -146,6 +148,7 @@ def test_a_simulated_crane_is_not_put_into_service(installation: Installation, w
     assert installation.run("install.sh", wanted).returncode == 0
 
 
+@pytest.mark.slow
 def test_an_edited_environment_of_the_service_stays(installation: Installation, wanted: Path) -> None:
     assert installation.run("install.sh", wanted).returncode == 0
     environment = installation.root / "etc" / "default" / "plumbline"
@@ -154,6 +157,7 @@ def test_an_edited_environment_of_the_service_stays(installation: Installation, 
     assert environment.read_text() == "PLUMBLINE_GATEWAY__DATA_DIR=/srv/plumbline\n"
 
 
+@pytest.mark.slow
 def test_the_environment_of_a_former_version_goes_where_root_alone_may_change_it(
     installation: Installation, wanted: Path
 ) -> None:
@@ -179,6 +183,7 @@ def test_reading_recordings_gives_no_right_to_command_or_to_change_settings() ->
     assert 'chgrp -h plumbline-command "$secret"' in functions
 
 
+@pytest.mark.slow
 def test_an_edited_configuration_is_installed_the_second_time(installation: Installation, wanted: Path) -> None:
     assert installation.run("install.sh", wanted).returncode == 0
     before = wanted.read_text()
@@ -189,6 +194,7 @@ def test_an_edited_configuration_is_installed_the_second_time(installation: Inst
     assert kept.read_text() == before
 
 
+@pytest.mark.slow
 def test_an_upgrade_keeps_and_checks_the_installed_configuration(installation: Installation, wanted: Path) -> None:
     assert installation.run("install.sh", wanted).returncode == 0
     first = installation.current
@@ -200,6 +206,7 @@ def test_an_upgrade_keeps_and_checks_the_installed_configuration(installation: I
     assert [folder.name for folder in installation.releases.iterdir()] == [first]
 
 
+@pytest.mark.slow
 def test_a_failed_download_leaves_the_installed_version(installation: Installation, wanted: Path) -> None:
     assert installation.run("install.sh", wanted).returncode == 0
     first = installation.current
@@ -209,6 +216,7 @@ def test_a_failed_download_leaves_the_installed_version(installation: Installati
     assert [folder.name for folder in installation.releases.iterdir()] == [first]
 
 
+@pytest.mark.slow
 def test_rollback_returns_to_the_version_before(installation: Installation, wanted: Path) -> None:
     assert installation.run("install.sh", wanted).returncode == 0
     assert installation.run("install.sh", "--rollback").returncode == 2
@@ -225,6 +233,7 @@ def test_rollback_returns_to_the_version_before(installation: Installation, want
         assert installation.current == expected
 
 
+@pytest.mark.slow
 def test_uninstall_asks_before_it_deletes_recordings(installation: Installation, wanted: Path) -> None:
     assert installation.run("install.sh", wanted).returncode == 0
     recording = installation.root / "var" / "lib" / "plumbline" / "one.mcap"

@@ -5,6 +5,8 @@ import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 HINT = re.compile(r"\binstall '?([\w-]+)\[(\w+)\]")
@@ -19,6 +21,7 @@ def _hints() -> Iterator[tuple[str, str, str]]:
                     yield path.name, distribution, extra
 
 
+@pytest.mark.slow
 def test_every_installation_hint_names_this_distribution_and_one_of_its_extras() -> None:
     hints = list(_hints())
     assert {extra for _, _, extra in hints} == {

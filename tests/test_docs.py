@@ -51,6 +51,7 @@ def anchors(page: Path) -> set[str]:
     }
 
 
+@pytest.mark.slow
 def test_every_relative_link_leads_to_a_file_and_a_heading() -> None:
     broken = []
     for page in pages():
@@ -71,6 +72,7 @@ def test_every_page_stands_in_a_room() -> None:
         assert (guide / "README.md").is_file(), f"{guide.name} has no page to start with"
 
 
+@pytest.mark.slow
 def test_every_page_is_reached_from_the_first_one() -> None:
     """Whoever opens docs/README.md finds every page by links between pages."""
     reached: set[Path] = set()
@@ -97,6 +99,7 @@ def test_every_package_that_the_docs_name_exists() -> None:
         assert [str(path) for path in paths if not path.is_dir() and not path.with_suffix(".py").exists()] == [], page
 
 
+@pytest.mark.slow
 def test_every_command_that_the_docs_show_is_understood() -> None:
     for page in [*ROOT.glob("*.md"), *DOCS.rglob("*.md")]:
         text = re.sub(r"\s*\\\n\s*", " ", page.read_text())
@@ -105,6 +108,7 @@ def test_every_command_that_the_docs_show_is_understood() -> None:
             parser().parse_args(command_words(line)[1:])
 
 
+@pytest.mark.slow
 def test_every_cited_source_is_in_the_references() -> None:
     listed = (DOCS / "reference" / "references.md").read_text().splitlines()
     code = [path for top in ("gateway", "devices") for path in (ROOT / top).rglob("*.py")]
@@ -114,6 +118,7 @@ def test_every_cited_source_is_in_the_references() -> None:
         assert missing == [], path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PAGES)
 def test_generated_page_is_up_to_date(name: str) -> None:
     assert (DOCS / name).read_text() == PAGES[name](), "run script/docs"

@@ -25,6 +25,7 @@ def _commands(text: str) -> Iterator[str]:
                 yield re.sub(r" > \S+", "", words)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", GUIDES)
 def test_every_command_is_accepted(name: str) -> None:
     commands = list(_commands((FOLDER / f"{name}.md").read_text()))

@@ -14,6 +14,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 CHECKED_ELSEWHERE = ("gateway/motion/", "gateway/swing/", "gateway/twin/reconcile/")
 """Folders whose numbers the benchmarks move."""
@@ -127,6 +129,7 @@ def test_structural_numbers_need_no_basis() -> None:
     assert [without_basis(line + "\n") for line in structural] == [[]] * len(structural)
 
 
+@pytest.mark.slow
 def test_the_count_of_numbers_without_a_basis_only_falls() -> None:
     paths = sorted(path for folder in ("gateway", "devices") for path in (ROOT / folder).rglob("*.py"))
     places = [(path, path.relative_to(ROOT).as_posix()) for path in paths]

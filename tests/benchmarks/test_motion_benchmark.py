@@ -55,6 +55,7 @@ def test_equation_22_is_right_in_a_planar_free_swing_without_noise(free_swing: W
     np.testing.assert_allclose(stated[:, 0], largest_of_last_period(free_swing, at_s), rtol=0.05)
 
 
+@pytest.mark.slow
 def test_bound_grows_in_a_drive_and_falls_afterwards(free_swing: WorkRecording) -> None:
     time_s, bound = bound_rad(driven(free_swing))
 
@@ -63,6 +64,7 @@ def test_bound_grows_in_a_drive_and_falls_afterwards(free_swing: WorkRecording) 
     assert after < end
 
 
+@pytest.mark.slow
 def test_bound_grows_with_the_noise(free_swing: WorkRecording) -> None:
     time_s, quiet = bound_rad(driven(free_swing))
     _, noisy = bound_rad(driven(replace(free_swing, noise_g=1e-3)))
@@ -70,6 +72,7 @@ def test_bound_grows_with_the_noise(free_swing: WorkRecording) -> None:
     assert (noisy[time_s > 15] > 1.5 * quiet[time_s > 15]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("instruments", [Instruments(has_gyro=True), Instruments(second_above_load_m=1.0)])
 def test_a_gyroscope_or_a_second_housing_lowers_the_bound_in_a_drive(
     free_swing: WorkRecording, instruments: Instruments
@@ -82,6 +85,7 @@ def test_a_gyroscope_or_a_second_housing_lowers_the_bound_in_a_drive(
     assert helped[drives].mean() < 0.8 * alone[drives].mean()
 
 
+@pytest.mark.slow
 def test_a_second_housing_at_the_same_place_adds_nothing_but_a_second_reading(free_swing: WorkRecording) -> None:
     time_s, alone = bound_rad(driven(free_swing))
     _, twice = bound_rad(driven(free_swing), Instruments(second_above_load_m=free_swing.above_load_m))
@@ -91,6 +95,7 @@ def test_a_second_housing_at_the_same_place_adds_nothing_but_a_second_reading(fr
     assert (twice[drives] < alone[drives]).all()
 
 
+@pytest.mark.slow
 def test_an_unknown_hoist_makes_the_angle_less_certain(free_swing: WorkRecording) -> None:
     time_s, known = bound_rad(driven(free_swing))
     hoisting = ((free_swing.truth["time_s"] > 20) & (free_swing.truth["time_s"] < 40)).astype(float)
@@ -101,6 +106,7 @@ def test_an_unknown_hoist_makes_the_angle_less_certain(free_swing: WorkRecording
     assert (unknown[at] > 1.2 * known[at]).all()
 
 
+@pytest.mark.slow
 def test_a_moving_base_makes_the_angle_less_certain(free_swing: WorkRecording) -> None:
     time_s, rigid = bound_rad(free_swing)
     _, floating = bound_rad(free_swing, has_moving_base=True)
@@ -114,6 +120,7 @@ def written(tmp_path: Path) -> Path:
     return tmp_path / "work_000"
 
 
+@pytest.mark.slow
 def test_written_recordings_are_read(written: Path) -> None:
     recording = read(written)
 

@@ -77,6 +77,7 @@ def test_numbers_in_capitals_tuples_and_settings_are_found(package: str) -> None
     assert found["COUNT"].basis == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("label", "expression", "value"),
     [

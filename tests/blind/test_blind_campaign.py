@@ -116,6 +116,7 @@ def shifted(case: Path, path: Path, by_g: float, rows: int | None = None) -> Pat
     return path
 
 
+@pytest.mark.slow
 def test_prediction_is_compared_with_the_held_out_recording(case: Path, tmp_path: Path) -> None:
     off_g = 3 * 0.0003
     noise = tomllib.loads((case / "rig.toml").read_text())["sensor"]["noise_g"]

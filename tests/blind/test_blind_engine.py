@@ -29,6 +29,7 @@ def zero_crossings(time_s: NDArray[np.float64], values: NDArray[np.float64]) -> 
     return time_s[at] - values[at] * (time_s[at + 1] - time_s[at]) / (values[at + 1] - values[at])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("amplitude_rad", [0.02, 0.1, 0.3])
 def test_period_grows_with_the_amplitude_as_the_elliptic_integral_says(amplitude_rad: float) -> None:
     motion = simulate(FREE, planar(amplitude_rad), 60.0)
@@ -40,6 +41,7 @@ def test_period_grows_with_the_amplitude_as_the_elliptic_integral_says(amplitude
     assert period_s == pytest.approx(2 * np.pi / RATE / mean[0], rel=3e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.2, 0.5, 0.9])
 def test_ideal_swing_reads_what_the_formulas_say(rho: float) -> None:
     phi = 0.17
@@ -67,6 +69,7 @@ def test_housing_does_not_turn_about_the_rope() -> None:
     assert turned == pytest.approx(3 * 2 * np.pi * np.cos(phi), abs=1e-5)
 
 
+@pytest.mark.slow
 def test_spinning_housing_turns_the_reading_and_nothing_else() -> None:
     spinning = simulate(Mechanics(10.0, 4.0, G, spin_rad_s=0.05), planar(0.1), 30.0)
     still = simulate(FREE, planar(0.1), 30.0)
@@ -97,6 +100,7 @@ def test_decay_of_each_friction() -> None:
     np.testing.assert_allclose(amplitude, 0.1 - lost * time_s, rtol=2e-3)
 
 
+@pytest.mark.slow
 def test_two_modes_of_a_hook_and_its_load() -> None:
     hook = Hook(rigging_length_m=3.0, mass_ratio=0.1)
     upper_m, mass = 7.0, 1 / 0.1
@@ -122,6 +126,7 @@ def test_stretching_rope_rings_at_its_frequency_and_dies_away() -> None:
     assert np.abs(axial - waves @ fit).max() < RIM * G
 
 
+@pytest.mark.slow
 def test_stretching_rope_hangs_lower_by_its_sag() -> None:
     spring = Spring(frequency_hz=1.0, damping_ratio=0.3)
     motion = simulate(Mechanics(10.0, 4.0, G, spring=spring), planar(0.01), 40.0)
@@ -130,6 +135,7 @@ def test_stretching_rope_hangs_lower_by_its_sag() -> None:
     assert np.diff(crossings).mean() == pytest.approx(np.pi * np.sqrt(length_m / G), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_what_is_left_of_a_load_swings_on_with_another_length() -> None:
     release = Release(at_s=15.0, shift_m=0.5)
     motion = simulate(Mechanics(10.0, 4.0, G, release=release), planar(0.02), 60.0)
@@ -140,6 +146,7 @@ def test_what_is_left_of_a_load_swings_on_with_another_length() -> None:
     assert steps.max() < 0.02 * RATE * 0.005 * 1.01  # the rope's own rate does not jump
 
 
+@pytest.mark.slow
 def test_hoisting_keeps_the_angular_momentum_of_the_load_and_the_period_follows() -> None:
     """Seen from the pivot at a small angle: A grows as L^(-3/4) when the rope shortens slowly."""
     length_speed = pulse(10.0, 40.0, 2.0)
@@ -178,6 +185,7 @@ def test_sensor_beside_the_rope_reads_its_tangential_acceleration() -> None:
     assert added[:, 0].min() == pytest.approx(-2 * 0.04 / 10 * (1 - np.cos(0.2)), abs=1e-7)
 
 
+@pytest.mark.slow
 def test_soft_clamp_turns_the_housing_by_its_compliance() -> None:
     """Rocking at w about an axis through the clamp, the housing hangs h/(2 h^2 w^2) further to the force than its rope."""
     rocking_hz, below_m, phi = 6.0, 0.05, 0.15
@@ -192,6 +200,7 @@ def test_soft_clamp_turns_the_housing_by_its_compliance() -> None:
     assert across - turned == pytest.approx(expected, abs=2e-4)
 
 
+@pytest.mark.slow
 def test_torsion_turns_the_housing_as_a_damped_oscillator() -> None:
     frequency_hz, damping_ratio = 0.1, 0.02
     clamp = Clamp(torsion_hz=frequency_hz, torsion_damping_ratio=damping_ratio)

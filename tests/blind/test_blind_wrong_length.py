@@ -95,10 +95,12 @@ def test_a_clock_says_the_same_of_a_housing_at_the_pivot() -> None:
     assert [effect.name for effect in result.effects] == ["quadratic_drag"]
 
 
+@pytest.mark.slow
 def test_the_search_starts_from_the_length_that_the_period_tells() -> None:
     assert baseline(Case(DAMPED, 60.0, 0.2)) == {"rope_length": pytest.approx(0.2, abs=0.05)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tilt_deg", [60.0, 15.0])
 def test_a_length_that_the_period_does_not_contradict_is_left_to_the_search(tilt_deg: float) -> None:
     assert baseline(Case(DAMPED, tilt_deg, 0.0 if tilt_deg > 30 else 0.2)) == {}

@@ -73,6 +73,7 @@ class Cube:
         return np.concatenate([block.raw for block in self.blocks]) - true_g
 
 
+@pytest.mark.slow
 def test_the_axes_are_read_at_common_instants_whatever_the_clocks_of_the_parts() -> None:
     cube = Cube()
     info = cube.device.open()
@@ -85,6 +86,7 @@ def test_the_axes_are_read_at_common_instants_whatever_the_clocks_of_the_parts()
     assert sum(block.lost for block in cube.blocks) == 0
 
 
+@pytest.mark.slow
 def test_a_late_host_leaves_a_gap_of_known_length() -> None:
     cube = Cube()
     cube.device.open()
@@ -96,6 +98,7 @@ def test_a_late_host_leaves_a_gap_of_known_length() -> None:
     assert np.abs(cube.error_g[cube.time_s > 2]).max() < 0.05
 
 
+@pytest.mark.slow
 def test_a_saturated_axis_marks_the_sample() -> None:
     cube = Cube(full_scale_from_s=4.0)
     cube.device.open()

@@ -51,6 +51,7 @@ def await_sample(rig: PartRig, device: RecoveringDevice) -> None:
         assert rig.clock.elapsed_s < 1000
 
 
+@pytest.mark.slow
 @each_part
 @pytest.mark.parametrize("away_s", [20.0, 20.15, 20.3, 20.45])
 def test_a_part_that_returns_delivers_samples_within_a_second(part: Part, away_s: float) -> None:

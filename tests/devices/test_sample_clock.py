@@ -173,6 +173,7 @@ def test_a_restart_keeps_the_rate_and_increasing_times() -> None:
     assert np.diff(later_ns).mean() == pytest.approx(1e9 / rate_hz, rel=1e-6)  # a jump, not a stretch
 
 
+@pytest.mark.slow
 def test_rate_that_drifts_with_temperature_is_followed() -> None:
     part = Part(1000, 300, drift=4e-7)  # 24 ppm a minute, over five minutes
     clock = SampleClock(1000, usual_delay_s=0.001)
@@ -191,6 +192,7 @@ def test_samples_lost_without_a_count_are_detected() -> None:
     assert np.all(np.diff(times_ns) > 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate_hz", [500, 800, 1200, 2000])
 def test_a_rate_far_from_the_nominal_one_is_measured(rate_hz: int) -> None:
     part = Part(rate_hz, 60)
@@ -212,6 +214,7 @@ def test_a_single_wrong_observation_has_no_effect() -> None:
     assert clock.relearned == 0
 
 
+@pytest.mark.slow
 def test_memory_and_precision_are_bounded_after_weeks() -> None:
     clock = SampleClock(1000, usual_delay_s=0.001)
     clock.stamp(1, START_NS, lost=12 * 7 * 86400 * 1000)

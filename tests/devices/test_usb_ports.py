@@ -71,6 +71,7 @@ def test_another_form_is_refused(tree: UsbTree, name: str) -> None:
         find_usb_port(name, tree.folders)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by_id", [None, "usb-FTDI_FT231X_DN01-if00-port0"])
 @pytest.mark.parametrize("named", ["usb", "path"])
 def test_a_port_is_found_again_under_another_number(

@@ -42,6 +42,7 @@ def written(path: Path, text: str) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", TOML)
 def test_hostile_toml_is_refused_as_configuration_and_as_rig(tmp_path: Path, case: str) -> None:
     path = written(tmp_path / "a.toml", TOML[case])

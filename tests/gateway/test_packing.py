@@ -75,6 +75,7 @@ def blocks(draw: st.DrawFn) -> SampleBlock:
     )
 
 
+@pytest.mark.slow
 @given(blocks())
 def test_a_block_is_unpacked_exactly(block: SampleBlock) -> None:
     assert_same(block, through_json(block))
@@ -92,6 +93,7 @@ def test_even_times_become_a_period_and_uneven_ones_offsets(make_block: MakeBloc
     assert uneven.offsets_ns == (time_ns[1:] - time_ns[0]).tolist()
 
 
+@pytest.mark.slow
 @given(st.floats(2, 1e10), st.integers(2, 200))
 def test_every_even_block_has_the_short_form(period_ns: float, length: int) -> None:
     exact_ns = np.arange(length) * period_ns

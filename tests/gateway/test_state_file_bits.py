@@ -49,6 +49,7 @@ FILES: dict[str, tuple[Callable[[Path], object], Callable[[Path], object]]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(FILES))
 def test_no_flipped_bit_of_a_small_state_file_raises(tmp_path: Path, name: str) -> None:
     make, load = FILES[name]

@@ -81,6 +81,7 @@ CLI_REFUSED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CLI_REFUSED)
 def test_commands_refuse_bad_input_in_one_line(
     case: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -91,12 +92,14 @@ def test_commands_refuse_bad_input_in_one_line(
     assert expected in one_line(capsys.readouterr().err)
 
 
+@pytest.mark.slow
 def test_a_gateway_that_cannot_be_reached_is_no_usage_error(plumbline: Plumbline) -> None:
     done = plumbline("remote", "status", "--connect", "tcp/127.0.0.1:1")
     assert done.returncode == 1
     assert "nobody answers" in one_line(done.stderr)
 
 
+@pytest.mark.slow
 def test_usage_errors_have_exit_code_two(plumbline: Plumbline) -> None:
     assert plumbline("run", "--duration", "-1").returncode == 2
     assert plumbline("nonsense").returncode == 2
@@ -107,6 +110,7 @@ def test_usage_errors_have_exit_code_two(plumbline: Plumbline) -> None:
     assert "argument --from: noon is neither seconds from the start" in one_line(refused.stderr.splitlines()[-1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command",
     [

@@ -20,6 +20,7 @@ def _config(folder: Path, data_dir: Path, endpoint: str) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_doctor_reports_the_state_of_a_running_gateway(
     start_gateway: StartGateway, join_bus: JoinBus, plumbline: Plumbline, tmp_path: Path
 ) -> None:
@@ -37,6 +38,7 @@ def test_doctor_reports_the_state_of_a_running_gateway(
     assert "has been running" not in plumbline("doctor", "--config", config).stdout
 
 
+@pytest.mark.slow
 def test_doctor_states_that_a_running_gateway_does_not_answer(
     start_gateway: StartGateway, join_bus: JoinBus, plumbline: Plumbline, tmp_path: Path
 ) -> None:
@@ -48,6 +50,7 @@ def test_doctor_states_that_a_running_gateway_does_not_answer(
     assert done.stdout.endswith("\n1 to correct, marked BAD\n")
 
 
+@pytest.mark.slow
 def test_doctor_makes_no_folder(plumbline: Plumbline, tmp_path: Path) -> None:
     data_dir = tmp_path / "yard" / "data"
     done = plumbline("doctor", "--config", _config(tmp_path, data_dir, "tcp/127.0.0.1:0"))
@@ -55,6 +58,7 @@ def test_doctor_makes_no_folder(plumbline: Plumbline, tmp_path: Path) -> None:
     assert not data_dir.parent.exists()
 
 
+@pytest.mark.slow
 def test_doctor_names_a_damaged_chain_and_what_was_kept_of_it(plumbline: Plumbline, tmp_path: Path) -> None:
     data_dir = tmp_path / "data"
     data_dir.mkdir()
@@ -71,6 +75,7 @@ def test_doctor_names_a_damaged_chain_and_what_was_kept_of_it(plumbline: Plumbli
     assert "has chain.json.damaged-1, kept from damage" in done.stdout
 
 
+@pytest.mark.slow
 def test_doctor_examines_a_sensor_alone(plumbline: Plumbline, tmp_path: Path) -> None:
     done = plumbline("doctor", "--device", "--config", _config(tmp_path, tmp_path / "data", "tcp/127.0.0.1:0"))
     assert done.returncode == 0, done.stdout + done.stderr
@@ -79,6 +84,7 @@ def test_doctor_examines_a_sensor_alone(plumbline: Plumbline, tmp_path: Path) ->
     assert done.stdout.endswith("\nall well\n")
 
 
+@pytest.mark.slow
 def test_doctor_records_what_it_measured(plumbline: Plumbline, tmp_path: Path) -> None:
     config, path = _config(tmp_path, tmp_path / "data", "tcp/127.0.0.1:0"), tmp_path / "doctor.json"
     assert plumbline("doctor", "--device", "--config", config, "--json", path).returncode == 0
@@ -89,6 +95,7 @@ def test_doctor_records_what_it_measured(plumbline: Plumbline, tmp_path: Path) -
     assert [check["place"] for check in printed["checks"]] == ["settings", "reading", "attitude"]
 
 
+@pytest.mark.slow
 def test_doctor_leaves_a_sensor_alone_that_a_gateway_uses(
     start_gateway: StartGateway, join_bus: JoinBus, plumbline: Plumbline, tmp_path: Path
 ) -> None:
@@ -99,6 +106,7 @@ def test_doctor_leaves_a_sensor_alone_that_a_gateway_uses(
     assert "a gateway is using the sensor; stop it first" in done.stdout
 
 
+@pytest.mark.slow
 def test_the_bundle_has_what_a_service_engineer_needs_and_no_secret(
     start_gateway: StartGateway,
     join_bus: JoinBus,

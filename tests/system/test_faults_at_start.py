@@ -218,6 +218,7 @@ def test_a_reader_of_the_log_that_stalls_costs_lines_and_nothing_else(
     os.close(full)
 
 
+@pytest.mark.slow
 def test_an_unusable_endpoint_is_refused_in_one_line(start_gateway: StartGateway) -> None:
     code, _, err = start_gateway(environment={"PLUMBLINE_BUS__LISTEN": '["nowhere"]'}).wait()
     assert code == 2
@@ -225,6 +226,7 @@ def test_an_unusable_endpoint_is_refused_in_one_line(start_gateway: StartGateway
     assert len(err.splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_the_ports_are_released_by_a_refused_start(start_gateway: StartGateway, tmp_path: Path) -> None:
     gateway = start_gateway("[device]\nrange_g = 1e-300\n")
     code, _, err = gateway.wait()

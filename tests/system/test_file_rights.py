@@ -4,11 +4,14 @@ import os
 import tarfile
 from pathlib import Path
 
+import pytest
+
 from gateway.cli.main import main
 from gateway.file_input import read_owned
 from tests.system.conftest import JoinBus, StartGateway
 
 
+@pytest.mark.slow
 def test_nobody_outside_the_group_reads_a_file_and_only_the_owner_locks(
     start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path
 ) -> None:
@@ -28,6 +31,7 @@ def test_nobody_outside_the_group_reads_a_file_and_only_the_owner_locks(
     assert modes[".lock"] == modes["signing-key.pem"] == 0o600
 
 
+@pytest.mark.slow
 def test_the_bundle_contains_no_file_to_which_a_link_leads(tmp_path: Path) -> None:
     data, foreign = tmp_path / "data", tmp_path / "elsewhere"
     foreign.mkdir()

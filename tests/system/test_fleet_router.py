@@ -67,6 +67,7 @@ def test_a_late_joiner_gets_the_last_message_of_each_topic_also_of_a_gateway_tha
     assert router.stop() == 0
 
 
+@pytest.mark.slow
 def test_zenohd_is_told_the_same_and_to_store_the_latest_states(plumbline: Plumbline, tmp_path: Path) -> None:
     gateways = tmp_path / "gateways.txt"
     gateways.write_text("yard/c1/hook\n")
@@ -105,6 +106,7 @@ def test_the_example_of_a_zenohd_configuration_is_what_the_command_prints() -> N
     zenoh.Config.from_json5(example)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "problem"),
     [

@@ -24,6 +24,7 @@ def radio_board(tmp_path: Path) -> list[str]:
     return ["measure", str(log), "--rig", str(rig), "--unit", "mg", "--time", "3:ms", "--json", "-", "--columns"]
 
 
+@pytest.mark.slow
 def test_two_axes_give_an_interval(radio_board: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*radio_board, "2,1"]) == 0
     found = json.loads(capsys.readouterr().out)

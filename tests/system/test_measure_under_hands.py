@@ -10,6 +10,7 @@ from gateway.cli.main import main
 from tests.gateway.swing.held_pendulum import GRAVITY_M_S2, readings_g, swing
 
 
+@pytest.mark.slow
 def test_the_period_states_the_length_that_the_rig_leaves_out(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

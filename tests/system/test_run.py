@@ -82,6 +82,7 @@ def test_kill_loses_at_most_the_sync_interval(start_gateway: StartGateway, join_
     assert len(run.samples.time_ns) > 2000
 
 
+@pytest.mark.slow
 def test_duration_ends_it(start_gateway: StartGateway) -> None:
     gateway = start_gateway(arguments=("--duration", "1.5"))
     code, out, err = gateway.wait()

@@ -7,6 +7,7 @@ import pytest
 from gateway.cli.main import main
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("interval_s", [0.5, 20.0])
 def test_a_table_of_two_samples_per_second_or_fewer_is_refused_in_one_line(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], interval_s: float

@@ -39,6 +39,7 @@ def across(vectors: Array, direction: Array) -> Array:
     return vectors - along
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("amplitude_rad", [0.02, 0.3])
 def test_free_swing_has_the_period_of_the_elliptic_integral(amplitude_rad: float) -> None:
     time_s, motion = run(FREE, (), 60.0, amplitude_rad)
@@ -50,6 +51,7 @@ def test_free_swing_has_the_period_of_the_elliptic_integral(amplitude_rad: float
     assert period_s == pytest.approx(expected_s, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_viscous_damping_has_the_stated_ratio() -> None:
     crane = replace(FREE, damping_ratio=0.005)
     duration_s = 10 * 2 * np.pi / crane.rate_rad_s
@@ -112,6 +114,7 @@ def test_jib_s_pivot_acceleration_is_the_second_derivative_of_its_path() -> None
     np.testing.assert_allclose(given.heading_rad, angle)
 
 
+@pytest.mark.slow
 def test_heavy_rope_swings_and_vibrates_at_its_own_frequencies() -> None:
     rope = HeavyRope(mass_ratio=0.05, damping_1_s=0.0)
     crane = replace(FREE, above_load_m=6.0, rope=rope)
@@ -124,6 +127,7 @@ def test_heavy_rope_swings_and_vibrates_at_its_own_frequencies() -> None:
     assert found_hz == pytest.approx(string_hz * (1 + rope.mass_ratio / np.pi**2), rel=0.03)
 
 
+@pytest.mark.slow
 def test_same_seed_gives_the_same_files(tmp_path: Path) -> None:
     for folder in ("a", "b"):
         main([str(tmp_path / folder), "--seed", "3", "--count", "1"])
@@ -133,6 +137,7 @@ def test_same_seed_gives_the_same_files(tmp_path: Path) -> None:
         assert (tmp_path / "a/work_000" / name).read_bytes() == (tmp_path / "b/work_000" / name).read_bytes()
 
 
+@pytest.mark.slow
 def test_files_hold_what_the_score_reads(tmp_path: Path) -> None:
     main([str(tmp_path), "--seed", "4", "--count", "1", "--kind", "hook"])
     folder = tmp_path / "work_000"
@@ -146,6 +151,7 @@ def test_files_hold_what_the_score_reads(tmp_path: Path) -> None:
     assert {row["driven"] for row in rows} == {"0", "1"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", sorted(KINDS))
 def test_every_kind_draws_events_in_order_and_leaves_the_housing_below_the_pivot(kind: str) -> None:
     for seed in case_seeds(11, 20):
@@ -157,6 +163,7 @@ def test_every_kind_draws_events_in_order_and_leaves_the_housing_below_the_pivot
         assert case.kind == kind
 
 
+@pytest.mark.slow
 def test_hook_and_load_swing_at_the_frequencies_of_the_double_pendulum() -> None:
     upper_m, lower_m, ratio = 10.0, 2.0, 0.1
     crane = replace(FREE, hook=Hook(lower_m, ratio))
@@ -173,6 +180,7 @@ def test_hook_and_load_swing_at_the_frequencies_of_the_double_pendulum() -> None
         assert frequency_hz[near][np.argmax(spectrum[near])] == pytest.approx(expected_hz, abs=0.009)
 
 
+@pytest.mark.slow
 def test_lost_samples_leave_the_truth_complete() -> None:
     case, recording = make("faults", case_seeds(12, 1)[0])
     gaps_s = [fault.duration_s for fault in case.sensor.faults if fault.kind == "gap"]
@@ -181,6 +189,7 @@ def test_lost_samples_leave_the_truth_complete() -> None:
     assert np.abs(recording.reading_g).max() <= case.sensor.full_scale_g
 
 
+@pytest.mark.slow
 def test_recording_may_begin_in_the_middle_of_a_ramp() -> None:
     case, recording = make("mid_manoeuvre", case_seeds(13, 1)[0])
     assert recording.truth["driven"][0] == 1

@@ -131,6 +131,7 @@ def test_open_tolerates_a_few_failed_transfers(rig: Callable[..., Rig]) -> None:
 # Steady reading
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("odr_hz", "block_samples", "seconds"), [(125.0, 7, 60), (1000.0, 32, 20), (4000.0, 32, 5), (3.90625, 8, 60)]
 )
@@ -206,6 +207,7 @@ def test_a_temperature_that_never_settles_is_omitted(rig: Callable[..., Rig]) ->
     assert made.blocks[0].temperature_c is None
 
 
+@pytest.mark.slow
 def test_a_closed_device_can_be_opened_again(rig: Callable[..., Rig]) -> None:
     made = rig(signal=telling_time)
     made.open()

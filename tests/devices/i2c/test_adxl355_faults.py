@@ -11,6 +11,7 @@ from devices.errors import ConfigurationReadBackError, TransferError
 from tests.devices.i2c.adxl355_rig import FIFO_DATA, LEVEL, POWER_CTL, RANGE, STATUS, Rig, telling_time
 
 
+@pytest.mark.slow
 def test_an_overrun_is_counted_and_its_length_follows_from_the_times(rig: Callable[..., Rig]) -> None:
     made = rig(signal=telling_time, rate_error=0.05)
     made.open()
@@ -24,6 +25,7 @@ def test_an_overrun_is_counted_and_its_length_follows_from_the_times(rig: Callab
     assert np.all(np.diff(made.time_ns) > 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("entries", [1, 2])
 def test_missing_entries_lose_one_sample(rig: Callable[..., Rig], entries: int) -> None:
     made = rig(signal=telling_time, rate_error=-0.05)
@@ -61,6 +63,7 @@ def test_repeated_transfers_lose_no_sample(rig: Callable[..., Rig]) -> None:
     assert np.all(np.diff(made.made_at_s()) < 0.009)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("popped", [0, 4, 21])
 def test_an_interrupted_burst_loses_the_entries_that_it_removed(rig: Callable[..., Rig], popped: int) -> None:
     made = rig(signal=telling_time)
@@ -136,6 +139,7 @@ def test_a_bus_stuck_high_gives_no_data(rig: Callable[..., Rig]) -> None:
     assert made.samples == samples
 
 
+@pytest.mark.slow
 def test_a_part_without_samples_is_reported_after_two_seconds(rig: Callable[..., Rig]) -> None:
     made = rig()
     made.open()
@@ -159,6 +163,7 @@ def test_read_returns_none_after_half_a_second_without_samples(rig: Callable[...
     assert 0.4 < made.clock.elapsed_s - start_s < 0.6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("register", "bits"),
     [(STATUS, [0x10]), (STATUS, [0x80]), (STATUS, [0xE0]), (LEVEL, [0x60]), (RANGE, [0x02]), (POWER_CTL, [0x01])],

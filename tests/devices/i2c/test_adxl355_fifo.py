@@ -25,6 +25,7 @@ def test_golden_vectors() -> None:
     ]
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(COUNTS, COUNTS, COUNTS), max_size=33))
 def test_any_counts_are_decoded(triples: list[tuple[int, int, int]]) -> None:
     runs, tail = split_entries(b"".join(sample(*triple) for triple in triples))
@@ -58,6 +59,7 @@ def test_an_incomplete_end_is_counted_with_the_next_samples() -> None:
     assert tail == b""
 
 
+@pytest.mark.slow
 @given(st.binary(max_size=300))
 def test_any_bytes_are_decoded_without_an_error(data: bytes) -> None:
     entries = data[: len(data) // 3 * 3]

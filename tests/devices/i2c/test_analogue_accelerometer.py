@@ -66,6 +66,7 @@ def swinging(time_s: float) -> tuple[float, float, float]:
     return 0.5 * math.sin(phase), 0.5 * math.cos(phase), 1.0 - 0.3 * math.sin(phase)
 
 
+@pytest.mark.slow
 @each_part
 @pytest.mark.parametrize("supply_v", [3.0, 3.3, 2.7])
 def test_a_sensor_at_rest_reads_one_g_at_any_supply(sensor: AnaloguePart, supply_v: float) -> None:
@@ -76,6 +77,7 @@ def test_a_sensor_at_rest_reads_one_g_at_any_supply(sensor: AnaloguePart, supply
     assert rig.force_g == pytest.approx(np.tile([0.0, 0.0, 1.0], (len(rig.force_g), 1)), abs=1e-3)
 
 
+@pytest.mark.slow
 @each_part
 def test_samples_beyond_what_the_data_sheet_promises_are_marked_as_saturated(sensor: AnaloguePart) -> None:
     beyond_g = 1.1 * sensor.full_scale_g
@@ -96,6 +98,7 @@ def test_device_info_states_the_data_sheet(sensor: AnaloguePart) -> None:
     assert info.details["supply"] == "3.00 V"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("oversleep_s", [0.0001, 0.003])
 def test_the_inputs_are_read_at_one_instant(oversleep_s: float) -> None:
     rig = AnalogueRig(signal=swinging, oversleep_s=oversleep_s, odr_hz=50.0)
@@ -108,6 +111,7 @@ def test_the_inputs_are_read_at_one_instant(oversleep_s: float) -> None:
     )  # chord of the sine, and the steps
 
 
+@pytest.mark.slow
 def test_samples_are_evenly_spaced_at_the_configured_rate_over_blocks() -> None:
     rig = AnalogueRig(odr_hz=125.0, oversleep_s=0.0001)
     rig.open()
@@ -119,6 +123,7 @@ def test_samples_are_evenly_spaced_at_the_configured_rate_over_blocks() -> None:
     assert sum(rig.device.faults.values()) == 0
 
 
+@pytest.mark.slow
 def test_a_slow_converter_only_delays() -> None:
     for rate_error in (-0.1, 0.1):
         rig = AnalogueRig(signal=swinging, rate_error=rate_error)
@@ -128,6 +133,7 @@ def test_a_slow_converter_only_delays() -> None:
         assert np.abs(rig.force_g - expected_g).max() < 0.012
 
 
+@pytest.mark.slow
 def test_a_pause_of_the_host_is_a_gap_and_not_a_line() -> None:
     rig = AnalogueRig()
     rig.open()
@@ -153,6 +159,7 @@ def test_a_sensor_whose_supply_is_not_connected_is_reported() -> None:
     assert rig.chip.closed
 
 
+@pytest.mark.slow
 def test_a_supply_that_fails_is_reported_and_yields_no_samples() -> None:
     rig = AnalogueRig()
     rig.open()
@@ -189,6 +196,7 @@ def test_another_part_at_the_address_is_refused() -> None:
         rig.open()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [errno.EREMOTEIO, errno.EIO])
 def test_a_transfer_that_fails_twice_costs_no_sample(number: int) -> None:
     rig = AnalogueRig(signal=swinging)
@@ -201,6 +209,7 @@ def test_a_transfer_that_fails_twice_costs_no_sample(number: int) -> None:
     assert np.abs(rig.force_g - [swinging(time_s) for time_s in rig.time_s]).max() < 0.012
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [errno.EREMOTEIO, errno.ETIMEDOUT, errno.EIO])
 def test_a_dead_bus_is_raised_within_two_seconds(number: int) -> None:
     rig = AnalogueRig()
@@ -232,6 +241,7 @@ def test_a_brown_out_between_conversions_changes_nothing() -> None:
     assert np.abs(rig.force_g - [0, 0, 1]).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_one_disturbed_reading_of_the_configuration_is_tolerated() -> None:
     for bit in range(15):
         rig = AnalogueRig()

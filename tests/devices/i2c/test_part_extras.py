@@ -22,6 +22,7 @@ def test_blocks_of_a_part_with_a_gyroscope_contain_its_rates(kind: str) -> None:
     assert np.degrees(rates_rad_s) == pytest.approx(np.tile([10.0, -20.0, 200.0], (len(rates_rad_s), 1)), abs=0.005)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [part.kind for part in PARTS if not part.has_gyro])
 def test_blocks_of_a_part_without_a_gyroscope_contain_no_rates(kind: str) -> None:
     rig = PartRig(KINDS[kind])
@@ -30,6 +31,7 @@ def test_blocks_of_a_part_without_a_gyroscope_contain_no_rates(kind: str) -> Non
     assert {block.gyro_counts is None for block in rig.blocks} == {True}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [part.kind for part in PARTS if part.temperature == "follows"])
 @pytest.mark.parametrize("temperature_c", [-20.0, 25.0, 60.0])
 def test_blocks_contain_the_temperature(kind: str, temperature_c: float) -> None:

@@ -41,6 +41,7 @@ def test_a_part_at_rest_reads_one_g_upwards(part: Part) -> None:
     assert np.abs(rig.raw - [0, 0, round(part.units_per_g)]).max() <= 1
 
 
+@pytest.mark.slow
 @each_part
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_every_axis_keeps_its_sign(part: Part, sign: int) -> None:
@@ -61,6 +62,7 @@ def test_a_reading_beyond_the_range_is_at_full_scale(part: Part) -> None:
     assert np.all(rig.raw[:, 1] <= -0.998 * info.full_scale_g * info.units_per_g)
 
 
+@pytest.mark.slow
 @each_part
 def test_exactly_the_samples_beyond_the_range_are_marked_as_saturated(part: Part) -> None:
     lowest, highest = part.code_limits
@@ -83,6 +85,7 @@ def test_exactly_the_samples_beyond_the_range_are_marked_as_saturated(part: Part
         assert rig.raw.min() == lowest
 
 
+@pytest.mark.slow
 @each_part
 def test_every_range_keeps_one_g(part: Part) -> None:
     for range_g in CHIPS[part.kind].ranges_g:
@@ -93,6 +96,7 @@ def test_every_range_keeps_one_g(part: Part) -> None:
         assert np.abs(rig.raw / info.units_per_g - [0, 0, 1]).max() < 1.01 / info.units_per_g
 
 
+@pytest.mark.slow
 @each_part
 def test_every_configurable_rate_is_the_rate_of_the_chip(part: Part) -> None:
     for rate_hz in CHIPS[part.kind].rates_hz:
@@ -101,6 +105,7 @@ def test_every_configurable_rate_is_the_rate_of_the_chip(part: Part) -> None:
         assert rig.chip.odr_hz == pytest.approx(rate_hz)
 
 
+@pytest.mark.slow
 @each_part
 def test_every_sample_is_read_once_and_in_order_at_a_rate_error_of_five_per_cent(part: Part) -> None:
     for rate_error in (-0.05, 0.05):
@@ -127,6 +132,7 @@ def test_sample_times_are_right_to_a_fifth_of_a_millisecond_from_the_tenth_secon
     assert np.sqrt(np.mean(error_ms**2)) < 0.2
 
 
+@pytest.mark.slow
 @each_part
 @pytest.mark.parametrize("left", [0x15, 0x2A])
 def test_a_part_that_another_program_has_configured_is_configured_anew(part: Part, left: int) -> None:

@@ -52,6 +52,7 @@ def test_a_part_within_the_limits_passes_and_samples_afterwards(part: Part) -> N
     assert rig.raw[-1] / part.units_per_g == pytest.approx([0.1, -0.2, 0.95], abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", TESTED, ids=str)
 @pytest.mark.parametrize("axis", range(3))
 def test_an_axis_that_does_not_move_fails(part: Part, axis: int) -> None:

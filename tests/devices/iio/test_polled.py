@@ -46,6 +46,7 @@ def new_device(tree: IioTree, odr_hz: float = 100.0) -> PolledIioAccelerometer:
     return PolledIioAccelerometer("adxl355", clock=SensorClock(tree), odr_hz=odr_hz, root=tree.root)
 
 
+@pytest.mark.slow
 def test_the_axes_are_interpolated_to_common_instants(tree: IioTree) -> None:
     device = new_device(tree)
     info = device.open()

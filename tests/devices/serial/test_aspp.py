@@ -39,6 +39,7 @@ def test_a_packet_is_a_block_in_g(device: SerialSensor, peer: Peer, clock: SetCl
     assert (info.kind, info.device_id, info.unit, info.full_scale_g) == ("aspp", "aspp-50001", "g", 8.0)
 
 
+@pytest.mark.slow
 def test_temperature_and_battery_come_at_their_own_rate(device: SerialSensor, peer: Peer, clock: SetClock) -> None:
     node = AsppNode()
     report = packet(2, 0x11, 50_001, diagnostic_payload(battery_low=True, temperature_c=31.25))

@@ -51,6 +51,7 @@ def test_packets_are_decoded_from_pieces_of_any_length(version: int, size: int) 
     assert set(decoder.faults.values()) == {0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS)
 def test_every_flipped_bit_loses_only_its_packet(version: int) -> None:
     node = AsppNode(version=version)
@@ -132,6 +133,7 @@ PIECES = st.lists(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(PIECES)
 def test_any_bytes_are_decoded_or_counted_and_none_are_kept(pieces: list[bytes]) -> None:

@@ -30,6 +30,7 @@ def test_examples(data: bytes, encoded: str) -> None:
     assert cobs_decode(bytes.fromhex(encoded)) == data
 
 
+@pytest.mark.slow
 @given(st.one_of(st.binary(), st.lists(st.sampled_from([0, 1]), max_size=800).map(bytes)))
 def test_any_data_come_back_without_a_zero_between(data: bytes) -> None:
     encoded = cobs_encode(data)

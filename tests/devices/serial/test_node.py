@@ -47,6 +47,7 @@ def test_label_of_the_node_is_its_identity(peer: Peer, clock: SetClock) -> None:
     device.close()
 
 
+@pytest.mark.slow
 def test_other_nodes_on_the_receiver_are_ignored(device: SerialSensor, peer: Peer, clock: SetClock) -> None:
     device.open()
     mine, other = Node(), Node(node=8)
@@ -192,6 +193,7 @@ def test_times_at_5_percent_and_20_ms_of_jitter(rate_error: float, per_frame: in
     assert (air.part.faults["node_restarted"], air.part.faults["clock_relearned"]) == (0, 0)
 
 
+@pytest.mark.slow
 def test_lost_frames_shift_no_time() -> None:
     """A tenth of all frames, and once five seconds, are lost."""
     random = np.random.default_rng(2)
@@ -204,6 +206,7 @@ def test_lost_frames_shift_no_time() -> None:
     assert np.abs(error_ms[2000:]).max() < 1.0
 
 
+@pytest.mark.slow
 def test_a_radio_that_is_often_late_by_far_keeps_its_line() -> None:
     """A fifth of the frames is repeated by the radio, and comes up to 0.3 s late."""
     air = Air(0.03, retry_s=0.3)

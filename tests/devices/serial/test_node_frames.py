@@ -31,6 +31,7 @@ def test_check_value_of_the_checksum() -> None:
     assert "0x29B1" in DOCUMENT
 
 
+@pytest.mark.slow
 def test_the_kept_vectors_are_those_of_the_c_encoder(tmp_path: Path) -> None:
     """Without a compiler the kept vectors still check the decoder; with one, the encoder is compiled and run."""
     compiler = shutil.which("cc")
@@ -78,6 +79,7 @@ def test_extremes_of_the_second_vector() -> None:
     assert (unknown.battery_v, unknown.signal_dbm, unknown.temperature_c) == (None, None, None)
 
 
+@pytest.mark.slow
 def test_every_flipped_bit_is_found() -> None:
     for bit in range(8 * (len(vectors()[0]) - 1)):
         data = bytearray(vectors()[0][:-1])
@@ -148,6 +150,7 @@ PIECES = st.lists(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(PIECES)
 def test_any_bytes_are_decoded_or_counted_and_none_are_kept(pieces: list[bytes]) -> None:

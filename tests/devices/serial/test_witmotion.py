@@ -58,6 +58,7 @@ def read_until(device: SerialSensor, last: int) -> list[SampleBlock]:
     raise AssertionError(f"sample {last} never came")
 
 
+@pytest.mark.slow
 def test_blocks_are_read_from_a_port_in_real_time(peer: Peer) -> None:
     device = open_witmotion(str(peer.name), clock=HostClock(), odr_hz=500, block_samples=4)
     info = device.open()
@@ -87,6 +88,7 @@ def test_blocks_are_read_from_a_port_in_real_time(peer: Peer) -> None:
     assert device.faults["discarded_bytes"] == 33 + 7
 
 
+@pytest.mark.slow
 def test_sample_times_come_from_the_count(device: SerialSensor, peer: Peer, clock: SetClock) -> None:
     device.open()
     jitter_s = np.random.default_rng(3).uniform(0, 0.01, 400)
@@ -169,6 +171,7 @@ def test_a_disconnected_port_is_reported_and_found_again(device: SerialSensor, p
     assert device.faults["disconnect"] == 1
 
 
+@pytest.mark.slow
 def test_a_port_without_a_name_is_disconnected(device: SerialSensor, peer: Peer) -> None:
     """The name under by-id vanishes with the adapter, even where reading goes on giving nothing."""
     device.open()
@@ -217,6 +220,7 @@ def test_a_sensor_without_acceleration_frames_is_reported(device: SerialSensor, 
         read_until(device, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rate_hz", "refused"), [(100, False), (105, False), (125, True), (50, True)])
 def test_rate_other_than_the_configured_one_is_refused(
     device: SerialSensor, peer: Peer, clock: SetClock, rate_hz: int, refused: bool

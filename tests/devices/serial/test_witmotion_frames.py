@@ -162,6 +162,7 @@ def test_any_bytes_are_decoded_or_counted_and_none_are_kept(pieces: list[bytes])
     assert (everything.lost_before >= 0).all()
 
 
+@pytest.mark.slow
 @settings(max_examples=100)
 @given(st.lists(st.tuples(st.integers(0, 10), st.binary(max_size=30)), max_size=8))
 def test_no_sample_is_invented(disturbances: list[tuple[int, bytes]]) -> None:

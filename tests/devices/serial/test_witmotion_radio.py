@@ -24,6 +24,7 @@ def device(peer: Peer, clock: SetClock) -> Iterator[SerialSensor]:
     device.close()
 
 
+@pytest.mark.slow
 def test_temperature_and_battery_are_asked_for_in_turn(device: SerialSensor, peer: Peer, clock: SetClock) -> None:
     peer.send(radio_stream(range(5)) + END)
     first = present(device.read())
@@ -137,6 +138,7 @@ def test_whole_frames_that_the_radio_lost_are_found_by_time(frames: str, odr_hz:
     assert np.all(np.diff(times_ns) > 0)
 
 
+@pytest.mark.slow
 def test_delays_without_a_loss_are_no_loss() -> None:
     """A host that stalls for a quarter of a second every few seconds."""
     part = WitMotionPart(odr_hz=100.0)

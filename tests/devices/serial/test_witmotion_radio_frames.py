@@ -103,6 +103,7 @@ PIECES = st.lists(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(PIECES)
 def test_any_bytes_are_decoded_or_counted_and_none_are_kept(pieces: list[bytes]) -> None:
@@ -117,6 +118,7 @@ def test_any_bytes_are_decoded_or_counted_and_none_are_kept(pieces: list[bytes])
     assert len(everything) * FRAME_BYTES + decoder.faults["discarded_bytes"] <= sent
 
 
+@pytest.mark.slow
 @settings(max_examples=100)
 @given(st.lists(st.tuples(st.integers(3, 10), st.binary(max_size=50)), max_size=8))
 def test_no_sample_is_invented(disturbances: list[tuple[int, bytes]]) -> None:

@@ -29,6 +29,7 @@ def test_a_load_that_hangs_reads_one_g_along_the_rope() -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.0, 0.5, 1.0])
 def test_planar_swing_reads_the_specific_force_of_the_closed_form(rho: float) -> None:
     phi_max = np.radians(10.0)
@@ -53,6 +54,7 @@ def test_the_period_increases_with_amplitude_as_in_theory() -> None:
     assert np.degrees(angle) == pytest.approx([10.0], abs=1e-5)
 
 
+@pytest.mark.slow
 def test_energy_and_angular_momentum_are_conserved_without_a_drive() -> None:
     motion = pendulum.start_motion(np.radians(9.0), np.radians(-3.0), 0.05, 0.12)
     crane = Crane(length_m=3.0, position_m=2.0, motion=motion)
@@ -65,6 +67,7 @@ def test_energy_and_angular_momentum_are_conserved_without_a_drive() -> None:
     assert np.ptp(energy) < 1e-5 * np.ptp(G * n[:, 1, 2])
 
 
+@pytest.mark.slow
 def test_conical_swing_keeps_its_angle_and_its_rate() -> None:
     phi, length_m = np.radians(6.0), 4.0
     rate_rad_s = np.sqrt(G / (length_m * np.cos(phi)))
@@ -85,6 +88,7 @@ def test_steady_wind_leans_the_rope_by_its_force_over_the_weight() -> None:
     assert crane.specific_force_m_s2(time_s) == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_housing_sees_the_vertical_where_the_sensor_reads_it() -> None:
     crane = Crane(length_m=6.0, position_m=3.0, motion=pendulum.start_motion(0.08, -0.05, 0.0, 0.0))
     at_pivot = Crane(length_m=6.0, position_m=0.0, motion=pendulum.start_motion(0.08, -0.05, 0.0, 0.0))
@@ -189,6 +193,7 @@ def test_agrees_with_an_adaptive_integrator(length_m: float) -> None:
     assert found == pytest.approx(best.y.T[:, :3], abs=2e-6)  # 1e-4 degrees
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("odr_hz", [125.0, 1000.0])
 def test_results_do_not_depend_on_the_blocks(odr_hz: float) -> None:
     time_s = np.arange(int(70 * odr_hz)) / odr_hz

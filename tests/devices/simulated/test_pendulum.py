@@ -36,6 +36,7 @@ def test_hanging_at_rest_reads_one_g_along_the_rope() -> None:
     assert force_g(motion, 3.0) == pytest.approx([0.0, 0.0, 1.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("amplitude_deg", [1.0, 10.0, 30.0])
 def test_period_follows_its_series(amplitude_deg: float) -> None:
     amplitude = np.radians(amplitude_deg)
@@ -53,6 +54,7 @@ def test_period_follows_its_series(amplitude_deg: float) -> None:
     assert period_s == pytest.approx(series, rel=2 * 173 / 737280 * amplitude**6 + 1e-6)
 
 
+@pytest.mark.slow
 def test_energy_and_angular_momentum_about_the_vertical_stay() -> None:
     start = pendulum.start_motion(np.radians(25), np.radians(-5), 0.1, 0.3)
     n, n_rate = swung(start, 1500, 0.01)[:, :2].transpose(1, 0, 2)
@@ -65,6 +67,7 @@ def test_energy_and_angular_momentum_about_the_vertical_stay() -> None:
     assert np.linalg.norm(n, axis=1) == pytest.approx(np.ones(len(n)), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_housing_axes_stay_at_right_angles_and_do_not_turn_about_the_rope() -> None:
     motions = swung(pendulum.start_motion(0.4, 0.0, 0.0, 0.3), 600, 0.01)
     axes = pendulum.housing_axes(motions)
@@ -87,6 +90,7 @@ def test_planar_swing_reads_the_extremes_that_the_formulas_invert(rho: float) ->
     assert force[:, 2].max() == pytest.approx(1 + 2 * rho * (1 - np.cos(reached)), abs=1e-5)
 
 
+@pytest.mark.slow
 def test_hoisting_keeps_the_angular_momentum_of_a_free_rope() -> None:
     """Without gravity L^2 n' is kept while the rope shortens."""
     motion = pendulum.start_motion(0.0, 0.0, 0.2, 0.0)

@@ -106,6 +106,7 @@ def test_after_a_suspension_it_skips_to_now_and_counts_the_loss(away_s: float) -
     assert following.time_ns[0] - after.time_ns[-1] == 8_000_000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("away_s", "crane_now_s"), [(20.0, 20.032), (7200.0, 30.232)])
 def test_the_crane_advances_for_half_a_minute_of_an_absence(away_s: float, crane_now_s: float) -> None:
     """Half a minute from the newest reading that was made, not from the newest that was read: a quarter second ahead."""
@@ -122,6 +123,7 @@ def test_the_crane_advances_for_half_a_minute_of_an_absence(away_s: float, crane
     assert device.truth(block.time_ns).rope_angle_rad == pytest.approx(unbroken.truth(seconds).rope_angle_rad)
 
 
+@pytest.mark.slow
 def test_truth_belongs_to_the_readings() -> None:
     clock = SleeplessClock(START_NS)
     device = simulated(clock, errors=no_errors(), position_m=0.0)  # at the pivot the reading is the vertical itself

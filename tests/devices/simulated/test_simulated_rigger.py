@@ -35,6 +35,7 @@ def test_the_turn_is_continuous_even_to_the_opposite_face(rigger: Rigger) -> Non
     assert moving_g[0] @ moving_g[-1] < -0.8
 
 
+@pytest.mark.slow
 def test_the_load_hangs_still_after_the_housing_was_hung_back() -> None:
     clock = SleeplessClock()
     crane = SimulatedCrane(odr_hz=100.0, block_samples=10, length_m=12.0, position_m=9.0, clock=clock)

@@ -152,6 +152,7 @@ def test_every_row_is_accounted_for(tmp_path: Path, kinds: list[str]) -> None:
     assert (recording.lost_before >= 0).all()
 
 
+@pytest.mark.slow
 @given(st.lists(st.integers(-8, 8), min_size=1, max_size=12))
 def test_the_longest_increasing_subsequence_leaves_out_the_fewest(times: list[int]) -> None:
     mask = longest_increasing_mask(np.array(times, dtype=np.int64))

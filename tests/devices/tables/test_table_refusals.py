@@ -90,6 +90,7 @@ def test_a_file_that_cannot_be_read_is_reported(
         read_table(path)
 
 
+@pytest.mark.slow
 @settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     data=st.binary(max_size=400),

@@ -54,6 +54,7 @@ def states(table: Path) -> list[tuple[str, str, int]]:
     ]
 
 
+@pytest.mark.slow
 def test_tasks_are_gateways_starts_and_recordings(fleet: list[SmallCrane], table: Path) -> None:
     files = Archive(str(table)).files(Archive(str(table)).open(RECORDINGS))
     assert [len(task.files) for task in plan_tasks("verify", files)] == [3, 3, 3]
@@ -62,6 +63,7 @@ def test_tasks_are_gateways_starts_and_recordings(fleet: list[SmallCrane], table
     assert paths == [f"crane-1/{path.name}" for path in fleet[0].files]
 
 
+@pytest.mark.slow
 def test_the_answers_are_those_of_the_commands(
     recorded: RecordedCrane, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -81,6 +83,7 @@ def _to_nine_digits(answer: str) -> object:
     return json.loads(answer, parse_float=lambda text: f"{float(text):.9g}")
 
 
+@pytest.mark.slow
 def test_what_has_an_answer_is_not_done_again(fleet: list[SmallCrane], table: Path) -> None:
     source = fleet[0].folder.parent
     first = run(source, table, "verify")
@@ -90,6 +93,7 @@ def test_what_has_an_answer_is_not_done_again(fleet: list[SmallCrane], table: Pa
     assert states(table) == [("done", "genuine", 1)] * 3
 
 
+@pytest.mark.slow
 def test_a_recording_that_does_not_suit_is_told_once_with_the_reason(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -107,6 +111,7 @@ def test_a_recording_that_does_not_suit_is_told_once_with_the_reason(
     assert "1 tasks, 1 had an answer: nothing to do" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("limits", "reason"),
     [
@@ -125,6 +130,7 @@ def test_a_task_that_takes_too_much_is_poison_after_its_attempts(
     assert states(one) == [("done", "genuine", 1)]
 
 
+@pytest.mark.slow
 def test_a_vanished_file_fails_alone(fleet: list[SmallCrane], keys: Path, tmp_path: Path) -> None:
     source = tmp_path / "source"
     for number, crane in enumerate(fleet[:2]):
@@ -138,6 +144,7 @@ def test_a_vanished_file_fails_alone(fleet: list[SmallCrane], keys: Path, tmp_pa
     assert "no such file" in found.failed[0][1].reason.lower()
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_ends_its_tasks_and_the_next_one_goes_on(fleet: list[SmallCrane], table: Path) -> None:
     source = fleet[0].folder.parent
     command = [sys.executable, "-m", "gateway", "archive", "verify", source, "--table", table, "--processes", "1"]
@@ -157,6 +164,7 @@ def _has_child(pid: int) -> bool:
     return any(path.read_text() for path in Path(f"/proc/{pid}/task").glob("*/children"))
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_same_answers_although_a_worker_dies(fleet: list[SmallCrane], table: Path) -> None:
     """A scheduler and two workers, real processes; one worker is killed in the middle."""
     address = f"tcp://127.0.0.1:{unused_port()}"
@@ -182,6 +190,7 @@ def _dask(part: str) -> list[str]:
     return [sys.executable, "-m", "distributed.cli.dask_" + part]
 
 
+@pytest.mark.slow
 def test_a_cluster_that_is_not_there_is_one_line(
     fleet: list[SmallCrane], table: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -32,6 +32,7 @@ def reasons(table: Path) -> dict[str, str]:
     return dict(select(table, "SELECT path, reason FROM recordings WHERE status = 'refused'"))
 
 
+@pytest.mark.slow
 def test_the_tables_have_what_the_pipeline_has_sent(recorded: RecordedCrane, tmp_path: Path) -> None:
     indexed(recorded.folder, tmp_path / "table")
     largest = recorded.largest
@@ -47,6 +48,7 @@ def test_the_tables_have_what_the_pipeline_has_sent(recorded: RecordedCrane, tmp
     assert '"method":"factory"' in record[0]
 
 
+@pytest.mark.slow
 def test_the_motion_of_each_second_has_its_extremes(fleet: list[SmallCrane], clean: Path) -> None:
     angles_deg = [each.angle_deg for each in fleet[0].sent if each.angle_deg is not None]
     found = select(
@@ -56,12 +58,14 @@ def test_the_motion_of_each_second_has_its_extremes(fleet: list[SmallCrane], cle
     assert found[0][1] == pytest.approx(angles_deg[0] + 1.96 * 0.1, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_swing_counts_once_in_each_period(clean: Path) -> None:
     ((count, phi_max_deg),) = select(clean, "SELECT count(*), max(phi_max_deg) FROM swings WHERE crane = 'crane-3'")
     assert count == 12  # 57 s of swings of 5 s; a period ends with its segment
     assert phi_max_deg == 8.0
 
 
+@pytest.mark.slow
 def test_conditions_are_spans_with_the_reason_without_its_numbers(clean: Path) -> None:
     found = select(
         clean,
@@ -71,6 +75,7 @@ def test_conditions_are_spans_with_the_reason_without_its_numbers(clean: Path) -
     assert sum(row[3] for row in found) == 3 * 19 - 1  # of each segment from the first to the last condition
 
 
+@pytest.mark.slow
 def test_every_row_says_whether_its_recording_is_verified(
     fleet: list[SmallCrane], keys: Path, clean: Path, tmp_path: Path
 ) -> None:
@@ -88,6 +93,7 @@ def test_a_second_run_reads_and_writes_nothing(fleet: list[SmallCrane], keys: Pa
     assert versions(clean) == before
 
 
+@pytest.mark.slow
 def test_what_is_new_is_added_alone(fleet: list[SmallCrane], keys: Path, clean: Path, tmp_path: Path) -> None:
     source = tmp_path / "source"
     shutil.copytree(fleet[0].folder.parent, source)
@@ -101,6 +107,7 @@ def test_what_is_new_is_added_alone(fleet: list[SmallCrane], keys: Path, clean: 
     assert content(tmp_path / "table") == content(clean)
 
 
+@pytest.mark.slow
 def test_a_segment_that_was_uploaded_twice_counts_once(fleet: list[SmallCrane], keys: Path, tmp_path: Path) -> None:
     source = tmp_path / "source"
     shutil.copytree(fleet[0].folder, source)
@@ -118,6 +125,7 @@ def test_a_segment_that_was_uploaded_twice_counts_once(fleet: list[SmallCrane], 
     assert after == content(tmp_path / "clean")
 
 
+@pytest.mark.slow
 def test_a_segment_that_was_completed_later_replaces_its_beginning(tmp_path: Path) -> None:
     """A power failure cuts the segment off; the gateway repairs and signs it at its next start, and it is uploaded again."""
     crane = SmallCrane(tmp_path / "crane", segments=1, closed=False).record()
@@ -136,6 +144,7 @@ def test_a_segment_that_was_completed_later_replaces_its_beginning(tmp_path: Pat
     assert content(table) == content(tmp_path / "clean")
 
 
+@pytest.mark.slow
 def test_a_writer_that_is_overtaken_begins_again_and_leaves_nothing_behind(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -162,6 +171,7 @@ def test_a_writer_that_is_overtaken_begins_again_and_leaves_nothing_behind(
     assert select(table, "SELECT count(*) FROM motion") == [(19,)]
 
 
+@pytest.mark.slow
 def test_a_recovered_copy_counts_only_while_nothing_signed_is_there(
     fleet: list[SmallCrane], keys: Path, tmp_path: Path
 ) -> None:
@@ -176,6 +186,7 @@ def test_a_recovered_copy_counts_only_while_nothing_signed_is_there(
     assert select(tmp_path / "table", "SELECT DISTINCT trust FROM motion") == [("verified",)]
 
 
+@pytest.mark.slow
 def test_a_clock_that_is_an_hour_wrong_makes_no_row_count_twice_or_vanish(tmp_path: Path) -> None:
     """A start at the right time, then one whose clock is an hour behind: both say that they recorded the same minute."""
     hour_ns = 3600 * NS_PER_S
@@ -192,6 +203,7 @@ def test_a_clock_that_is_an_hour_wrong_makes_no_row_count_twice_or_vanish(tmp_pa
     assert content(tmp_path / "other")["motion"] == content(tmp_path / "table")["motion"]
 
 
+@pytest.mark.slow
 def test_a_growing_file_is_read_again(fleet: list[SmallCrane], keys: Path, tmp_path: Path) -> None:
     source, whole = tmp_path / "source", fleet[0].files[0].read_bytes()
     source.mkdir()
@@ -202,6 +214,7 @@ def test_a_growing_file_is_read_again(fleet: list[SmallCrane], keys: Path, tmp_p
     assert content(tmp_path / "table") == content(tmp_path / "clean")
 
 
+@pytest.mark.slow
 def test_damaged_forged_and_foreign_files_are_listed_and_do_not_stop_the_rest(
     fleet: list[SmallCrane], keys: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -231,6 +244,7 @@ def test_damaged_forged_and_foreign_files_are_listed_and_do_not_stop_the_rest(
     assert rows == [("crane-1", "verified", 6.0), ("crane-9", "consistent", other.peak_deg)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("start_ns", "wall_offset_ns", "reason"),
     [(2**62 + 1, 0, "has no message of the last decades"), (START_NS, 2**62, "states a clock that is decades wrong")],
@@ -242,6 +256,7 @@ def test_times_that_no_gateway_has_are_refused(start_ns: int, wall_offset_ns: in
     assert found.startswith(reason)
 
 
+@pytest.mark.slow
 def test_a_recording_that_is_signed_for_another_crane_is_refused(tmp_path: Path) -> None:
     """Whoever has the key of one gateway cannot speak for another one."""
     thief = SmallCrane(tmp_path / "source", "crane-1", segments=1)
@@ -252,6 +267,7 @@ def test_a_recording_that_is_signed_for_another_crane_is_refused(tmp_path: Path)
     assert reason == "forged: says that it is of yard/crane-1/hook, and is signed for yard/crane-2/hook"
 
 
+@pytest.mark.slow
 def test_a_wrong_key_file_can_be_put_right(fleet: list[SmallCrane], keys: Path, tmp_path: Path) -> None:
     wrong = tmp_path / "wrong.txt"
     wrong.write_text(f"{fleet[0].gateway}  {fleet[1].public_key}\n")
@@ -283,6 +299,7 @@ def test_bad_input_is_one_line(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_table_of_an_older_version_gets_the_new_columns(fleet: list[SmallCrane], keys: Path, tmp_path: Path) -> None:
     table = tmp_path / "table"
     schema = schema_of("swings")
@@ -303,6 +320,7 @@ def older_part(schema: pa.Schema) -> pa.Schema:
     return pa.schema([schema.field(name) for name in ("crane", "from_month", "recording")])
 
 
+@pytest.mark.slow
 def test_small_files_are_joined_and_the_rows_stay(fleet: list[SmallCrane], keys: Path, tmp_path: Path) -> None:
     source, table = tmp_path / "source", tmp_path / "table"
     source.mkdir()
@@ -316,6 +334,7 @@ def test_small_files_are_joined_and_the_rows_stay(fleet: list[SmallCrane], keys:
     assert content(table) == before
 
 
+@pytest.mark.slow
 def test_times_are_utc(clean: Path) -> None:
     ((first,),) = select(clean, "SELECT min(utc) FROM motion")
     assert first == datetime(2026, 1, 1, tzinfo=UTC)

@@ -16,6 +16,7 @@ def finish(source: Path, table: Path, keys: Path) -> None:
     assert process.returncode == 0, said
 
 
+@pytest.mark.slow
 def test_runs_at_once_give_the_rows_of_one(fleet: list[SmallCrane], keys: Path, clean: Path, tmp_path: Path) -> None:
     source = fleet[0].folder.parent
     processes = [index_process(source, tmp_path / "table", keys) for _ in range(3)]
@@ -24,6 +25,7 @@ def test_runs_at_once_give_the_rows_of_one(fleet: list[SmallCrane], keys: Path, 
     assert content(tmp_path / "table") == content(clean)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.25, 0.5, 0.75])
 def test_a_killed_run_leaves_nothing_that_counts_twice_or_is_lost(
     share: float, fleet: list[SmallCrane], keys: Path, clean: Path, tmp_path: Path

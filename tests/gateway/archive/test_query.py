@@ -25,6 +25,7 @@ def mixed(fleet: list[SmallCrane], keys: Path, tmp_path_factory: pytest.TempPath
     return folder / "table"
 
 
+@pytest.mark.slow
 def test_rows_of_an_answer_that_rest_on_doubtful_recordings_are_marked(mixed: Path) -> None:
     answer = ask(Archive(str(mixed)), "SELECT crane, max(phi_max_deg) FROM swings GROUP BY crane ORDER BY crane")
     assert answer.rows == (("crane-1", 6.0), ("crane-9", 9.0))
@@ -32,6 +33,7 @@ def test_rows_of_an_answer_that_rest_on_doubtful_recordings_are_marked(mixed: Pa
     assert answer.trust == {"consistent": 1, "verified": 3}
 
 
+@pytest.mark.slow
 def test_a_number_over_everything_is_marked_if_one_doubtful_recording_changes_it(mixed: Path) -> None:
     assert ask(Archive(str(mixed)), "SELECT max(phi_max_deg) FROM swings").is_verified == (False,)
     assert ask(Archive(str(mixed)), "SELECT min(phi_max_deg) FROM swings").is_verified == (True,)
@@ -39,6 +41,7 @@ def test_a_number_over_everything_is_marked_if_one_doubtful_recording_changes_it
     assert (only.rows, only.is_verified) == (((6.0,),), (True,))
 
 
+@pytest.mark.slow
 def test_the_printed_answer_has_the_marks(mixed: Path, capsys: pytest.CaptureFixture[str]) -> None:
     sql = "SELECT crane, min(utc) AS first FROM swings GROUP BY crane ORDER BY crane"
     assert main(["archive", "query", sql, "--table", str(mixed)]) == 0
@@ -51,6 +54,7 @@ def test_the_printed_answer_has_the_marks(mixed: Path, capsys: pytest.CaptureFix
     assert found["rows"][0] == ["crane-1", "2026-01-01T00:00:02+00:00"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "sql",
     [
@@ -79,6 +83,7 @@ def test_a_place_without_tables_is_one_line(tmp_path: Path, capsys: pytest.Captu
     assert "has no table swings; make it with plumbline archive index" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_place_with_special_characters_is_read(fleet: list[SmallCrane], tmp_path: Path) -> None:
     for name in ("größe 7", "a'b", "a=b,c&d"):
         indexed(fleet[0].folder, tmp_path / name / "table")
@@ -96,6 +101,7 @@ def test_a_place_that_the_tables_cannot_have_is_one_line(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_an_empty_archive_has_empty_tables(tmp_path: Path) -> None:
     (tmp_path / "source").mkdir()
     indexed(tmp_path / "source", tmp_path / "table")

@@ -26,6 +26,7 @@ def question(**changes: object) -> ReportQuestion:
     return ReportQuestion(**({"begin": DAY, "end": NEXT_DAY, "limit_deg": 5.0} | changes))  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_exceedances_are_counted_by_crane(clean: Path) -> None:
     report = make_report(Archive(str(clean)), question(), DAY)
     found = {each.gateway: (each.exceedances, each.exceeded_minutes) for each in report.gateways}
@@ -35,6 +36,7 @@ def test_exceedances_are_counted_by_crane(clean: Path) -> None:
     assert all(each.is_verified for each in report.gateways)
 
 
+@pytest.mark.slow
 def test_neighbouring_minutes_are_one_exceedance_and_those_apart_are_two(tmp_path: Path) -> None:
     SmallCrane(tmp_path / "source" / "a", segments=2, segment_s=90, boot="a").record()
     SmallCrane(tmp_path / "source" / "b", segments=1, segment_s=20, boot="b", start_ns=NOON_NS).record()
@@ -44,6 +46,7 @@ def test_neighbouring_minutes_are_one_exceedance_and_those_apart_are_two(tmp_pat
     assert crane.recorded_s == 179 + 19
 
 
+@pytest.mark.slow
 def test_hours_and_shifts_are_those_of_the_zone(tmp_path: Path) -> None:
     SmallCrane(tmp_path / "source" / "b", segments=1, start_ns=NOON_NS).record()
     indexed(tmp_path / "source", tmp_path / "table")
@@ -61,6 +64,7 @@ def test_hours_and_shifts_are_those_of_the_zone(tmp_path: Path) -> None:
     assert [each[1] for each in here.by_shift] == [1, 0, 0]
 
 
+@pytest.mark.slow
 def test_a_shift_over_midnight_begins_on_the_day_before(clean: Path) -> None:
     report = make_report(Archive(str(clean)), question(shifts=(time(6), time(22))), DAY)
     assert [each[:2] for each in report.by_shift] == [("06:00 to 22:00", 0), ("22:00 to 06:00", 2)]
@@ -77,11 +81,13 @@ def test_the_cost_of_a_limit_counts_alarms_and_the_false_ones_among_them() -> No
     assert found == {3: (3, 0), 5: (3, 1), 5.4: (2, 1), 7: (0, 0)}
 
 
+@pytest.mark.slow
 def test_time_that_is_not_known_is_told_by_reason(clean: Path) -> None:
     found = make_report(Archive(str(clean)), question(), DAY).unknown
     assert ("only # s of data", "not_known", 3) in [(each.reason, each.validity, each.gateways) for each in found]
 
 
+@pytest.mark.slow
 def test_the_command_of_the_worst_swing_opens_it(
     recorded: RecordedCrane, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -100,6 +106,7 @@ def test_the_command_of_the_worst_swing_opens_it(
     assert re.findall(r"(?:src|href)=.(?!#)", text) == []  # complete in itself
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -56,6 +56,7 @@ def upload_process(folder: Path, *options: str, server: S3Server) -> "subprocess
     )
 
 
+@pytest.mark.slow
 def test_segments_are_sent_to_an_object_store_and_indexed_from_there(
     fleet: list[SmallCrane], keys: Path, clean: Path, s3: S3Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -80,6 +81,7 @@ def test_a_second_pass_sends_nothing(fleet: list[SmallCrane], tmp_path: Path) ->
     assert first.startswith(f"yard/crane-1/hook/{fleet[0].files[0].stem}-")
 
 
+@pytest.mark.slow
 def test_an_upload_that_was_killed_goes_on_where_it_was(fleet: list[SmallCrane], s3: S3Server) -> None:
     prefix = f"s3://{s3.bucket}/killed"
     store = open_object_store(prefix, s3.settings)
@@ -100,6 +102,7 @@ def test_an_upload_that_was_killed_goes_on_where_it_was(fleet: list[SmallCrane],
     assert len(there()) == 3
 
 
+@pytest.mark.slow
 def test_an_upload_outlives_an_outage_of_the_store(fleet: list[SmallCrane]) -> None:
     port = unused_port()
     with running_s3(port) as server:
@@ -122,6 +125,7 @@ def test_what_lies_in_the_store_is_never_written_again(fleet: list[SmallCrane], 
         assert bytes(obstore.get(store, "segment.mcap").bytes()) == b"true"
 
 
+@pytest.mark.slow
 def test_only_finished_segments_are_sent(tmp_path: Path) -> None:
     crane = SmallCrane(tmp_path / "crane", segments=2, closed=False).record()
     crane.files[0].with_name(crane.files[0].name + ".live").touch()  # waits to be rewritten
@@ -131,6 +135,7 @@ def test_only_finished_segments_are_sent(tmp_path: Path) -> None:
     assert (found.sent, found.unfinished) == (1, 1)
 
 
+@pytest.mark.slow
 def test_a_segment_that_differs_from_its_signature_is_named_and_not_sent(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

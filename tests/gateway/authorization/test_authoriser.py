@@ -94,6 +94,7 @@ def test_a_credential_of_another_boot_is_refused(authoriser: Authoriser) -> None
     assert refusal(Authoriser("ba9876543210", SECRET), request) == "stale_credential"
 
 
+@pytest.mark.slow
 def test_a_flood_of_good_credentials_cannot_make_the_gate_forget_one_and_take_it_again(authoriser: Authoriser) -> None:
     first = signed(authoriser)
     authoriser.admit(first, Role.SERVICE, NOW_NS)
@@ -108,6 +109,7 @@ def test_random_credentials_are_refused(attachment: bytes) -> None:
     assert refusal(Authoriser(BOOT, SECRET), SignedRequest(KEY, PAYLOAD, attachment)) == "malformed_credential"
 
 
+@pytest.mark.slow
 @given(st.sampled_from(["boot_id", "time_ns", "mac", "scheme"]), st.one_of(st.text(), st.integers(), st.none()))
 def test_a_credential_with_a_random_field_is_refused(field: str, value: Any) -> None:
     authoriser = Authoriser(BOOT, SECRET)

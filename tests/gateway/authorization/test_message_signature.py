@@ -44,6 +44,7 @@ def flipped(content: bytes, bit: int) -> bytes:
     return bytes(changed)
 
 
+@pytest.mark.slow
 def test_no_single_bit_of_a_message_or_of_its_signature_can_be_changed(signer: MessageSigner) -> None:
     attachment = present(signer.sign_message(NAME, PAYLOAD))
     assert len(attachment) < MAX_SIGNATURE_BYTES
@@ -52,6 +53,7 @@ def test_no_single_bit_of_a_message_or_of_its_signature_can_be_changed(signer: M
     assert not any(is_message(PAYLOAD, flipped(attachment, bit)) for bit in range(8 * len(attachment)))
 
 
+@pytest.mark.slow
 def test_no_single_bit_of_a_refusal_can_be_changed(signer: MessageSigner) -> None:
     refusal = b'{"accepted":false,"reason":"no"}'
     sent = join_signature(refusal, signer.sign_answer(NAME, refusal, QUESTION, accepted=False))
@@ -61,6 +63,7 @@ def test_no_single_bit_of_a_refusal_can_be_changed(signer: MessageSigner) -> Non
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=50)
 @given(payload=st.binary(), name=st.text(), asked=st.binary(), number=st.binary(), accepted=st.booleans())
 def test_an_answer_is_that_to_its_question_alone(

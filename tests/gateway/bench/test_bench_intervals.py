@@ -29,6 +29,7 @@ def scores(method: str, folder: Path, seed: int) -> Array:
     return np.concatenate([offset_g / record.u_zero_g_offset_g, scale / record.u_scale_factor])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["six-position", "norm-fit", "rotation"])
 def test_95_of_100_intervals_of_offset_and_scale_hold(
     method: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -155,6 +155,7 @@ def write(tmp_path: Path) -> Write:
     return write
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["mcap", "csv"])
 def test_a_planted_deflection_is_found_in_two_recordings(
     write: Write, suffix: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -176,6 +177,7 @@ def test_a_planted_deflection_is_found_in_two_recordings(
     assert "largest: deflection +20." in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
@@ -263,6 +265,7 @@ def test_the_terminal_shows_the_deflection() -> None:
     assert "deflection +10.000 +- 0.000 mm" in lines[-1]
 
 
+@pytest.mark.slow
 def test_a_load_step_that_ends_see_at_different_seconds_gives_one_warning_at_most(
     write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

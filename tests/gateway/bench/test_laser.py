@@ -106,6 +106,7 @@ def test_the_map_is_a_perspective_after_a_radial_distortion() -> None:
     np.testing.assert_allclose(board_map.derivative(np.array([160.0, 130.0])), np.array(slope).T, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_hidden_dots_and_those_near_the_spot_are_left_out() -> None:
     scene = replace(PLAIN, hidden=((0, 0), (3, 3)))
     index = measured(scene).index.tolist()
@@ -123,18 +124,22 @@ def test_a_board_of_another_shape_is_read_upright_and_on_its_side() -> None:
         assert np.hypot(*found.spot_m) == pytest.approx(np.hypot(3, 22) / 1000, abs=5e-5)
 
 
+@pytest.mark.slow
 def test_a_photograph_without_a_spot_is_refused() -> None:
     refuse(replace(PLAIN, laser=0.0), "no red laser spot on the board")
 
 
+@pytest.mark.slow
 def test_a_photograph_without_a_board_is_refused() -> None:
     refuse(replace(PLAIN, dot_mm=0.01), "no lattice of dots, the board has 7 x 7; show the whole board")
 
 
+@pytest.mark.slow
 def test_a_board_that_is_cut_off_is_refused() -> None:
     refuse(replace(PLAIN, centre_mm=(60.0, 0.0)), "a lattice of . x 7 dots, the board has 7 x 7")
 
 
+@pytest.mark.slow
 def test_two_spots_are_refused() -> None:
     refuse(replace(PLAIN, spots=((3.0, -40.0), (3.0, 20.0))), "two laser spots, at pixels")
 
@@ -149,6 +154,7 @@ def test_the_same_photograph_twice_is_refused() -> None:
         )
 
 
+@pytest.mark.slow
 def test_a_bent_board_is_refused() -> None:
     """A sag of 4 mm seen at 15 degrees: the dots leave a third of a millimetre, and d was wrong by half of one."""
     bent = render(replace(PLAIN, tilt_deg=(0.0, 15.0)))
@@ -159,6 +165,7 @@ def test_a_bent_board_is_refused() -> None:
         measure_photograph(photograph, BOARD)
 
 
+@pytest.mark.slow
 def test_a_spot_at_the_rim_of_a_glare_is_refused() -> None:
     pixels = render(PLAIN).astype(np.float64)
     y, x = np.mgrid[: pixels.shape[0], : pixels.shape[1]]
@@ -169,6 +176,7 @@ def test_a_spot_at_the_rim_of_a_glare_is_refused() -> None:
         measure_photograph(photograph, BOARD)
 
 
+@pytest.mark.slow
 def test_too_many_hidden_dots_are_refused() -> None:
     hidden = tuple((column, row) for column in range(1, 6) for row in (2, 3, 4))
     refuse(replace(PLAIN, hidden=hidden), "its dots uncovered")

@@ -69,6 +69,7 @@ def test_a_non_orthogonality_and_its_uncertainty_do_not_depend_on_the_unit() -> 
     assert (other.angle_rad, other.u_rad) == pytest.approx((one.angle_rad, one.u_rad))
 
 
+@pytest.mark.slow
 def test_the_prediction_interval_holds_95_percent_of_further_readings() -> None:
     rig = Rig(angle_deg=0, noise_g=1e-3)
     hits = []
@@ -83,6 +84,7 @@ def test_the_prediction_interval_holds_95_percent_of_further_readings() -> None:
     assert 0.94 < np.mean(hits) < 0.965
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "rig", [Rig(), Rig(angle_deg=0, noise_g=5e-4), Rig(angles=12)], ids=["rig", "noise", "12 angles"]
 )

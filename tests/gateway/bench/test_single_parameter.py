@@ -86,6 +86,7 @@ def test_a_sensor_with_an_offset_of_z_alone_is_corrected_exactly_to_the_approxim
     np.testing.assert_allclose(correct_relative_angle(raw * 0.999, fit.a_z_off_g), actual * 0.999, rtol=5e-5)
 
 
+@pytest.mark.slow
 def test_planted_parameters_are_recovered_within_their_95_percent_intervals() -> None:
     """Distance, squareness, zero-g offset, spot and angle are drawn as stated; the exact angles of the sensor are read."""
     setup, hits = LaserSetup(TABLE_7_M), []

@@ -33,6 +33,7 @@ def test_white_noise_alone_is_ordinary_least_squares() -> None:
     assert found.covariance[-1, -1] == pytest.approx(variance * np.linalg.inv(full.T @ full)[-1, -1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drift", [0.0, 10.0])
 def test_intervals_hold_with_and_without_a_drift_that_looks_like_the_slope(drift: float) -> None:
     hits, widths = [], []

@@ -52,6 +52,7 @@ def device(unit: str, units_per_g: float) -> DeviceInfo:
     return DeviceInfo(kind="test", device_id="part-7", unit="counts", odr_hz=20.0, units_per_g=units_per_g)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", SENSORS)
 def test_planted_coefficients_are_recovered(calibrations: dict[str, ThermalCalibration], sensor: str) -> None:
     zero_g, sensitivity, offset_mg, scale_percent = planted(sensor)
@@ -124,6 +125,7 @@ def test_an_interval_on_a_limit_is_undecided(low: float, high: float, limit: flo
     assert judge_interval(low, high, limit) == verdict
 
 
+@pytest.mark.slow
 def test_a_square_is_fitted_only_where_the_data_need_it() -> None:
     found = calibrate_ramps(ramps("ADXL335", np.random.default_rng(6), quadratic_mg=0.02))
     assert [entry.offset_mg_per_c.is_quadratic for entry in found.summary] == [False, False, True]
@@ -132,6 +134,7 @@ def test_a_square_is_fitted_only_where_the_data_need_it() -> None:
     assert slope.value == pytest.approx(expected, abs=0.03)
 
 
+@pytest.mark.slow
 def test_the_correction_applies_the_model_inside_the_range_and_widens_beyond() -> None:
     random = np.random.default_rng(8)
     record = make(calibrate_ramps(ramps("MPU-9255", random)))
@@ -150,6 +153,7 @@ def test_the_correction_applies_the_model_inside_the_range_and_widens_beyond() -
     np.testing.assert_allclose(correction.apply(raw[None], 80.0), correction.apply(raw[None], 60.0), atol=1e-4)
 
 
+@pytest.mark.slow
 def test_an_unknown_temperature_widens_and_is_reported() -> None:
     record = make(calibrate_ramps(ramps("MPU-9255", np.random.default_rng(8))))
     correction = correction_for(device(record.unit, 16384.0), AXES, record)
@@ -159,6 +163,7 @@ def test_an_unknown_temperature_widens_and_is_reported() -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_damaged_thermal_model_is_refused() -> None:
     record = make(calibrate_ramps(ramps("MPU-9255", np.random.default_rng(8))))
     damaged = record.model_copy(update={"thermal": present(record.thermal) | {"reference_c": 99.0}})
@@ -198,6 +203,7 @@ def service_recording(
     return FileReadings(Path("service.mcap"), "counts", time_s, raw, temperature_c, 0)
 
 
+@pytest.mark.slow
 def test_a_coefficient_is_learned_at_rest_along_the_rope_and_offered(
     record: Callable[..., dict[str, Any]],
 ) -> None:
@@ -219,6 +225,7 @@ def test_a_coefficient_is_learned_at_rest_along_the_rope_and_offered(
     assert np.all(correction.u_zero_g_offset_g[:2] > 0.5e-3 * 7)  # the axes across the rope were not measured
 
 
+@pytest.mark.slow
 def test_too_little_warming_at_rest_teaches_nothing(record: Callable[..., dict[str, Any]]) -> None:
     parent = CalibrationRecord.model_validate(record())
     cold = service_recording(parent, -3.6, np.random.default_rng(3))
@@ -226,6 +233,7 @@ def test_too_little_warming_at_rest_teaches_nothing(record: Callable[..., dict[s
         learn_at_rest([replace(cold, temperature_c=np.full(len(cold.raw), 20.0))], parent)
 
 
+@pytest.mark.slow
 def test_zeroing_applies_and_keeps_the_thermal_model() -> None:
     parent = make(calibrate_ramps(ramps("MPU-9255", np.random.default_rng(8), duration_s=1800.0)))
     zero_g, sensitivity, offset_mg, scale_percent = planted("MPU-9255")
@@ -243,6 +251,7 @@ def test_zeroing_applies_and_keeps_the_thermal_model() -> None:
     assert roll_deg == pytest.approx(-1.146, abs=0.01)
 
 
+@pytest.mark.slow
 def test_the_pipeline_corrects_each_block_by_its_filtered_temperature() -> None:
     learned = make(calibrate_ramps(ramps("MPU-9255", np.random.default_rng(8))))
     zero_g, sensitivity, offset_mg, scale_percent = planted("MPU-9255")
@@ -265,6 +274,7 @@ def test_the_pipeline_corrects_each_block_by_its_filtered_temperature() -> None:
     assert np.max(np.abs(uncorrected.apply(batch.raw) - [0, 0, 1])) > 0.015
 
 
+@pytest.mark.slow
 def test_a_thermal_model_brings_readings_to_its_reference_temperature() -> None:
     learned = make(calibrate_ramps(ramps("MPU-9255", np.random.default_rng(8))))
     zero_g, sensitivity, offset_mg, scale_percent = planted("MPU-9255")
@@ -276,6 +286,7 @@ def test_a_thermal_model_brings_readings_to_its_reference_temperature() -> None:
     np.testing.assert_allclose(model.to_reference(raw, offset, float("nan")), raw)
 
 
+@pytest.mark.slow
 def test_a_calibration_at_another_temperature_is_compared_through_the_thermal_model() -> None:
     """An unchanged sensor, calibrated in the heat: without the model its z offset would have moved by 18 mg."""
     parent = make(calibrate_ramps(ramps("MPU-9255", np.random.default_rng(8))))

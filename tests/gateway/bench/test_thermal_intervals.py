@@ -67,16 +67,19 @@ def test_intervals_of_ramps_hold_95_of_100_coefficients(kind: str) -> None:
     assert 0.91 <= np.mean(hits) <= 0.99  # 270 intervals: 95 % within three standard deviations of their mean
 
 
+@pytest.mark.slow
 def test_a_lag_of_the_thermometer_is_a_part_of_the_model() -> None:
     hits = ramp_hits("ramp", 120.0, Disturbances(lag_s=3.0), 12)
     assert np.mean(hits) > 0.85
 
 
+@pytest.mark.slow
 def test_hysteresis_of_half_a_milligravity_is_in_the_interval() -> None:
     hits = ramp_hits("ramp", 400.0, Disturbances(loop_g=5e-4), 8)
     assert np.mean(hits) > 0.85
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("lean_deg", "lag_s"), [(0.0, 0.0), (1.0, 3.0)])
 def test_the_interval_at_rest_is_that_of_the_named_axis(lean_deg: float, lag_s: float) -> None:
     """A lean of 1 degree shows 1/57 of the axes across the rope, which drift by 1 mg/°C and more."""

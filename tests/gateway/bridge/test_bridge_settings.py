@@ -10,6 +10,7 @@ from gateway.errors import BAD_INPUT
 KEY = "plumbline/v1/yard/crane-1/hook"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("toml", "why"),
     [
@@ -39,12 +40,14 @@ def test_a_wrong_setting_is_told_in_one_line(
     assert said.count("\n") == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", ["plumbline/v1/*/*/*", "plumbline/v1/yard", "crane"])
 def test_a_bridge_has_one_gateway(key: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bridge", "modbus", "--gateway", key]) == BAD_INPUT
     assert "a bridge has one gateway, plumbline/v1/<site>/<crane>/<sensor>" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("toml", "why"),
     [

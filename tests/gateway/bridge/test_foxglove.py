@@ -44,6 +44,7 @@ def test_the_queue_drops_the_oldest_and_counts_them() -> None:
     assert (messages.take(), messages.invalid) == ([], 1)
 
 
+@pytest.mark.slow
 def test_a_stalled_viewer_does_not_hold_up_another_and_invalid_messages_are_counted() -> None:
     port, messages = unused_port(), LiveMessages(encode_recorded)
     server = FoxgloveServer(
@@ -98,6 +99,7 @@ def test_an_address_in_use_is_told_in_one_line() -> None:
             asyncio.run(server.serve(lambda: None))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("address", ["0.0.0.0:8765", "10.0.0.5:8765", "[::]:8765", "gateway:8765"])
 def test_nobody_on_another_machine_is_served(address: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     settings = tmp_path / "bridge.toml"

@@ -148,6 +148,7 @@ def test_every_answer_is_of_its_moment(serving: Serving) -> None:
         assert client.read(6, 1) == [NOT_KNOWN]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("pdu", "code"),
     [
@@ -198,6 +199,7 @@ def is_answered(port: int) -> bool:
             return False
 
 
+@pytest.mark.slow
 def test_silent_connections_are_closed_and_make_room(serving: Serving) -> None:
     held = [socket.create_connection(("127.0.0.1", serving.port)) for _ in range(4)]
     assert not is_answered(serving.port)
@@ -207,6 +209,7 @@ def test_silent_connections_are_closed_and_make_room(serving: Serving) -> None:
         each.close()
 
 
+@pytest.mark.slow
 def test_idle_connections_make_room_for_others_and_leave_one_in_use_alone() -> None:
     serving = Serving(max_connections=4, idle_s=3600)
     held = [socket.create_connection(("127.0.0.1", serving.port)) for _ in range(3)]
@@ -237,6 +240,7 @@ def test_random_bytes_and_a_flood_that_is_not_read_leave_others_their_answers(se
     flood.close()
 
 
+@pytest.mark.slow
 def test_a_client_that_does_not_take_its_answers_is_closed(serving: Serving) -> None:
     request = struct.pack(">HHHBBHH", 1, 0, 6, 1, 4, 0, 52) * 1000
     with ModbusClient(serving.port) as client:

@@ -75,6 +75,7 @@ def open_bus() -> Iterator[Callable[..., Bus]]:
         bus.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "forged_key",
     [

@@ -327,6 +327,7 @@ STEPS = st.lists(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=400)
 @given(
     steps=STEPS,

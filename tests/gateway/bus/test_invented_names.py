@@ -42,6 +42,7 @@ def bus(endpoint: str) -> Iterator[zenoh.Session]:
         yield session
 
 
+@pytest.mark.slow
 def test_a_gateway_that_comes_after_many_invented_ones_is_heard(bus: zenoh.Session, endpoint: str) -> None:
     with AlertReceiver(endpoint) as receiver:
 
@@ -59,6 +60,7 @@ def test_a_gateway_that_comes_after_many_invented_ones_is_heard(bus: zenoh.Sessi
         assert len(receiver.present_states) == MOST_GATEWAYS
 
 
+@pytest.mark.slow
 def test_a_router_keeps_a_bounded_number_of_bytes(bus: zenoh.Session, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(latest_states, "MOST_BYTES", 1000)
     kept = LatestStates(bus)

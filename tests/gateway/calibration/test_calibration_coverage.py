@@ -7,6 +7,7 @@ from tests.benchmarks.calibration import coverage, relative_tilt_errors_deg
 from tests.benchmarks.calibration_sessions import ADXL345, ADXL355, Part
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", [ADXL345, ADXL355], ids=lambda part: part.name)
 @pytest.mark.parametrize("method", ["six-position", "norm-fit"])
 def test_injected_errors_are_recovered_within_their_stated_intervals(method: str, part: Part) -> None:
@@ -15,6 +16,7 @@ def test_injected_errors_are_recovered_within_their_stated_intervals(method: str
     assert share.min() > 0.85  # 80 sessions: four standard deviations below 0.95
 
 
+@pytest.mark.slow
 def test_one_degree_of_placement_costs_six_positions_tenths_of_a_degree_and_the_norm_fit_nothing() -> None:
     six = np.median(relative_tilt_errors_deg("six-position", 1.0, 40))
     norm = relative_tilt_errors_deg("norm-fit", 1.0, 40)

@@ -206,6 +206,7 @@ def test_a_known_random_walk_of_any_size_is_covered(count: int) -> None:
         assert COVERED[0] <= np.mean(covered) <= COVERED[1], random_walk
 
 
+@pytest.mark.slow
 def test_a_prediction_is_covered() -> None:
     rng = np.random.default_rng(8)
     covered = []

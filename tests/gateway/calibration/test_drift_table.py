@@ -176,6 +176,7 @@ def test_the_command_prints_a_table_and_writes_json_and_a_report(
     assert text.count("<svg") == 4  # offset and scale factor of two sensors
 
 
+@pytest.mark.slow
 def test_an_overdue_sensor_is_exit_code_1_and_bad_input_2(
     store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -20,6 +20,7 @@ def records() -> dict[str, dict[str, Any]]:
     return golden_records()
 
 
+@pytest.mark.slow
 def test_every_golden_record_is_made(records: dict[str, dict[str, Any]]) -> None:
     assert list(records) == list(GOLDEN)
 

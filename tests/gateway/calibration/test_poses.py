@@ -57,6 +57,7 @@ def feed(method: str, readings: RawReadings) -> PoseProcedure:
     return procedure
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1, 7, 32, 333, 100_000])
 @pytest.mark.parametrize("method", ["six-position", "norm-fit"])
 def test_the_fit_does_not_depend_on_the_blocks(method: str, size: int) -> None:

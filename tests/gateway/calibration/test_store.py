@@ -115,6 +115,7 @@ def name_another_device(path: Path) -> None:
     path.write_text(json.dumps(json.loads(path.read_text()) | {"device_id": "part-8"}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("damage", "text"),
     [

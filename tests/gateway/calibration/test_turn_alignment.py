@@ -139,6 +139,7 @@ def follow(monitor: TurnMonitor, force_g: Array) -> TurnReadout:
     return view
 
 
+@pytest.mark.slow
 def test_the_monitor_reads_each_complete_turn() -> None:
     monitor = TurnMonitor()
     view = follow(monitor, turning(0, (0, 0.5, 0), turns=0.7))

@@ -13,6 +13,7 @@ SESSION = Path(__file__).parents[2] / "data" / "calibration" / "six_faces_sessio
 OPTIONS = ["--rate", "204.8", "--device-id", "part-7"]
 
 
+@pytest.mark.slow
 def test_calibrate_writes_the_certificate_of_its_record(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     first, second = tmp_path / "first.json", tmp_path / "second.json"
     page = tmp_path / "second.html"

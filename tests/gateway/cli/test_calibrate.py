@@ -66,6 +66,7 @@ def session(method: str, seed: int = 3) -> tuple[SensorErrors, NDArray[np.float6
     return errors, to_counts(random, ADXL355, errors, specific_force(random, poses))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["six-position", "norm-fit"])
 def test_offline_calibration_makes_the_record_of_a_live_session(
     tmp_path: Path, method: str, capsys: pytest.CaptureFixture[str]
@@ -90,6 +91,7 @@ def test_offline_calibration_makes_the_record_of_a_live_session(
     assert "standard uncertainty of a reading" in output
 
 
+@pytest.mark.slow
 def test_a_recording_of_the_gateway_gives_the_record_of_the_same_readings_as_a_table(tmp_path: Path) -> None:
     _, counts = session("six-position")
     device = DeviceInfo(kind="adxl355", device_id="adxl355-1d", unit="counts", odr_hz=RATE_HZ, units_per_g=256000.0)
@@ -117,6 +119,7 @@ def test_a_recording_of_another_device_is_refused(tmp_path: Path, capsys: pytest
     assert "leave --columns, --unit" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_six_faces_are_found_in_a_session_with_other_poses(tmp_path: Path) -> None:
     """The faces, and poses 10 to 20 degrees off a face or between faces, in one session."""
     random = np.random.default_rng(5)
@@ -134,6 +137,7 @@ def test_six_faces_are_found_in_a_session_with_other_poses(tmp_path: Path) -> No
     assert "non-linearity" in [row.source for row in record.budget]
 
 
+@pytest.mark.slow
 def test_an_unknown_sensitivity_is_estimated_from_the_readings(tmp_path: Path) -> None:
     _, counts = session("six-position")
     path = write(tmp_path / "session.csv", "ax,ay,az", counts)
@@ -170,6 +174,7 @@ def test_a_real_session_agrees_with_imucal(tmp_path: Path) -> None:
     assert record.residual_rms_g == pytest.approx(4.2e-3, abs=0.1e-3)
 
 
+@pytest.mark.slow
 def test_a_real_session_held_by_hand_is_not_accepted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, record = calibrated(tmp_path, "six-position", MANY_POSES, "--rate", 100)
     assert code == 1
@@ -180,6 +185,7 @@ def test_a_real_session_held_by_hand_is_not_accepted(tmp_path: Path, capsys: pyt
     assert "the faces lay worse than the 0.1 deg stated: 1.25 deg is reckoned with" in output
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
@@ -205,6 +211,7 @@ def test_a_missing_face_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "missing: lay the sensor with" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("columns", "factor", "unit"), [("ax,ay,az", 1, "V"), ("ax_v,ay_v,az_v", 1, "V"), ("ax,ay,az", 4096, "counts")]
 )
@@ -220,6 +227,7 @@ def test_an_analogue_zero_is_found_for_any_names_of_the_columns(
     np.testing.assert_allclose(np.array(record.offset) / factor, [1.4765, 1.4882, 1.5102], atol=2e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("factor", "gravity"), [(9.80665, "9.64 g"), (0.3, "0.295 g"), (1000.0, "983 g")])
 def test_readings_that_are_not_in_g_are_refused_under_a_header_that_says_g(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], factor: float, gravity: str
@@ -244,6 +252,7 @@ def test_readings_in_volts_without_a_face_are_refused(
     assert text in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_parent_is_named_and_judged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     errors, counts = session("six-position")
     path = write(tmp_path / "session.csv", "ax,ay,az", counts)

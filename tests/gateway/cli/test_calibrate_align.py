@@ -54,6 +54,7 @@ def write_volts(path: Path, force_g: Array) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_the_adjustments_of_a_session_are_read_and_the_last_turn_is_aligned(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -74,6 +75,7 @@ def test_the_adjustments_of_a_session_are_read_and_the_last_turn_is_aligned(
     assert page.read_text().count("<svg") == 1
 
 
+@pytest.mark.slow
 def test_a_recording_of_the_gateway_that_is_not_aligned_is_exit_code_1(tmp_path: Path) -> None:
     device = DeviceInfo(kind="adxl355", device_id="part-7", unit="counts", odr_hz=RATE_HZ, units_per_g=256000.0)
     path = write_mcap(tmp_path / "x.mcap", device, 256000 * session([0.5, 0.5]))
@@ -131,6 +133,7 @@ def all_tilts_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gateway.cli.remote.remote_align.MAX_QUEUED_TILTS", 10_000)
 
 
+@pytest.mark.slow
 def test_the_terminal_shows_each_turn_until_the_axis_is_aligned() -> None:
     out = io.StringIO()
     assert show_turns(ShaftGateway(session([0.8, 0.0])), TurnAssistant(), out) == 0
@@ -141,6 +144,7 @@ def test_the_terminal_shows_each_turn_until_the_axis_is_aligned() -> None:
     assert text.splitlines()[-1].startswith("APE 0.0")
 
 
+@pytest.mark.slow
 def test_a_correction_in_force_does_not_hide_the_misalignment() -> None:
     sensitivity = 256000 * np.array([[1.0, 0.0, np.radians(0.8)], [0, 1.0, 0], [0, 0, 1.0]])
     corrected_g = session([0.0])
@@ -154,6 +158,7 @@ def test_a_correction_in_force_does_not_hide_the_misalignment() -> None:
     assert "x is off by 0.80" in format_turn(present(view))
 
 
+@pytest.mark.slow
 def test_nothing_is_read_while_the_sensor_hangs_and_damaged_gains_are_ignored() -> None:
     assistant = TurnAssistant(AligningUnit())
     assistant.set_gain("nonsense")

@@ -26,6 +26,7 @@ def photographs(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     return [str(path) for path in paths]
 
 
+@pytest.mark.slow
 def test_photographs_give_displacements_for_the_single_parameter(
     tmp_path: Path, photographs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -46,6 +47,7 @@ def test_photographs_give_displacements_for_the_single_parameter(
     assert "A_z,off = " in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_printable_board_has_its_dots_at_true_size(tmp_path: Path) -> None:
     path = tmp_path / "board.pdf"
     assert main(["calibrate", "laser", "--board", str(path)]) == 0
@@ -71,6 +73,7 @@ def test_a_board_that_fits_no_paper_is_refused(tmp_path: Path, capsys: pytest.Ca
     assert not path.exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("content", "code", "said"),
     [

@@ -9,6 +9,7 @@ from gateway.cli.main import COMMANDS, main
 from tests.waiting import PATIENCE_S
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shell", ["bash", "zsh", "tcsh"])
 def test_completion_has_every_command_and_options(capsys: pytest.CaptureFixture[str], shell: str) -> None:
     assert main(["completion", shell]) == 0

@@ -31,6 +31,7 @@ def test_help_begins_with_a_sentence_and_ends_with_an_example(name: str) -> None
     assert epilog.startswith(("example: plumbline", "examples: plumbline", "examples:\n  plumbline")), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_example_is_a_command_that_is_understood(name: str) -> None:
     examples = re.split(r"\n| \| | && ", re.sub(r"^examples?:\s*", "", COMMANDS[name].epilog or ""))

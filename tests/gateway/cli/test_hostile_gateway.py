@@ -104,6 +104,7 @@ def listing(record_id: str) -> dict[str, Any]:
     return {"device_id": "part-7", "in_force": None, "review": None, "history": [], "records": [{"id": record_id}]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("record_id", ["../owned", "/tmp/owned", "..", "a/b", "a\x1b[2J", ".bashrc", "a" * 200])
 def test_a_fetched_id_never_becomes_a_path(
     hostile: HostileGateway, tmp_path: Path, capsys: pytest.CaptureFixture[str], record_id: str
@@ -134,6 +135,7 @@ def test_another_record_than_the_one_asked_for_is_not_written(
     assert "another record came" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "status",
     [
@@ -167,6 +169,7 @@ def test_a_hostile_answer_to_a_command_is_printed_harmlessly(
     assert ("\x1b" in out, out.count("\n")) == (False, 1)
 
 
+@pytest.mark.slow
 def test_a_challenge_that_a_flood_has_displaced_is_asked_for_again(
     hostile: HostileGateway, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -196,12 +199,14 @@ def test_watching_survives_garbage_and_shows_what_is_valid(
     assert "\x1b" not in captured.out + captured.err
 
 
+@pytest.mark.slow
 @given(st.text())
 def test_nothing_printable_steers_a_terminal(text: str) -> None:
     assert printable(text).isprintable()
     assert RpcReply(True, {"text": text}).text == printable(text)
 
 
+@pytest.mark.slow
 @given(st.sampled_from(sorted(TOPICS)), st.binary())
 def test_random_messages_are_refused(topic: str, payload: bytes) -> None:
     assert parse_message(topic, payload) is None

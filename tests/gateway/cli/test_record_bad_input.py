@@ -61,6 +61,7 @@ CASES = [(verb, name) for verb in VERBS for name in UNUSABLE if (verb, name) != 
 """To `verify`, a file that ends after its first bytes is a cut tail, which it names with exit code 1."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("verb", "name"), CASES)
 def test_unusable_file_is_one_line_and_nothing_is_written(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str, name: str
@@ -76,6 +77,7 @@ def test_unusable_file_is_one_line_and_nothing_is_written(
     assert sorted(tmp_path.iterdir()) == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("verb", "text"),
     [
@@ -111,6 +113,7 @@ def tear(path: Path) -> None:
     os.truncate(path, path.stat().st_size - 700)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", [as_it_is_written, tear])
 @pytest.mark.parametrize("verb", ["info", "export", "replay"])
 def test_file_that_is_being_written_or_was_torn_is_read(

@@ -24,6 +24,7 @@ def run(arguments: list[str | Path], capsys: pytest.CaptureFixture[str]) -> tupl
     return code, captured.out, captured.err.strip().splitlines()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "content", "expected"),
     [
@@ -55,6 +56,7 @@ def test_a_file_that_is_no_recording_is_refused(
     assert [each.name for each in tmp_path.iterdir()] == ([] if content is None else [name])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("choice", [[], ["--last"], ["--alert", "1"], ["--around", "10"]])
 def test_a_recording_of_another_program_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], choice: list[str]

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 from gateway.configuration.commissioned_limits import NAME, describe_changes, note_change
 from gateway.configuration.model import AlertsSection
 
@@ -41,6 +43,7 @@ def test_a_change_that_was_rolled_back_is_none(tmp_path: Path) -> None:
     assert describe_changes(tmp_path, COMMISSIONED) == []
 
 
+@pytest.mark.slow
 def test_no_flipped_bit_and_no_cut_makes_changed_limits_look_commissioned(tmp_path: Path) -> None:
     note_change(tmp_path, COMMISSIONED, OPENED)
     path = tmp_path / NAME

@@ -69,6 +69,7 @@ def test_its_keys_are_checked(install: Install, device: dict[str, object], said:
         validate({"device": device}, "test")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "code", ["PLUGIN = 5", "raise RuntimeError('out of order')", "", "import nothing_of_this_name"]
 )

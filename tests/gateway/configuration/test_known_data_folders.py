@@ -3,6 +3,8 @@
 import os
 from pathlib import Path
 
+import pytest
+
 from gateway.configuration.known_data_folders import MAX_FOLDERS, known_data_folders, remember_data_folder
 
 
@@ -22,6 +24,7 @@ def test_folders_are_remembered_newest_first_and_forgotten_when_they_are_gone(tm
     assert known_data_folders(environment) == [folders[0]]
 
 
+@pytest.mark.slow
 def test_a_bounded_number_is_kept_and_without_a_home_none(tmp_path: Path) -> None:
     environment = {"XDG_STATE_HOME": str(tmp_path / "state")}
     for number in range(MAX_FOLDERS + 3):

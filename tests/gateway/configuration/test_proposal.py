@@ -36,6 +36,7 @@ def _check(proposal: Table, *, allow_network: bool = False) -> tuple[str, list[s
     return checked.text, [str(change) for change in checked.changes]
 
 
+@pytest.mark.slow
 def test_a_change_keeps_comments_and_all_other_keys() -> None:
     text, changes = _check({"rope": {"length_m": 21.5}})
     assert changes == ["rope.length_m: 20.0 -> 21.5"]

@@ -70,6 +70,7 @@ def _roll_back(path: Path) -> None:
     ConfigurationTrial(path).roll_back("not healthy")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [_begin, _resume, _confirm, _roll_back])
 def test_a_kill_at_every_call_to_the_disk_leaves_one_of_the_two_files(step: Callable[[Path], None], path: Path) -> None:
     for at in range(60):

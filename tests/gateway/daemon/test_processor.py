@@ -72,6 +72,7 @@ def composed(folder: Path, device: HangingDevice, bus: Mapping[str, Any] | None 
     )
 
 
+@pytest.mark.slow
 def test_a_device_whose_record_the_disk_does_not_give_is_uncalibrated_until_it_does(
     tmp_path: Path, record: Callable[..., dict[str, Any]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -100,6 +101,7 @@ def test_a_device_whose_record_the_disk_does_not_give_is_uncalibrated_until_it_d
         worker.join(PATIENCE_S)
 
 
+@pytest.mark.slow
 def test_health_keeps_its_order_when_the_processor_hangs_in_it_and_goes_on(tmp_path: Path) -> None:
     device = HangingDevice()
     parts = composed(tmp_path, device)
@@ -119,6 +121,7 @@ def test_health_keeps_its_order_when_the_processor_hangs_in_it_and_goes_on(tmp_p
         worker.join(PATIENCE_S)
 
 
+@pytest.mark.slow
 def test_health_states_the_days_of_a_certificate_that_the_processor_does_not_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

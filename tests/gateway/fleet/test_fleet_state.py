@@ -223,6 +223,7 @@ def test_a_name_that_no_configuration_allows_is_refused(name: str) -> None:
     assert (inbox.refused, inbox.drain().arrivals) == (2, {})
 
 
+@pytest.mark.slow
 def test_memory_is_bounded_against_large_payloads_and_invented_names() -> None:
     inbox = FleetInbox()
     inbox.put(f"{KEY}/alert", b"x" * (LARGEST_PAYLOAD + 1), 0.0, live=True)

@@ -112,6 +112,7 @@ def test_a_foreign_recording_has_the_uncertainty_of_an_uncalibrated_sensor(tmp_p
     assert native.remarks == ()
 
 
+@pytest.mark.slow
 def test_measure_takes_a_turned_sensor_in_milliseconds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A phone that hangs with its y axis up: the housing's z is its y, the housing's y its -z."""
     time_s, force_g = swing_g()

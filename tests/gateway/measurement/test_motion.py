@@ -69,6 +69,7 @@ def measured(working: tuple[Source, float]) -> Measurement:
     return measure(working[0])
 
 
+@pytest.mark.slow
 def test_a_drive_leaves_the_largest_angle_with_an_interval(
     working: tuple[Source, float], measured: Measurement
 ) -> None:
@@ -92,12 +93,14 @@ def test_the_phases_cover_the_recording_in_order(measured: Measurement) -> None:
     assert all(one.largest is not None for one in phases)
 
 
+@pytest.mark.slow
 def test_the_largest_angle_is_where_the_rope_was_farthest(working: tuple[Source, float], measured: Measurement) -> None:
     truth = crane(WORK, 2.0).truth(working[0].recording.time_s)
     at = round(present(present(measured.motion).largest).time_s * RATE_HZ)
     assert truth.rope_angle_rad[at] > truth.rope_angle_rad.max() - math.radians(0.05)
 
 
+@pytest.mark.slow
 def test_the_motion_says_when_the_crane_moved(working: tuple[Source, float], measured: Measurement) -> None:
     """Wherever it did or did not for 0.8 s before and after: the beginning and the end of a ramp are gentle."""
     time_s, history = working[0].recording.time_s, present(measured.motion).history
@@ -129,6 +132,7 @@ def test_the_table_has_a_row_for_each_bin(measured: Measurement) -> None:
     assert middle["state"] == history.state[place]
 
 
+@pytest.mark.slow
 def test_a_free_swing_has_no_timeline_unless_it_is_asked_for() -> None:
     source, largest_deg = recorded((), 5.0)
     free = measure(source)
@@ -140,15 +144,18 @@ def test_a_free_swing_has_no_timeline_unless_it_is_asked_for() -> None:
     assert low_rad < math.radians(largest_deg) < high_rad
 
 
+@pytest.mark.slow
 def test_a_housing_at_an_unknown_place_has_no_motion(working: tuple[Source, float]) -> None:
     assert measure(replace(working[0], housing=None), with_motion=True).motion is None
 
 
+@pytest.mark.slow
 def test_readings_that_no_upright_housing_has_give_no_motion(working: tuple[Source, float]) -> None:
     source = working[0]
     assert measure(replace(source, force_g=source.force_g[:, [2, 1, 0]]), with_motion=True).motion is None
 
 
+@pytest.mark.slow
 def test_a_drive_that_fills_a_recording_is_doubted(working: tuple[Source, float]) -> None:
     source, _ = working
     swing = estimate_source_swing(source)

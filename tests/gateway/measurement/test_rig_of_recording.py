@@ -33,6 +33,7 @@ def log(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_length_by_the_period_is_refined_by_a_fitted_pendulum(tmp_path: Path, log: Path) -> None:
     path = tmp_path / "rig.toml"
     path.write_text(HOUSING)

@@ -118,6 +118,7 @@ def test_an_interval_with_fewer_than_two_samples_is_refused(write: Write) -> Non
         read_source(paths, interval=interval("10.5", "11.5"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("tomls", "setting"),
     [

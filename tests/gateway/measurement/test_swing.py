@@ -70,6 +70,7 @@ def test_a_few_samples_between_gaps_leave_the_interval_as_it_is() -> None:
     assert combine_parts([resting(0), unknown(1000, 0.2)], HOUSING).swinging is False
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gap_s", [3600.0, 864_000.0])
 def test_swings_on_both_sides_of_a_long_gap_are_measured(gap_s: float) -> None:
     crane = Crane(

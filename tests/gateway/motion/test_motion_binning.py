@@ -84,6 +84,7 @@ def test_bin_with_a_reading_that_is_no_number_is_not_usable() -> None:
     assert [one.is_usable for one in bins] == [True, False]
 
 
+@pytest.mark.slow
 def test_noise_of_the_bins_is_the_planted_one() -> None:
     rng = np.random.default_rng(1)
     sigma_g = np.array([2e-4, 2e-4, 5e-4])

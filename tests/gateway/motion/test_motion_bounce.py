@@ -25,6 +25,7 @@ def bouncing(rate_1_s: float, seed: int) -> Recording:
     return replace(recording, force_g=force_g)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate_1_s", [4.5, 5.3, 6.5])
 def test_the_length_stays_where_the_hoist_ended_while_the_load_bounces(rate_1_s: float) -> None:
     lengths_m, held = [], []

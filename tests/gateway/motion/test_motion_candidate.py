@@ -55,6 +55,7 @@ def wait(candidate: MotionCandidate, gap_s: float) -> tuple[Array, Array]:
     return candidate.filter.mixture.moments()
 
 
+@pytest.mark.slow
 def test_gap_that_is_too_long_for_the_motion_keeps_the_constants(candidate: MotionCandidate) -> None:
     before, before_covariance = candidate.filter.mixture.moments()
 
@@ -70,6 +71,7 @@ def test_gap_that_is_too_long_for_the_motion_keeps_the_constants(candidate: Moti
     np.testing.assert_allclose(covariance[GRAVITY, GRAVITY], prior_covariance[GRAVITY, GRAVITY])
 
 
+@pytest.mark.slow
 def test_motion_goes_on_over_a_shorter_gap(candidate: MotionCandidate) -> None:
     """Half a period later the load hangs on the other side, less certainly."""
     before, before_covariance = candidate.filter.mixture.moments()
@@ -81,6 +83,7 @@ def test_motion_goes_on_over_a_shorter_gap(candidate: MotionCandidate) -> None:
     assert np.trace(covariance[GRAVITY, GRAVITY]) > np.trace(before_covariance[GRAVITY, GRAVITY])
 
 
+@pytest.mark.slow
 def test_constants_return_to_what_was_stated() -> None:
     """Exponentially in the time of each, mean and variance, while nothing is read."""
     motion_filter = new_candidate().filter
@@ -105,6 +108,7 @@ def test_constants_return_to_what_was_stated() -> None:
             np.testing.assert_allclose(variance[states], expected, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_readings_that_the_candidate_does_not_expect_are_evidence_against_it(free_swing: Recording) -> None:
     """A step of the reading of one second, as no rope makes it."""
     candidate, other = new_candidate(), new_candidate()

@@ -103,6 +103,7 @@ def runs() -> tuple[Array, Array, Array]:
     return np.concatenate(squared), np.concatenate(overall), np.concatenate(errors)
 
 
+@pytest.mark.slow
 def test_mean_normalised_innovation_squared_is_at_most_three(
     runs: tuple[Array, Array, Array],
 ) -> None:

@@ -26,6 +26,7 @@ def detect(force_g: Array) -> list[FastOscillation | None]:
     return [detector.found for reading in force_g if detector.add(reading)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequency_hz", [0.8, 1.37, 2.9, 4.1])
 @pytest.mark.parametrize("seed", range(5))
 def test_planted_line_is_found_with_frequency_and_amplitude(frequency_hz: float, seed: int) -> None:
@@ -57,11 +58,13 @@ def test_line_that_begins_at_once_is_found_within_five_seconds(frequency_hz: flo
     assert 0.02 < found.amplitude_g < 0.05
 
 
+@pytest.mark.slow
 def test_no_line_is_found_in_white_noise() -> None:
     for seed in range(200):
         assert not any(detect(1e-3 * np.random.default_rng(seed).normal(size=(300, 3))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("amplitude_deg", "rho"), [(5.0, 0.5), (10.0, 0.1), (20.0, 0.5)])
 def test_nothing_is_named_in_a_free_swing(amplitude_deg: float, rho: float) -> None:
     """Wide swings have harmonics. The noise is that of a thousand samples of 1 mg in each second."""
@@ -70,6 +73,7 @@ def test_nothing_is_named_in_a_free_swing(amplitude_deg: float, rho: float) -> N
     assert not any(e.fast_oscillation for e in follow(recording))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ramp_s", [2.0, 4.0])
 def test_nothing_is_named_in_a_drive(ramp_s: float) -> None:
     drives = [TrolleyMove(6.0, 8.0, ramp_s, 0.8, 0.3), TrolleyMove(20.0, 8.0, ramp_s, -0.8, 2.0)]
@@ -89,6 +93,7 @@ def test_line_is_forgotten_when_it_has_ended() -> None:
     assert found[-1] is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rigging_m", "hook_mass_ratio"), [(1.5, 0.08), (3.0, 0.12)])
 def test_load_that_swings_under_its_hook_is_found_at_its_second_mode(rigging_m: float, hook_mass_ratio: float) -> None:
     length_m, above_m, noise_g = 12.0, 6.0, 3e-4

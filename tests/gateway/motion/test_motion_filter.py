@@ -56,6 +56,7 @@ def is_healthy(covariance: Array) -> bool:
     return bool(np.isfinite(covariance).all() and is_symmetric and np.linalg.eigvalsh(correlation).min() > -1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("amplitude_deg", "events"),
     [(0.0, ()), (6.0, ()), (1.0, WORK)],
@@ -76,6 +77,7 @@ def test_covariances_and_weights_stay_healthy(amplitude_deg: float, events: tupl
         assert number % 7 or all(is_healthy(covariance) for covariance in mixture.covariance)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gap_s", [5.0, 60.0])
 @pytest.mark.parametrize("seed", range(3))
 def test_angle_after_a_gap_is_less_certain_and_soon_known(seed: int, gap_s: float) -> None:
@@ -91,6 +93,7 @@ def test_angle_after_a_gap_is_less_certain_and_soon_known(seed: int, gap_s: floa
         assert present(after[0].u_rad) > present(before.u_rad)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gap_s", [10.0, 60.0])
 def test_updates_after_a_gap_take_a_bounded_number_of_steps(monkeypatch: pytest.MonkeyPatch, gap_s: float) -> None:
     recording = swing(duration_s=30.0 + gap_s).without(20.0, 20.0 + gap_s)
@@ -109,6 +112,7 @@ def test_updates_after_a_gap_take_a_bounded_number_of_steps(monkeypatch: pytest.
     assert max(steps) <= FORGOTTEN_PERIODS * BINS_PER_PERIOD / LONGEST_STEP_BINS + 2
 
 
+@pytest.mark.slow
 def test_gap_longer_than_any_memory_starts_the_motion_anew() -> None:
     recording = swing(duration_s=20.0)
     later = replace(recording, time_s=recording.time_s + 10_000.0)
@@ -121,6 +125,7 @@ def test_gap_longer_than_any_memory_starts_the_motion_anew() -> None:
     assert np.median(np.abs(normalised_errors(later, estimates[-80:]))) < 2
 
 
+@pytest.mark.slow
 def test_impact_counts_as_an_outlier_and_leaves_the_angle_right() -> None:
     recording = swing(duration_s=30.0)
     struck = recording.force_g.copy()
@@ -136,6 +141,7 @@ def test_impact_counts_as_an_outlier_and_leaves_the_angle_right() -> None:
     assert np.abs(normalised_errors(recording, after)).max() < 4
 
 
+@pytest.mark.slow
 def test_bins_with_clipped_samples_are_not_read() -> None:
     recording = swing(duration_s=20.0)
 
@@ -153,6 +159,7 @@ def test_bins_with_clipped_samples_are_not_read() -> None:
     assert follow_clipped(2.0) == follow_clipped(-1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", case_seeds(2401, 6))
 def test_start_in_the_middle_of_a_manoeuvre_gives_an_angle_within_one_period(seed: int) -> None:
     case, recorded = make("mid_manoeuvre", seed)
@@ -186,12 +193,14 @@ def estimates_with_bins(recording: Recording, block: int) -> list[tuple[int, Arr
     return found
 
 
+@pytest.mark.slow
 def test_same_samples_give_the_same_bits() -> None:
     recording = swing(duration_s=25.0, amplitude_deg=1.0, events=WORK)
 
     assert list(follow(recording)) == list(follow(recording))
 
 
+@pytest.mark.slow
 def test_size_of_the_blocks_does_not_matter() -> None:
     recording = swing(duration_s=20.0, amplitude_deg=1.0, events=WORK)
     one_by_one = dict(estimates_with_bins(recording, 1))
@@ -223,6 +232,7 @@ def put_nan(_time_s: Array, force_g: Array) -> None:
     force_g[840, 2] = np.inf
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [repeat_times, let_times_fall, put_nan])
 def test_bad_times_and_readings_are_survived(change: Callable[[Array, Array], None]) -> None:
     recording = swing(duration_s=30.0)
@@ -246,6 +256,7 @@ def test_empty_block_completes_no_bin(free_swing: Recording) -> None:
     assert not new_tracker(free_swing.rig).update(np.zeros(0), np.zeros((0, 3)))
 
 
+@pytest.mark.slow
 def test_filter_that_has_lost_its_numbers_begins_anew(free_swing: Recording) -> None:
     tracker = new_tracker(free_swing.rig)
     half = len(free_swing.time_s) // 2
@@ -262,6 +273,7 @@ def test_filter_that_has_lost_its_numbers_begins_anew(free_swing: Recording) -> 
     assert abs(normalised_errors(free_swing, [found])[0]) < 4
 
 
+@pytest.mark.slow
 def test_hypothesis_that_is_long_excluded_stays_in_the_domain() -> None:
     """A drive of ten metres excludes gust and hoist so clearly that no transition revives them."""
     recording = swing(duration_s=30.0, amplitude_deg=2.0, noise_g=2e-5, events=[TrolleyMove(5.0, 10.0, 8.0, 2.0, 0.5)])

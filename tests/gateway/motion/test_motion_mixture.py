@@ -20,6 +20,7 @@ def random_mixture(rng: np.random.Generator) -> Mixture:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_moments_are_those_of_draws(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -53,6 +53,7 @@ def dead(axis: int, level_g: float, noise_g: float = 0.0) -> Callable[[Array], A
     return spoil
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("spoil", "reason"),
     [
@@ -75,6 +76,7 @@ def test_a_fault_of_the_sensor_makes_the_angle_unknown(
     assert all(reason in e.reasons[0] for e in later)
 
 
+@pytest.mark.slow
 def test_the_angle_is_known_again_after_a_fault() -> None:
     recording = swing(duration_s=45.0)
     faulty = (recording.time_s > 10.0) & (recording.time_s < 20.0)
@@ -115,6 +117,7 @@ def test_a_housing_that_is_elsewhere_widens_the_interval(share: float) -> None:
     assert np.mean(np.array(off) < 2) > 0.95
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("askew_deg", "says"), [(7.0, True), (0.5, False)])
 def test_a_housing_that_stands_askew_is_named_with_its_angle(askew_deg: float, says: bool) -> None:
     recording = swing(seed=5, amplitude_deg=3.0, rho=0.6, duration_s=45.0)
@@ -130,6 +133,7 @@ def test_a_housing_that_stands_askew_is_named_with_its_angle(askew_deg: float, s
     assert any("askew on the rope" in reason for reason in engineer_reasons(estimate)) is says
 
 
+@pytest.mark.slow
 def test_clipping_is_bridged_for_a_second_and_then_makes_the_angle_unknown() -> None:
     recording = swing(duration_s=20.0)
 
@@ -141,6 +145,7 @@ def test_clipping_is_bridged_for_a_second_and_then_makes_the_angle_unknown() -> 
     assert all(e.angle_rad is not None for e in estimates if e.time_s > 13.3)
 
 
+@pytest.mark.slow
 def test_the_first_angle_comes_within_one_period() -> None:
     recording = swing(duration_s=8.0)
 
@@ -149,6 +154,7 @@ def test_the_first_angle_comes_within_one_period() -> None:
     assert 0.4 * recording.rig.small_swing_period_s < known[0] < recording.rig.small_swing_period_s
 
 
+@pytest.mark.slow
 def test_restart_forgets_the_motion() -> None:
     recording = swing(duration_s=20.0)
     monitor = monitor_of(recording.rig)
@@ -178,6 +184,7 @@ def test_a_hoist_is_followed_and_reported() -> None:
     assert estimates[-1].state == "free"
 
 
+@pytest.mark.slow
 def test_a_changed_sensor_widens_the_interval_and_says_why() -> None:
     recording = swing(duration_s=30.0)
     monitor, undisturbed = monitor_of(recording.rig), monitor_of(recording.rig)
@@ -193,6 +200,7 @@ def test_a_changed_sensor_widens_the_interval_and_says_why() -> None:
     assert present(after.u_rad) > present(before.u_rad)
 
 
+@pytest.mark.slow
 def test_readings_that_nothing_explains_are_reported() -> None:
     recording = swing(duration_s=20.0)
     force_g = recording.force_g.copy()
@@ -206,6 +214,7 @@ def test_readings_that_nothing_explains_are_reported() -> None:
     assert not any(explained for time_s, explained in seen if 16.2 < time_s < 16.8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", [1, 5, 10])
 def test_estimates_do_not_depend_on_the_blocks(block: int) -> None:
     recording = swing(duration_s=15.0)
@@ -227,6 +236,7 @@ def test_estimates_do_not_depend_on_the_blocks(block: int) -> None:
     assert [a for a, _ in known] == pytest.approx([b for _, b in known], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_an_uncalibrated_sensor_at_the_load_states_no_angle() -> None:
     """There a constant axial reading is an offset or a steady circular swing."""
     recording = swing(duration_s=20.0, amplitude_deg=30.0, length_m=4.0, rho=1.0, noise_g=0.012, offset_g=0.02)

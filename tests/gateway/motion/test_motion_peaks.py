@@ -77,6 +77,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_predicted_maximum_of_a_free_swing_is_that_of_the_pendulum(case: str) -> None:
     predicted = next_peak(CASES[case], is_driven=False)
@@ -87,6 +88,7 @@ def test_predicted_maximum_of_a_free_swing_is_that_of_the_pendulum(case: str) ->
         assert predicted.in_s == pytest.approx(in_s, abs=0.03 * HALF_SWING_S)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(20))
 def test_predicted_maximum_holds_for_any_swing_with_a_lean(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -97,6 +99,7 @@ def test_predicted_maximum_holds_for_any_swing_with_a_lean(seed: int) -> None:
     assert next_peak(swing, is_driven=False).angle_rad == pytest.approx(angle_rad, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pivot", [(0.03, 0.0), (-0.02, 0.03)])
 def test_predicted_maximum_holds_while_the_pivot_keeps_its_acceleration(pivot: tuple[float, float]) -> None:
     driven = phase((0.02, -0.03), (0.05, 0.02), pivot=pivot)
@@ -116,6 +119,7 @@ def test_acceleration_of_the_pivot_does_not_count_when_it_coasts() -> None:
     assert next_peak(driven, is_driven=True) != next_peak(free, is_driven=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_driven", [False, True])
 @pytest.mark.parametrize("seed", range(5))
 def test_uncertainty_of_the_maximum_is_the_spread_of_the_maxima(seed: int, is_driven: bool) -> None:

@@ -47,6 +47,7 @@ def central_differences(function: Callable[[Array], Array], x: Array) -> Array:
     return np.stack(columns, axis=-1)
 
 
+@pytest.mark.slow
 @all_models
 @pytest.mark.parametrize("seed", SEEDS)
 def test_derivative_of_the_rate_is_that_of_central_differences(seed: int, model: RopeModel) -> None:
@@ -58,6 +59,7 @@ def test_derivative_of_the_rate_is_that_of_central_differences(seed: int, model:
     np.testing.assert_allclose(jacobian, expected, atol=1e-7, rtol=1e-6)
 
 
+@pytest.mark.slow
 @all_models
 @pytest.mark.parametrize("seed", SEEDS)
 def test_derivative_of_the_reading_is_that_of_central_differences(seed: int, model: RopeModel) -> None:
@@ -71,6 +73,7 @@ def test_derivative_of_the_reading_is_that_of_central_differences(seed: int, mod
     np.testing.assert_allclose(jacobian, expected, atol=1e-7, rtol=1e-6)
 
 
+@pytest.mark.slow
 @both_mountings
 @pytest.mark.parametrize("seed", SEEDS)
 def test_derivative_of_the_reading_beside_the_rope_by_the_motion_is_that_of_central_differences(

@@ -56,6 +56,7 @@ def direction(u: complex) -> complex:
     return u * 2 / (1 + float(np.sqrt(1 - abs(u) ** 2)))
 
 
+@pytest.mark.slow
 @both_mountings
 def test_free_swing_is_that_of_the_swing_fit(is_clamped: bool) -> None:
     length_m, above_m, damping_1_s, step_s, steps = 14.0, 5.0, 0.02, 0.02, 600
@@ -74,6 +75,7 @@ def test_free_swing_is_that_of_the_swing_fit(is_clamped: bool) -> None:
     np.testing.assert_allclose(readings, specific_force_g(fitted, field, placement)[..., 0], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_swing_on_a_changing_rope_is_that_of_the_swing_fit() -> None:
     length_m, above_m, speed_m_s, acceleration_m_s2, step_s, steps = 14.0, 5.0, 0.3, -0.02, 0.02, 500
     u, w = 0.2 + 0.1j, -0.1 + 0.05j
@@ -171,6 +173,7 @@ def test_accelerometer_beside_the_rope_feels_its_lever_arm_turn(seed: int) -> No
     np.testing.assert_allclose(added[:2], 0.0, atol=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("stiffness", "azimuth_rad"), [((0.1, 0.0), 0.0), ((0.1, 0.0), np.pi / 2), ((0.0, 0.1), np.pi / 4)]
 )
@@ -201,6 +204,7 @@ def test_pivot_that_moves_up_and_down_adds_its_acceleration_to_the_axial_reading
     np.testing.assert_allclose(reading[:, :2], 0.0, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_undamped_free_swing_keeps_its_energy() -> None:
     length_m = 12.0
     x = plain_state(0.4 + 0.1j, -0.1 + 0.2j, length_m, 4.0)

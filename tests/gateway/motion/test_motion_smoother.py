@@ -54,6 +54,7 @@ def history_of_working(histories: tuple[MotionHistory, ...]) -> MotionHistory:
     return histories[0]
 
 
+@pytest.mark.slow
 def test_the_smoothed_angle_of_a_free_swing_is_better_than_the_live_one(free_swing: Recording) -> None:
     history, live = smooth(free_swing), list(follow(free_swing))
     period_s = free_swing.rig.small_swing_period_s
@@ -67,6 +68,7 @@ def test_the_smoothed_angle_of_a_free_swing_is_better_than_the_live_one(free_swi
     assert set(history.state) == {"free"}
 
 
+@pytest.mark.slow
 def test_the_angle_is_known_from_the_first_reading_on(free_swing: Recording) -> None:
     history = smooth(free_swing)
     first = next(iter(follow(free_swing)))
@@ -74,6 +76,7 @@ def test_the_angle_is_known_from_the_first_reading_on(free_swing: Recording) -> 
     assert abs(errors_rad(free_swing, history)[0]) < NORMAL_975 * history.u_rad[0]
 
 
+@pytest.mark.slow
 def test_a_swing_without_damping_played_backward_gives_the_same_angles() -> None:
     recording = swing(seed=3, duration_s=30.0, damping_ratio=0.0)
     history = smooth(recording)
@@ -84,6 +87,7 @@ def test_a_swing_without_damping_played_backward_gives_the_same_angles() -> None
     assert np.median(mirrored.u_rad) == pytest.approx(np.median(history.u_rad), rel=0.2)
 
 
+@pytest.mark.slow
 def test_drive_hoist_and_gust_are_followed_with_intervals_that_hold(
     workings: tuple[Recording, ...], histories: tuple[MotionHistory, ...]
 ) -> None:
@@ -105,6 +109,7 @@ def test_rope_phases_and_largest_angle_of_a_working_crane(
         assert largest.time_s == pytest.approx(working.time_s[working.angle_rad.argmax()], abs=0.3)
 
 
+@pytest.mark.slow
 def test_live_and_smoothed_angles_agree_within_their_intervals(
     working: Recording, history_of_working: MotionHistory
 ) -> None:
@@ -118,6 +123,7 @@ def test_live_and_smoothed_angles_agree_within_their_intervals(
     assert np.abs(difference / u_rad).max() < 4.0
 
 
+@pytest.mark.slow
 def test_smoothing_in_blocks_is_smoothing_at_once(monkeypatch: pytest.MonkeyPatch, free_swing: Recording) -> None:
     """What comes later than the lookahead is left out; it is not much."""
     whole = smooth(free_swing)
@@ -130,6 +136,7 @@ def test_smoothing_in_blocks_is_smoothing_at_once(monkeypatch: pytest.MonkeyPatc
     assert coverage(blocks.angle_rad - whole.angle_rad, np.hypot(blocks.u_rad, whole.u_rad)) == 1.0
 
 
+@pytest.mark.slow
 def test_a_long_gap_divides_the_recording(free_swing: Recording) -> None:
     first = free_swing.time_s < 12.0
     time_s, force_g = free_swing.time_s[first], free_swing.force_g[first]
@@ -149,6 +156,7 @@ def test_every_bin_of_the_stream_is_in_the_history(working: Recording, history_o
     assert np.isfinite(history_of_working.angle_rad).all()
 
 
+@pytest.mark.slow
 def test_a_gap_within_a_recording_widens_the_interval_there_alone(free_swing: Recording) -> None:
     gap_s = 1.2 * free_swing.rig.small_swing_period_s
     history, whole = smooth(free_swing.without(15.0, 15.0 + gap_s)), smooth(free_swing)

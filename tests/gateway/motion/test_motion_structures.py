@@ -48,6 +48,7 @@ def near_the_load(*, tilt: float | None) -> Recording:
     return replace(on_rope, force_g=force_g + noise_g)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("tilt", "name"), [(None, "rope"), (0.15, "spreader"), (0.25, "spreader")])
 def test_housing_on_a_spreader_is_told_from_one_on_a_rope(tilt: float | None, name: str) -> None:
     recording = near_the_load(tilt=tilt)
@@ -77,6 +78,7 @@ def test_a_housing_on_a_spreader_has_its_place_from_the_load() -> None:
         MountedHousing(length_m=10.0, position_m=9.0, mounted_on="spreader")
 
 
+@pytest.mark.slow
 def test_a_stated_spreader_is_followed_where_it_would_not_be_looked_for() -> None:
     """A head block that holds the housing 2 m above the middle of the load, on a rope of 10 m."""
     recording = near_the_load(tilt=0.15)
@@ -87,6 +89,7 @@ def test_a_stated_spreader_is_followed_where_it_would_not_be_looked_for() -> Non
     assert np.abs(normalised_errors(stated, [e for e in estimates if e.time_s > 15.0])).max() < 4
 
 
+@pytest.mark.slow
 def test_housing_on_the_spreader_of_a_container_crane_is_recognised() -> None:
     recording = simulated("d", 1, 1, 40.0)
     tracker = new_tracker(recording.rig)
@@ -99,6 +102,7 @@ def test_housing_on_the_spreader_of_a_container_crane_is_recognised() -> None:
     assert np.sqrt((error_rad**2).mean()) < 0.1 * recording.angle_rad.max()
 
 
+@pytest.mark.slow
 def test_candidate_that_has_lost_its_numbers_does_not_spoil_the_other() -> None:
     recording = near_the_load(tilt=None)
     tracker = new_tracker(recording.rig)
@@ -114,6 +118,7 @@ def test_candidate_that_has_lost_its_numbers_does_not_spoil_the_other() -> None:
     assert abs(normalised_errors(recording, [found])[0]) < 4
 
 
+@pytest.mark.slow
 def test_base_that_never_rests_keeps_its_interval() -> None:
     """Barges that roll in a regular and in an irregular sea move the pivot all the time."""
     held = []
@@ -126,6 +131,7 @@ def test_base_that_never_rests_keeps_its_interval() -> None:
     assert np.mean(held) > 0.9
 
 
+@pytest.mark.slow
 def test_a_long_hoist_is_followed_until_it_ends() -> None:
     """Ten metres to four: between its beginning and its end, nothing shows a steady speed."""
     recording = simulated("e", 11, 3, 120.0)

@@ -37,6 +37,7 @@ def filled(folder: Path, count: int, boot_id: str = "a", first: int = 1) -> Aler
     return outbox
 
 
+@pytest.mark.slow
 @given(st.text(), st.integers(0, 10**MAX_DIGITS - 1), st.binary())
 def test_a_line_is_read_again_and_any_flipped_bit_is_noticed(boot_id: str, number: int, payload: bytes) -> None:
     known = StoredChange(boot_id, number, payload)
@@ -51,6 +52,7 @@ def test_a_line_is_read_again_and_any_flipped_bit_is_noticed(boot_id: str, numbe
         assert parse_line(bytes(damaged)) is None
 
 
+@pytest.mark.slow
 def test_after_a_kill_at_any_byte_every_complete_change_is_there_and_numbers_continue(tmp_path: Path) -> None:
     content = b"".join(encode_line(change(number)) for number in (1, 2, 3))
     for size in range(len(content) + 1):
@@ -81,6 +83,7 @@ def test_a_damaged_line_costs_itself_alone(tmp_path: Path) -> None:
     assert numbers(outbox, Position(0)) == [1, 2, 4, 5]
 
 
+@pytest.mark.slow
 def test_pages_follow_each_other_through_all_files(tmp_path: Path) -> None:
     outbox = filled(tmp_path, 2 * FILE_CHANGES + 10)
     assert len(list(tmp_path.iterdir())) == 3
@@ -91,6 +94,7 @@ def test_pages_follow_each_other_through_all_files(tmp_path: Path) -> None:
     assert AlertOutbox(tmp_path).open() == 2 * FILE_CHANGES + 10
 
 
+@pytest.mark.slow
 def test_the_newest_changes_are_found_across_files(tmp_path: Path) -> None:
     assert AlertOutbox(tmp_path).newest(3) == []
     outbox = filled(tmp_path, FILE_CHANGES + 2)
@@ -107,6 +111,7 @@ def test_changes_that_are_not_stored_follow_those_that_are(tmp_path: Path) -> No
     assert numbers(outbox, Position(4, "a"), waiting) == [5]
 
 
+@pytest.mark.slow
 def test_the_number_of_files_is_bounded_and_what_was_deleted_is_said(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -163,6 +168,7 @@ def test_a_disk_that_fails_in_the_middle_of_a_line_leaves_no_half_line(
     assert (tmp_path / files.FIRST_NAME).read_bytes() == b"".join(encode_line(change(n)) for n in (1, 2, 3, 4))
 
 
+@pytest.mark.slow
 @given(
     boots=st.lists(st.integers(0, 9), min_size=1, max_size=5),
     taken=st.integers(0, 40),

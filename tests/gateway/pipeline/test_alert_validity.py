@@ -35,6 +35,7 @@ def crane(tmp_path: Path) -> HearingCrane:
     return crane
 
 
+@pytest.mark.slow
 def test_the_end_and_the_return_of_samples_do_not_wait_for_a_heartbeat(crane: HearingCrane) -> None:
     before = len(crane.heard)
     silent_ns = crane.newest_ns + STALE_NS
@@ -46,6 +47,7 @@ def test_the_end_and_the_return_of_samples_do_not_wait_for_a_heartbeat(crane: He
     assert crane.validities(before)[0] != "no_samples"
 
 
+@pytest.mark.slow
 def test_a_housing_off_the_rope_suspends_at_once(crane: HearingCrane) -> None:
     before = len(crane.heard)
     crane.pipeline.set_session(replace(NO_SESSION, id="r-1", suspended=True), "SUSPENDED")

@@ -23,6 +23,7 @@ def swinging() -> Run:
     return Run(crane(4.0), RIG).go(25)
 
 
+@pytest.mark.slow
 def test_motion_comes_ten_times_a_second(swinging: Run) -> None:
     steps_s = [after - before for before, after in pairwise(times_s(swinging.out["motion"]))]
     assert steps_s == pytest.approx([0.1] * len(steps_s), abs=0.02)
@@ -76,6 +77,7 @@ def test_formulas_are_those_of_the_last_swing_as_published(swinging: Run) -> Non
     assert formulas.arcsin_max_axy == pytest.approx(4.0 * (1 - 5.0 / 8.0), rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_load_at_rest_has_no_swing_and_an_upper_end() -> None:
     run = Run(crane()).go(15)
     swing: Swing = run.out["swing"][-1]
@@ -119,6 +121,7 @@ def test_a_hoist_is_named_with_its_speed() -> None:
     assert all(m.text.startswith("Hoisting. Swing ") for m in last)
 
 
+@pytest.mark.slow
 def test_stale_readings_make_the_motion_unknown() -> None:
     run = Run(crane(3.0), RIG).go(10)
     assert run.out["motion"][-1].angle_deg is not None

@@ -94,6 +94,7 @@ def test_a_free_swing_is_measured_and_trusted(angle_deg: float) -> None:
     assert run.out["condition"][-1].trusted
 
 
+@pytest.mark.slow
 def test_a_load_at_rest_is_static_with_an_upper_bound() -> None:
     run = Run(crane()).go(20)
     condition, alert, tilt, swing = (run.out[t][-1] for t in ("condition", "alert", "tilt", "swing"))
@@ -105,6 +106,7 @@ def test_a_load_at_rest_is_static_with_an_upper_bound() -> None:
     assert 0 < swing.coverage95_deg[1] < 0.5
 
 
+@pytest.mark.slow
 def test_steady_wind_leans_and_trips_the_lean_alert() -> None:
     lean_deg = 4.0
     run = Run(crane(lean_deg, wind_m_s2=(9.80665 * math.tan(math.radians(lean_deg)), 0.0))).go(20)
@@ -131,6 +133,7 @@ def test_alerts_are_unknown_before_the_first_estimate() -> None:
     assert {condition.verdict for condition in run.out["condition"]} == {"unknown"}
 
 
+@pytest.mark.slow
 def test_stale_readings_are_reported_and_never_clear_an_alert() -> None:
     run = Run(crane(9.0)).go(20)
     assert run.out["alert"][-1].level == "trip"
@@ -145,6 +148,7 @@ def test_stale_readings_are_reported_and_never_clear_an_alert() -> None:
     assert "not known now" in run.out["alert"][-1].text
 
 
+@pytest.mark.slow
 def test_fresh_samples_end_staleness() -> None:
     run = Run(crane()).go(20)
     run.take(run.pipeline.idle(run.newest_ns + 2_000_000_000, CLOCK).messages)
@@ -153,6 +157,7 @@ def test_fresh_samples_end_staleness() -> None:
     assert "fresh" not in run.out["condition"][-1].gates
 
 
+@pytest.mark.slow
 def test_an_uncalibrated_sensor_has_no_lean() -> None:
     run = Run(crane())
     nominal = correction_for(run.info, run.configuration.device.axes, None)
@@ -167,6 +172,7 @@ def test_an_uncalibrated_sensor_has_no_lean() -> None:
     assert run.out["tilt"][-1].u_deg > 2
 
 
+@pytest.mark.slow
 def test_clipped_samples_disturb() -> None:
     run = Run(crane()).go(10)
     block = present(run.device.read())
@@ -178,6 +184,7 @@ def test_clipped_samples_disturb() -> None:
     assert "clipped" in run.out["condition"][-1].reasons[0]
 
 
+@pytest.mark.slow
 def test_samples_that_the_device_marks_as_saturated_disturb_and_have_no_part_in_the_angle() -> None:
     def angle(reading: int) -> Any:
         run = Run(crane(5.0)).go(10)
@@ -195,6 +202,7 @@ def test_samples_that_the_device_marks_as_saturated_disturb_and_have_no_part_in_
     assert angle(100_000) == angle(-100_000)
 
 
+@pytest.mark.slow
 def test_headers_have_sequence_numbers_and_utc() -> None:
     run = Run(crane(3.0)).go(10)
     for sent in run.out.values():
@@ -220,6 +228,7 @@ def test_the_acceleration_shows_an_impact_of_one_sample() -> None:
     assert hit.time_ns == int(block.time_ns[-1]) + CLOCK.wall_offset_ns
 
 
+@pytest.mark.slow
 def test_the_same_blocks_give_identical_messages() -> None:
     first = Run(crane(5.0)).go(20)
     again = Run(crane(5.0))
@@ -231,6 +240,7 @@ def test_the_same_blocks_give_identical_messages() -> None:
 WHY = "SUSPENDED: the sensor is being recalibrated (six-position, by ann)"
 
 
+@pytest.mark.slow
 def test_the_load_is_unknown_during_a_recalibration() -> None:
     run = Run(crane(9.0)).go(20)
     assert run.out["alert"][-1].level == "trip"
@@ -252,6 +262,7 @@ def test_the_load_is_unknown_during_a_recalibration() -> None:
     assert len(later["swing"]) >= 5
 
 
+@pytest.mark.slow
 def test_a_device_lost_during_a_recalibration_gives_both_reasons() -> None:
     run = Run(crane()).go(5)
     run.pipeline.set_session(NO_SESSION, WHY)

@@ -85,6 +85,7 @@ def calibration_of(alert: Alert) -> ActiveAlert | None:
     return next((one for one in alert.active if one.rule == "calibration"), None)
 
 
+@pytest.mark.slow
 def test_drift_beyond_the_interval_raises_a_warning_without_a_static_verdict() -> None:
     crane = Hanging()
     for hour in range(HOLD_HOURS):
@@ -118,6 +119,7 @@ def test_the_drift_warning_clears_with_the_drift_and_not_with_a_swing() -> None:
     assert raised == ["raised", "cleared"]
 
 
+@pytest.mark.slow
 def test_drift_within_the_interval_raises_no_warning() -> None:
     crane = Hanging()
     assert present(crane.rest.status_json)["state"] == "no_rest"
@@ -128,6 +130,7 @@ def test_drift_within_the_interval_raises_no_warning() -> None:
     assert CALIBRATION_RULE not in {alert.rule for alert in crane.out["alert"]}
 
 
+@pytest.mark.slow
 def test_the_drift_monitor_gets_no_readings_off_the_rope() -> None:
     crane = Hanging()
     crane.pipeline.set_session(NO_SESSION, "SUSPENDED: on the bench")
@@ -138,6 +141,7 @@ def test_the_drift_monitor_gets_no_readings_off_the_rope() -> None:
     assert crane.rest.has_unsaved_readings
 
 
+@pytest.mark.slow
 def test_the_drift_warning_is_unknown_while_alerts_are_suspended() -> None:
     crane = Hanging()
     for hour in range(HOLD_HOURS + 1):
@@ -151,6 +155,7 @@ def test_the_drift_warning_is_unknown_while_alerts_are_suspended() -> None:
     assert present(calibration_of(crane.alert)).level == "warn"
 
 
+@pytest.mark.slow
 def test_drift_readings_have_the_time_of_the_wall_clock() -> None:
     ahead = Hanging(2 * NS_PER_HOUR).hour(0)
     assert present(ahead.rest.dump_state())["open"]["hour"] == MADE_NS // NS_PER_HOUR + 2
@@ -159,6 +164,7 @@ def test_drift_readings_have_the_time_of_the_wall_clock() -> None:
     assert present(behind.rest.dump_state())["misdated"] > 0
 
 
+@pytest.mark.slow
 def test_drift_readings_have_the_temperature_of_a_part_that_tells_it_rarely() -> None:
     assert present(Hanging().hour(0).rest.dump_state())["open"]["temperature_c"] > 0  # the sum of the hour
 

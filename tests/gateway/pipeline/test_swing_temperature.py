@@ -59,6 +59,7 @@ def last_word(crane: tuple[NDArray[np.float64], NDArray[np.float64]], temperatur
     ).upper_rad
 
 
+@pytest.mark.slow
 def test_uncertainty_covers_swing_and_lean_outside_the_calibrated_temperature_range(
     crane: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> None:
@@ -70,6 +71,7 @@ def test_uncertainty_covers_swing_and_lean_outside_the_calibrated_temperature_ra
     assert "widened: at 64 °C, calibrated at 20 to 24 °C" in message.reasons
 
 
+@pytest.mark.slow
 def test_uncertainty_is_unchanged_within_the_calibrated_temperature_range(
     crane: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> None:

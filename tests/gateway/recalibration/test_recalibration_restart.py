@@ -102,6 +102,7 @@ def test_a_session_ends_after_too_long_a_stop(site: Site, away_s: float, text: s
     assert text in site.session.text
 
 
+@pytest.mark.slow
 def test_a_session_ends_after_many_restarts_without_a_pose(site: Site) -> None:
     site.start_session()
     for _ in range(MAX_RESTARTS):
@@ -139,6 +140,7 @@ def test_a_record_in_force_before_a_kill_is_found_committed(site: Site, monkeypa
     assert len(site.store.state().history) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b'{"format": 1, "session": {"id": 5}, "answers": []}'])
 def test_a_damaged_journal_ends_the_session_and_is_reported(site: Site, content: bytes) -> None:
     before = site.commit(1.0)
@@ -164,6 +166,7 @@ def test_a_request_is_refused_if_it_cannot_be_audited(site: Site, monkeypatch: p
     assert site.recalibration.session is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("call", ["replace", "fsync"])
 def test_a_failing_disk_leaves_the_old_record_in_force(site: Site, monkeypatch: pytest.MonkeyPatch, call: str) -> None:
     before = site.commit(1.0)

@@ -37,6 +37,7 @@ def test_a_session_leads_from_the_request_to_a_record_in_force(site: Site) -> No
     assert (change.by, change.reason) == ("bob", "new clamp")
 
 
+@pytest.mark.slow
 def test_the_parent_of_a_second_record_is_the_first_which_stays(site: Site) -> None:
     first = site.commit(1.0)
     second = site.commit(2.0)
@@ -148,6 +149,7 @@ def test_an_implausible_drift_requires_a_reason(site: Site) -> None:
     assert site.ask("commit", reason="sensor was exchanged").accepted
 
 
+@pytest.mark.slow
 def test_a_rollback_returns_to_the_parent_or_to_a_named_record(site: Site) -> None:
     first, second, third = site.commit(1.0), site.commit(2.0), site.commit(3.0)
     assert site.ask("rollback").accepted

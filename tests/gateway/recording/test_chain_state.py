@@ -76,6 +76,7 @@ def is_noticed_and_rebuilt(folder: Path, content: bytes, sound: tuple[int, int, 
     return aside.read_bytes() == content and saved.rebuilt_before == 4 and stated(chain) == sound
 
 
+@pytest.mark.slow
 def test_a_sound_file_is_believed(folder: Path) -> None:
     chain = restored(folder)
     assert chain.loss is None
@@ -84,6 +85,7 @@ def test_a_sound_file_is_believed(folder: Path) -> None:
     assert stated(chain) == (4, 3, hash_of(text), 0)
 
 
+@pytest.mark.slow
 def test_every_flipped_bit_is_noticed(folder: Path) -> None:
     path = folder / "chain.json"
     content = path.read_bytes()
@@ -95,6 +97,7 @@ def test_every_flipped_bit_is_noticed(folder: Path) -> None:
             read_state(folder)
 
 
+@pytest.mark.slow
 def test_a_flipped_bit_of_any_byte_has_the_state_rebuilt(folder: Path) -> None:
     content, sound = (folder / "chain.json").read_bytes(), stated(restored(folder))
     for place in range(len(content)):
@@ -103,6 +106,7 @@ def test_a_flipped_bit_of_any_byte_has_the_state_rebuilt(folder: Path) -> None:
         assert is_noticed_and_rebuilt(folder, bytes(flipped), sound), place
 
 
+@pytest.mark.slow
 def test_a_file_that_is_cut_anywhere_is_noticed_and_the_state_rebuilt(folder: Path) -> None:
     content, sound = (folder / "chain.json").read_bytes(), stated(restored(folder))
     for length in range(len(content)):
@@ -165,6 +169,7 @@ OBSTACLES: dict[str, MakeObstacle] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OBSTACLES)
 def test_recording_goes_on_whatever_the_file_is(record: Record, folder: Path, start_ns: int, name: str) -> None:
     path = folder / "chain.json"
@@ -181,6 +186,7 @@ def test_recording_goes_on_whatever_the_file_is(record: Record, folder: Path, st
     assert read_state(folder) is not None
 
 
+@pytest.mark.slow
 def test_a_file_that_may_not_be_read_is_kept_and_the_state_rebuilt(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -197,6 +203,7 @@ def test_a_file_that_may_not_be_read_is_kept_and_the_state_rebuilt(
     assert stated(chain) == sound
 
 
+@pytest.mark.slow
 def test_a_disk_that_takes_nothing_leaves_the_state_in_memory(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, sound = folder / "chain.json", stated(restored(folder))
     path.write_bytes(b"damaged")
@@ -224,11 +231,13 @@ def test_a_file_of_the_version_before_is_believed(record: Record, folder: Path, 
     assert list_aside(folder) == []
 
 
+@pytest.mark.slow
 def test_a_number_below_that_of_the_last_final_statement_is_not_given(folder: Path) -> None:
     (folder / "chain.json").write_text(plain(newest_segment=1, final_segment=9))
     assert restored(folder).next_segment == 10
 
 
+@pytest.mark.slow
 def test_what_the_quota_deleted_is_rebuilt(record: Record, start_ns: int) -> None:
     folder = record(start_ns, segments=8, quota_mb=0.2)[0].parent
     sound = stated(restored(folder))
@@ -239,6 +248,7 @@ def test_what_the_quota_deleted_is_rebuilt(record: Record, start_ns: int) -> Non
     assert problems(verify(folder)) == []
 
 
+@pytest.mark.slow
 def test_after_a_kill_the_number_of_the_open_segment_is_not_given_twice(record: Record, start_ns: int) -> None:
     folder = record(start_ns, segments=3, compacted=False, closed=False)[0].parent
     (folder / "chain.json").write_bytes(b"damaged")
@@ -291,6 +301,7 @@ def test_recordings_that_cannot_be_read_are_passed_over(folder: Path) -> None:
     assert stated(restored(folder)) == (2, 1, hash_of(verify_file(first, None).statement_text), 0)
 
 
+@pytest.mark.slow
 def test_a_bounded_number_of_damaged_files_is_kept_the_first_and_the_last(folder: Path) -> None:
     for number in range(KEPT_ASIDE + 4):
         (folder / "chain.json").write_text(f"damage {number}")
@@ -313,6 +324,7 @@ def test_verification_says_what_a_damaged_or_missing_file_cannot_prove(folder: P
     assert verify(folder).remarks == (f"{folder}: has no chain.json: {unknown}",)
 
 
+@pytest.mark.slow
 def test_verification_names_a_removed_segment_after_the_state_was_rebuilt(
     record: Record, folder: Path, start_ns: int
 ) -> None:
@@ -326,6 +338,7 @@ def test_verification_names_a_removed_segment_after_the_state_was_rebuilt(
     assert any("before segment 4 the gateway had lost" in remark for remark in found.remarks)
 
 
+@pytest.mark.slow
 def test_verification_counts_an_absurd_number_of_missing_segments_at_once(folder: Path) -> None:
     save_state(folder, ChainState(newest_segment=2**31 - 1, final_segment=2**31 - 1, final_sha256="ab" * 32))
     missing = "segments 4 to 2147483647 are missing at the end"

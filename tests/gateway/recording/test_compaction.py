@@ -56,6 +56,7 @@ def content(path: Path) -> list[tuple[str, int, int, int, bytes]]:
     return [entry(message) for message in open_recording(path).messages()]
 
 
+@pytest.mark.slow
 def test_compaction_keeps_every_message_attachment_and_metadata_in_fewer_bytes(ended: Path) -> None:
     before, size = content(ended), ended.stat().st_size
     source = open_recording(ended)
@@ -71,6 +72,7 @@ def test_compaction_keeps_every_message_attachment_and_metadata_in_fewer_bytes(e
         assert len(list(make_reader(file, validate_crcs=True).iter_messages())) == len(before)
 
 
+@pytest.mark.slow
 def test_noise_of_twenty_bits_takes_less_than_seven_bytes_per_sample(ended: Path) -> None:
     compact(ended)
     with ended.open("rb") as file:
@@ -80,6 +82,7 @@ def test_noise_of_twenty_bits_takes_less_than_seven_bytes_per_sample(ended: Path
     assert stored / (SECONDS * 1000) < 7.0
 
 
+@pytest.mark.slow
 def test_an_interrupted_segment_is_repaired_and_says_so(ended: Path) -> None:
     whole = content(ended)
     ended.write_bytes(ended.read_bytes()[: ended.stat().st_size // 2])
@@ -94,6 +97,7 @@ def test_an_interrupted_segment_is_repaired_and_says_so(ended: Path) -> None:
     assert repaired.metadata["repaired"]["torn_bytes"] == str(losses.torn_bytes)
 
 
+@pytest.mark.slow
 def test_a_damaged_segment_stays_as_it_is(ended: Path) -> None:
     damaged = bytearray(ended.read_bytes())
     damaged[len(damaged) // 2] ^= 0xFF
@@ -104,6 +108,7 @@ def test_a_damaged_segment_stays_as_it_is(ended: Path) -> None:
     assert [path.name for path in ended.parent.iterdir() if path.name.endswith(".part")] == []
 
 
+@pytest.mark.slow
 def test_a_copy_that_is_not_the_same_is_thrown_away(ended: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = ended.read_bytes()
     monkeypatch.setattr(McapWriter, "add_message", forget(McapWriter.add_message))

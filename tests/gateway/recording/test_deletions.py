@@ -48,6 +48,7 @@ def folder(record: Record, start_ns: int) -> Path:
     return record(start_ns, segments=8, quota_mb=QUOTA_MB)[0].parent
 
 
+@pytest.mark.slow
 def test_first_segments_that_were_taken_away_are_missed(record: Record, start_ns: int, capsys: Capture) -> None:
     first, second, third, *_ = record(start_ns, segments=4)
     first.unlink()
@@ -60,6 +61,7 @@ def test_first_segments_that_were_taken_away_are_missed(record: Record, start_ns
     assert result["missing"] == [{"first": 1, "last": 2, "place": "beginning", "reason": "removed", "quota_mb": None}]
 
 
+@pytest.mark.slow
 def test_files_that_are_named_may_begin_anywhere(record: Record, start_ns: int, capsys: Capture) -> None:
     paths = record(start_ns, segments=4)
     code, text, result = verify(capsys, *paths[2:])
@@ -68,6 +70,7 @@ def test_files_that_are_named_may_begin_anywhere(record: Record, start_ns: int, 
     assert result["missing"] == []
 
 
+@pytest.mark.slow
 def test_what_the_quota_deleted_is_signed_with_its_reason(folder: Path, capsys: Capture) -> None:
     code, text, result = verify(capsys, folder)
     first = result["first_segment"]
@@ -82,6 +85,7 @@ def test_what_the_quota_deleted_is_signed_with_its_reason(folder: Path, capsys: 
     ]
 
 
+@pytest.mark.slow
 def test_a_segment_taken_away_after_those_of_the_quota_is_told_apart(folder: Path, capsys: Capture) -> None:
     oldest, *_ = segments_in(folder)
     first = verify(capsys, folder)[2]["first_segment"]
@@ -93,6 +97,7 @@ def test_a_segment_taken_away_after_those_of_the_quota_is_told_apart(folder: Pat
     assert [each["reason"] for each in result["missing"]] == ["quota", "removed"]
 
 
+@pytest.mark.slow
 def test_a_segment_that_the_quota_had_kept_is_missed(record: Record, start_ns: int, capsys: Capture) -> None:
     """The largest number that the quota has deleted is beyond that of a segment with an event."""
     eventful = record(start_ns, segments=2)[0]
@@ -108,6 +113,7 @@ def test_a_segment_that_the_quota_had_kept_is_missed(record: Record, start_ns: i
     assert "REMOVED: segment 1 is missing at the beginning" in text
 
 
+@pytest.mark.slow
 def test_deletions_of_a_changed_quota_stand_apart(record: Record, folder: Path, start_ns: int, capsys: Capture) -> None:
     first = verify(capsys, folder)[2]["first_segment"]
     record(start_ns + LATER_NS, segments=1, quota_mb=0.1)
@@ -124,6 +130,7 @@ def test_a_segment_without_a_message_is_as_it_was_signed(record: Record, start_n
     assert (code, result["problems"]) == (0, [])
 
 
+@pytest.mark.slow
 def test_a_deletion_is_stated_before_the_next_sync(record: Record, start_ns: int, capsys: Capture) -> None:
     folder = record(start_ns, segments=8, quota_mb=QUOTA_MB, compacted=False, closed=False)[0].parent
     (folder / "chain.json").unlink()
@@ -132,6 +139,7 @@ def test_a_deletion_is_stated_before_the_next_sync(record: Record, start_ns: int
     assert "deleted by the quota" in text
 
 
+@pytest.mark.slow
 def test_a_deletion_that_no_segment_states_yet_is_in_the_saved_state(folder: Path, capsys: Capture) -> None:
     oldest, *_ = segments_in(folder)
     chain = SegmentChain(folder, "yard/crane-2/hook", load_or_create_key(folder / "signing-key.pem"))
@@ -143,6 +151,7 @@ def test_a_deletion_that_no_segment_states_yet_is_in_the_saved_state(folder: Pat
     assert "deleted for want of space on the disk, with a quota of 16000 MB, as the gateway has signed" in text
 
 
+@pytest.mark.slow
 def test_recording_goes_on_where_signatures_can_no_longer_be_checked(
     record: Record, folder: Path, start_ns: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -152,6 +161,7 @@ def test_recording_goes_on_where_signatures_can_no_longer_be_checked(
     assert b'"quota_mb":0.2' in paths[-1].read_bytes()
 
 
+@pytest.mark.slow
 def test_a_deletion_that_was_written_into_the_saved_state_is_never_believed(
     record: Record, start_ns: int, capsys: Capture
 ) -> None:
@@ -174,6 +184,7 @@ def test_a_deletion_that_was_written_into_the_saved_state_is_never_believed(
     assert "REMOVED: segment 1 is missing at the beginning" in text
 
 
+@pytest.mark.slow
 def test_the_statement_stays_short_however_many_segments_are_kept_in_between(folder: Path) -> None:
     """Every other segment has an event, for years; of the oldest ones it is not stated which were deleted."""
     chain = SegmentChain(folder, "yard/crane-2/hook", load_or_create_key(folder / "signing-key.pem"))
@@ -187,6 +198,7 @@ def test_the_statement_stays_short_however_many_segments_are_kept_in_between(fol
     assert 100 <= statement.unstated_up_to <= 113
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", [b"damaged", None])
 def test_what_was_deleted_is_known_without_the_saved_state(
     record: Record, folder: Path, start_ns: int, capsys: Capture, damage: bytes | None
@@ -199,6 +211,7 @@ def test_what_was_deleted_is_known_without_the_saved_state(
     assert (code, result["missing"]) == (0, before)
 
 
+@pytest.mark.slow
 def test_a_statement_about_deletions_that_was_changed_is_named(folder: Path, capsys: Capture) -> None:
     newest = segments_in(folder)[-1]
     content = newest.read_bytes()
@@ -226,6 +239,7 @@ def as_the_version_before_wrote_it(path: Path) -> None:
         writer.finish()
 
 
+@pytest.mark.slow
 def test_recordings_of_a_version_before_are_judged_by_what_they_state(
     record: Record, folder: Path, start_ns: int, capsys: Capture
 ) -> None:

@@ -45,6 +45,7 @@ def export(*arguments: str | Path) -> int:
     return main(["record", "export", *map(str, arguments)])
 
 
+@pytest.mark.slow
 def test_csv_has_every_sample_with_its_calibrated_force(recorded: Path, tmp_path: Path) -> None:
     out = tmp_path / "samples.csv"
     assert export(recorded, "--csv", out) == 0
@@ -82,6 +83,7 @@ def test_interval_is_cut_at_the_sample(recorded: Path, tmp_path: Path) -> None:
     assert len(rows(out)) == 101
 
 
+@pytest.mark.slow
 def test_parquet_has_the_same_samples_with_utc(recorded: Path, tmp_path: Path) -> None:
     out, text = tmp_path / "samples.parquet", tmp_path / "samples.csv"
     assert export(recorded, "--parquet", out) == export(recorded, "--csv", text) == 0
@@ -93,6 +95,7 @@ def test_parquet_has_the_same_samples_with_utc(recorded: Path, tmp_path: Path) -
     assert table.schema.metadata[b"gateway"] == b"demo-site/crane-1/hook-1"
 
 
+@pytest.mark.slow
 def test_mcap_has_plain_numbers_at_full_rate_beside_the_other_topics(recorded: Path, tmp_path: Path) -> None:
     out, text = tmp_path / "full.mcap", tmp_path / "samples.csv"
     assert export(recorded, "--mcap", out) == export(recorded, "--csv", text) == 0
@@ -155,6 +158,7 @@ def test_unreadable_part_is_a_loss_of_its_own_exit_code(
     assert "1 damaged records left out" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [

@@ -38,6 +38,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {"live": live, "torn": torn, "closed": path}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("state", ["live", "torn", "closed"])
 def test_example_of_the_guide_reads_a_recording(
     recordings: dict[str, Path], state: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

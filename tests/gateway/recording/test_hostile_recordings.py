@@ -66,6 +66,7 @@ def bombs(zeros: bytes) -> dict[str, bytes]:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(bombs(b"")))
 def test_a_bomb_is_one_damaged_record(zeros: bytes, tmp_path: Path, name: str) -> None:
     path = write(tmp_path / "bomb.mcap", bombs(zeros)[name])

@@ -12,6 +12,7 @@ from gateway.messages import NewestStatement
 from tests.gateway.recording.conftest import GATEWAY, Record
 
 
+@pytest.mark.slow
 def test_segments_at_the_end_are_missed_as_far_as_somebody_heard(
     record: Record, start_ns: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

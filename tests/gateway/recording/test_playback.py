@@ -52,6 +52,7 @@ def wait_for(condition: object) -> None:
         time.sleep(0.02)
 
 
+@pytest.mark.slow
 def test_every_published_topic_is_played_as_replayed_under_keys_of_its_own(recorded: Path) -> None:
     endpoint = f"tcp/127.0.0.1:{unused_port()}"
     session, listener = open_session("peer", [], [endpoint]), open_session("client", [endpoint], [])
@@ -101,6 +102,7 @@ def ask_while_waiting(playback: Playback, listener: zenoh.Session) -> list[dict[
     return answers
 
 
+@pytest.mark.slow
 def test_recording_of_no_gateway_is_refused(recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     foreign = tmp_path / "full.mcap"
     assert main(["record", "export", str(recorded), "--mcap", str(foreign)]) == 0

@@ -84,6 +84,7 @@ def test_an_impossible_time_is_refused(
     assert [content["sequence"] for _, content in contents(path)] == [0, 2]
 
 
+@pytest.mark.slow
 def test_bytes_per_sample_of_an_adxl355_at_rest(
     make_recorder: MakeRecorder, make_samples: Callable[..., messages.Samples], start_ns: int
 ) -> None:

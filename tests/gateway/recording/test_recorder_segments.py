@@ -15,6 +15,7 @@ from tests.gateway.recording.conftest import MakeRecorder
 from tests.gateway.recording.recorded_files import SECOND_NS, contents, record_blocks, sample_sequences, segments
 
 
+@pytest.mark.slow
 def test_segments_are_contiguous_and_complete_in_themselves(
     make_recorder: MakeRecorder,
     make_samples: Callable[..., messages.Samples],
@@ -47,6 +48,7 @@ def test_segments_are_contiguous_and_complete_in_themselves(
     assert [topic for topic, _ in contents(files[1])][:2] == ["/calibration", "/clock"]
 
 
+@pytest.mark.slow
 def test_a_segment_ends_before_it_fills_a_quarter_of_the_quota(
     make_recorder: MakeRecorder, make_samples: Callable[..., messages.Samples], start_ns: int, tmp_path: Path
 ) -> None:
@@ -59,6 +61,7 @@ def test_a_segment_ends_before_it_fills_a_quarter_of_the_quota(
     assert 0.25e6 < sizes[0] < 0.25e6 + 45_000  # a second of samples and the summary with all schemas come on top
 
 
+@pytest.mark.slow
 def test_the_oldest_closed_segments_are_deleted_beyond_the_quota(
     make_recorder: MakeRecorder, make_samples: Callable[..., messages.Samples], start_ns: int, tmp_path: Path
 ) -> None:

@@ -156,6 +156,7 @@ def test_a_recording_without_a_message_is_refused(make_recorder: MakeRecorder, s
         summarise(path)
 
 
+@pytest.mark.slow
 def test_gaps_between_segments_are_stated_with_their_cause(tmp_path: Path) -> None:
     crane = RecordedCrane(tmp_path, segment_s=4.0)
     crane.record(13)
@@ -182,6 +183,7 @@ def test_segments_that_overlap_are_remarked(recorded: Path, tmp_path: Path) -> N
     assert remark in info_text(info)
 
 
+@pytest.mark.slow
 def test_interval_is_summarised_as_if_the_rest_were_not_there(tmp_path: Path) -> None:
     crane = RecordedCrane(tmp_path, segment_s=4.0)
     crane.record(13)
@@ -229,6 +231,7 @@ def test_marks_are_listed(
     assert f"{mark.text} ({mark.by})" in info_text(summarise(path))
 
 
+@pytest.mark.slow
 def test_files_without_a_summary_say_the_same(recorded: Path, tmp_path: Path) -> None:
     without = tmp_path / "without.mcap"
     recover(recorded, without)
@@ -237,6 +240,7 @@ def test_files_without_a_summary_say_the_same(recorded: Path, tmp_path: Path) ->
     assert {name: read[name] for name in same} == {name: written[name] for name in same}
 
 
+@pytest.mark.slow
 def test_local_times_are_those_of_the_zone_of_this_computer(recorded: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TZ", "JST-9")
     time.tzset()

@@ -45,6 +45,7 @@ def replay(folder: Path, capsys: pytest.CaptureFixture[str], *arguments: str | P
     return code, json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_results_are_the_same_to_the_byte(crane: RecordedCrane, capsys: pytest.CaptureFixture[str]) -> None:
     code, result = replay(crane.folder, capsys)
     assert (code, result["equal"], result["notes"], result["differing"]) == (0, True, [], {})
@@ -54,6 +55,7 @@ def test_results_are_the_same_to_the_byte(crane: RecordedCrane, capsys: pytest.C
     assert "0 differ (byte for byte)" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_part_is_compared_after_the_run_was_replayed_from_its_beginning(
     crane: RecordedCrane, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -72,6 +74,7 @@ class ForgingCrane(RecordedCrane):
         super().write(message)
 
 
+@pytest.mark.slow
 def test_first_difference_names_topic_time_field_and_values(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     forged = ForgingCrane(tmp_path)
     forged.record(15)
@@ -87,6 +90,7 @@ def test_first_difference_names_topic_time_field_and_values(tmp_path: Path, caps
     assert "first difference: /motion at 2026-01-01 00:00:12.3" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_message_that_was_left_out_is_a_difference(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     class ForgetfulCrane(RecordedCrane):
         def write(self, message: OutgoingMessage) -> None:
@@ -118,6 +122,7 @@ class SaturatingCrane(RecordedCrane):
         super().process(block)
 
 
+@pytest.mark.slow
 def test_saturated_samples_are_replayed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     crane = SaturatingCrane(tmp_path)
     crane.record(20)
@@ -146,6 +151,7 @@ class TurningCrane(RecordedCrane):
         super().process(replace(block, gyro_counts=counts))
 
 
+@pytest.mark.slow
 def test_a_gyroscope_is_recorded_and_replayed_to_the_byte(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     crane = TurningCrane(tmp_path)
     crane.record(25)
@@ -158,6 +164,7 @@ def test_a_gyroscope_is_recorded_and_replayed_to_the_byte(tmp_path: Path, capsys
     assert 0 < np.isnan(gyro_dps).sum() < 20
 
 
+@pytest.mark.slow
 def test_time_without_samples_is_replayed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     crane = RecordedCrane(tmp_path)
     crane.record(12)
@@ -179,6 +186,7 @@ def acknowledge(crane: RecordedCrane, time_ns: int) -> None:
     crane.write(change)
 
 
+@pytest.mark.slow
 def test_an_acknowledgement_and_the_numbers_of_changes_are_replayed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -344,6 +352,7 @@ def test_bad_input_is_one_line(crane: RecordedCrane, tmp_path: Path, capsys: pyt
         assert error.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_session_without_a_suspension_is_an_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     crane = RecordedCrane(tmp_path)
     crane.record(3)

@@ -76,6 +76,7 @@ def test_segments_are_joined_in_order_of_time(write: Write) -> None:
     assert len(joined.calibrations) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("files", [1, 3])
 def test_of_an_interval_only_its_samples_are_read_and_those_shortly_before(write: Write, files: int) -> None:
     """Twenty minutes in blocks of 0.4 s; the samples are those of the whole recording."""
@@ -99,6 +100,7 @@ def test_of_an_interval_only_its_samples_are_read_and_those_shortly_before(write
     assert len(joined.calibrations) == 1
 
 
+@pytest.mark.slow
 def test_a_recording_takes_the_memory_of_its_samples(write: Write) -> None:
     path = write("a.mcap", range(6000), length=4, period_ns=SLOW_NS)
     tracemalloc.start()
@@ -108,6 +110,7 @@ def test_a_recording_takes_the_memory_of_its_samples(write: Write) -> None:
     assert kept_bytes < 50 * len(run.samples)
 
 
+@pytest.mark.slow
 def test_parts_of_a_long_recording_take_no_more_memory(write: Write) -> None:
     peaks_bytes = []
     for name, blocks in (("short.mcap", 3 * PART_BLOCKS), ("long.mcap", 9 * PART_BLOCKS)):
@@ -152,6 +155,7 @@ def test_each_change_of_calibration_is_kept(write: Write) -> None:
     assert [each.message.calibration_id for each in joined.calibrations] == ["a", "b"]
 
 
+@pytest.mark.slow
 def test_incomplete_file_is_read_up_to_its_end(write: Write) -> None:
     complete, torn = write("a.mcap", range(4)), write("b.mcap", range(4, 80))
     os.truncate(torn, torn.stat().st_size // 2)

@@ -43,6 +43,7 @@ def command(folder: Path, *verb: str, capsys: pytest.CaptureFixture[str]) -> tup
     return code, answer
 
 
+@pytest.mark.slow
 def test_a_removed_segment_is_missed_though_others_are_numbered_anew_behind_the_signature(
     segments: list[Path],
 ) -> None:
@@ -59,6 +60,7 @@ def test_a_removed_segment_is_missed_though_others_are_numbered_anew_behind_the_
     assert [file.segment for file in found.files] == [1, 2, 4, 5]
 
 
+@pytest.mark.slow
 def test_a_summary_behind_the_signature_is_named_and_not_believed(
     segments: list[Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -68,6 +70,7 @@ def test_a_summary_behind_the_signature_is_named_and_not_believed(
     assert info["log_count"] != forgery.FORGED_LOG_COUNT
 
 
+@pytest.mark.slow
 def test_a_time_in_the_statistics_is_named_and_not_believed(
     segments: list[Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -78,6 +81,7 @@ def test_a_time_in_the_statistics_is_named_and_not_believed(
     assert (after["from_utc_ns"], after["samples"]) == (before["from_utc_ns"], before["samples"])
 
 
+@pytest.mark.slow
 def test_another_name_of_a_channel_in_the_index_is_named_and_not_believed(segments: list[Path]) -> None:
     topics = {message.topic for message in open_recording(segments[1]).messages()}
     forgery.with_end(segments[1], forgery.rechannelled)
@@ -85,6 +89,7 @@ def test_another_name_of_a_channel_in_the_index_is_named_and_not_believed(segmen
     assert {message.topic for message in open_recording(segments[1]).messages()} == topics
 
 
+@pytest.mark.slow
 def test_a_finished_segment_that_was_replaced_by_its_beginning_is_named(record: Record, start_ns: int) -> None:
     record(start_ns, segments=2)
     (third,) = record(start_ns + 60 * SECOND_NS, segments=1, compacted=False)[2:]
@@ -97,6 +102,7 @@ def test_a_finished_segment_that_was_replaced_by_its_beginning_is_named(record: 
     assert "is not whole: " in problems(verify(paths))
 
 
+@pytest.mark.slow
 def test_unsigned_bytes_of_a_segment_that_others_follow_are_a_difference(record: Record, start_ns: int) -> None:
     (first,) = record(start_ns, segments=1, compacted=False, closed=False)
     live = first.read_bytes()
@@ -123,6 +129,7 @@ def test_what_differs_from_its_checkpoints_is_never_signed_as_a_whole(record: Re
     is_refused(path, path.parent / "signing-key.pem")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("signed", [True, False])
 def test_what_another_key_or_none_has_signed_is_never_signed_as_a_whole(
     record: Record, start_ns: int, tmp_path: Path, signed: bool
@@ -138,6 +145,7 @@ def is_refused(path: Path, key: Path) -> None:
     assert path.read_bytes() == before
 
 
+@pytest.mark.slow
 def test_a_repaired_segment_says_from_when_on_it_was_signed_afterwards(record: Record, start_ns: int) -> None:
     record(start_ns, segments=1, compacted=False, closed=False)
     paths = record(start_ns + 60 * SECOND_NS, segments=1)

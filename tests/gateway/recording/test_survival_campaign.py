@@ -50,6 +50,7 @@ def test_the_second_chunk_has_the_schemas_of_an_incomplete_file_too(tmp_path: Pa
     assert {schema.name for schema in file.schemas.values()} >= {"plumbline.Samples", "plumbline.Motion"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [0, 2**40])
 def test_chunks_behind_a_wrong_length_are_found_again(tmp_path: Path, length: int) -> None:
     of = specimen(tmp_path, compacted=False)

@@ -55,6 +55,7 @@ def stamp(folder: Path) -> StoredTimeStamp:
     return found
 
 
+@pytest.mark.slow
 def test_no_flipped_bit_changes_what_is_proved(stamp: StoredTimeStamp, verifier: Verifier) -> None:
     whole, times = base64.b64decode(stamp.response), set[datetime]()
     for place in range(len(whole)):

@@ -63,6 +63,7 @@ def times_ns(timeline: Timeline, selection: Selection = EVERYTHING) -> Iterator[
         yield message.recorded.log_time_ns
 
 
+@pytest.mark.slow
 def test_index_of_a_closed_segment_equals_what_its_messages_say(write_run: WriteRun) -> None:
     for path in write_run():
         index = read_index(path)
@@ -74,6 +75,7 @@ def test_index_of_a_closed_segment_equals_what_its_messages_say(write_run: Write
         assert index.metadata["plumbline"]["crane"] == "crane-2"
 
 
+@pytest.mark.slow
 def test_index_of_an_incomplete_segment_has_its_times_and_metadata_up_to_the_end(write_run: WriteRun) -> None:
     path = write_run()[0]
     whole = read_index(path)
@@ -86,6 +88,7 @@ def test_index_of_an_incomplete_segment_has_its_times_and_metadata_up_to_the_end
     assert (index.from_ns, index.metadata) == (whole.from_ns, whole.metadata)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", [-60, -400, -1000])
 def test_nothing_is_taken_from_the_unsigned_section_at_the_end(write_run: WriteRun, place: int) -> None:
     path = write_run()[0]
@@ -96,6 +99,7 @@ def test_nothing_is_taken_from_the_unsigned_section_at_the_end(write_run: WriteR
     assert replace(read_index(path), is_closed=whole.is_closed) == whole
 
 
+@pytest.mark.slow
 def test_summary_of_another_file_is_not_believed(write_run: WriteRun, tmp_path: Path) -> None:
     first, second, *_ = write_run()
     mixed = bytearray(first.read_bytes())
@@ -107,6 +111,7 @@ def test_summary_of_another_file_is_not_believed(write_run: WriteRun, tmp_path: 
     assert read_index(second).summary is not None
 
 
+@pytest.mark.slow
 def test_segments_are_one_timeline_in_which_nothing_occurs_twice(write_run: WriteRun, tmp_path: Path) -> None:
     paths = write_run()
     assert len(paths) == 4
@@ -120,6 +125,7 @@ def test_segments_are_one_timeline_in_which_nothing_occurs_twice(write_run: Writ
     assert list(times_ns(shuffled)) == list(times_ns(timeline))
 
 
+@pytest.mark.slow
 def test_selection_reads_the_interval_and_the_topics_that_are_wanted(write_run: WriteRun, start_ns: int) -> None:
     timeline = open_timeline(write_run())
     everything = [(message.recorded.topic, message.recorded.log_time_ns) for message in timeline.messages()]
@@ -134,6 +140,7 @@ def test_selection_reads_the_interval_and_the_topics_that_are_wanted(write_run: 
     assert len(found) > 60
 
 
+@pytest.mark.slow
 def test_interval_counts_from_the_first_sample(write_run: WriteRun, start_ns: int) -> None:
     timeline = open_timeline(write_run())
     span = timeline.span()
@@ -144,6 +151,7 @@ def test_interval_counts_from_the_first_sample(write_run: WriteRun, start_ns: in
     assert last == Selection(span.last_ns - 1_000_000_000, None, frozenset({"/samples"}))
 
 
+@pytest.mark.slow
 def test_progress_reaches_the_end_and_never_goes_back(write_run: WriteRun) -> None:
     shares: list[float] = []
     for _ in open_timeline(write_run()).messages(report=shares.append):

@@ -55,6 +55,7 @@ def recorded(
     return sorted(tmp_path.glob("*.mcap")), chain
 
 
+@pytest.mark.slow
 def test_the_time_around_an_event_is_kept_to_the_sample(
     recorded: tuple[list[Path], SegmentChain], start_ns: int
 ) -> None:
@@ -72,6 +73,7 @@ def test_the_time_around_an_event_is_kept_to_the_sample(
         assert list(make_reader(file, validate_crcs=True).iter_messages(["/alert"]))
 
 
+@pytest.mark.slow
 def test_the_chain_stays_valid_and_says_what_was_trimmed(recorded: tuple[list[Path], SegmentChain]) -> None:
     paths, chain = recorded
     trim(paths[1], chain)

@@ -53,6 +53,7 @@ def test_the_key_is_made_once_and_readable_by_its_owner_alone(segments: list[Pat
     assert len(fingerprint(key.public_hex)) == 19
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.05, 0.5, 0.9])
 def test_a_flipped_bit_is_named(segments: list[Path], share: float) -> None:
     content = bytearray(segments[1].read_bytes())
@@ -65,6 +66,7 @@ def test_a_flipped_bit_is_named(segments: list[Path], share: float) -> None:
     assert found.files[0].problems == []
 
 
+@pytest.mark.slow
 def test_every_flipped_bit_of_a_file_is_found(record: Record, start_ns: int, tmp_path: Path) -> None:
     (path,) = record(start_ns, segments=1)
     whole = path.read_bytes()
@@ -97,6 +99,7 @@ def test_exchanged_segments_are_named(segments: list[Path]) -> None:
     assert any(text.startswith("EXCHANGED") for text in problems(verify(segments)))
 
 
+@pytest.mark.slow
 def test_a_segment_of_another_chain_is_named(
     record: Record, segments: list[Path], start_ns: int, tmp_path: Path
 ) -> None:
@@ -108,12 +111,14 @@ def test_a_segment_of_another_chain_is_named(
     assert any("does not follow this" in text for text in problems(verify(segments)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cut", [1, 100, 30_000])
 def test_a_cut_tail_is_named(segments: list[Path], cut: int) -> None:
     segments[2].write_bytes(segments[2].read_bytes()[:-cut])
     assert any(text.startswith(("CUT", "ALTERED")) for text in verify(segments).files[2].problems)
 
 
+@pytest.mark.slow
 def test_a_forged_key_is_named(record: Record, segments: list[Path], start_ns: int, tmp_path: Path) -> None:
     forged = record(start_ns, folder=tmp_path / "forged")
     assert problems(verify(forged)) == []
@@ -121,18 +126,21 @@ def test_a_forged_key_is_named(record: Record, segments: list[Path], start_ns: i
     assert all("WRONG KEY" in file.problems[0] for file in verify(forged, key).files)
 
 
+@pytest.mark.slow
 def test_a_signature_that_was_moved_to_another_statement_is_named(segments: list[Path]) -> None:
     content = segments[0].read_bytes()
     segments[0].write_bytes(content.replace(b'"repaired":false', b'"repaired":true '))
     assert any(text.startswith("FORGED") for text in problems(verify(segments)))
 
 
+@pytest.mark.slow
 def test_a_clock_that_was_set_back_is_named(record: Record, segments: list[Path], start_ns: int) -> None:
     later = record(start_ns - 3600 * SECOND_NS, segments=1)
     found = verify(later)
     assert any("CLOCK SET BACK by 3688" in text for text in problems(found))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late_s", [1, 25])
 def test_samples_that_come_after_the_health_of_the_segment_before_are_no_difference(
     record: Record, start_ns: int, late_s: int
@@ -157,6 +165,7 @@ def full(_: Path) -> None:
     raise OSError(errno.ENOSPC, "No space left on device")
 
 
+@pytest.mark.slow
 def test_a_number_that_a_kill_left_unnoted_is_not_given_twice(record: Record, start_ns: int) -> None:
     (path,) = record(start_ns, segments=1)
     state = read_state(path.parent)
@@ -193,6 +202,7 @@ def test_a_repaired_segment_says_so(record: Record, start_ns: int, tmp_path: Pat
     assert any("repaired" in text for text in found.files[0].remarks)
 
 
+@pytest.mark.slow
 def test_segments_that_the_quota_deleted_are_no_difference(record: Record, start_ns: int) -> None:
     paths = record(start_ns, segments=8, quota_mb=0.2)
     assert 1 < len(paths) < 8
@@ -201,6 +211,7 @@ def test_segments_that_the_quota_deleted_are_no_difference(record: Record, start
     assert found.files[0].segment != 1
 
 
+@pytest.mark.slow
 def test_without_the_package_segments_are_chained_and_not_signed(record: Record, start_ns: int) -> None:
     paths = record(start_ns, signed=False)
     found = verify(paths)
@@ -209,6 +220,7 @@ def test_without_the_package_segments_are_chained_and_not_signed(record: Record,
     assert "WRONG KEY: not signed" in problems(verify(paths, "0" * 64))[0]
 
 
+@pytest.mark.slow
 def test_the_command_names_the_difference_and_exits_with_one(
     segments: list[Path], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -29,6 +29,7 @@ def rolled(angle_deg: float) -> NDArray[np.float64]:
     return np.array([0.0, math.sin(math.radians(angle_deg)), math.cos(math.radians(angle_deg))])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("critical_value", [1.0, 4.0, 8.0])
 @given(angle_deg=turns)
 def test_pitch_and_roll_cover_the_full_range(critical_value: float, angle_deg: float) -> None:
@@ -66,6 +67,7 @@ def test_the_arctangent_is_used_up_to_76_degrees_and_the_arccosine_beyond(angle_
     assert math.degrees(fused_tilt(1.01 * rolled(angle_deg)).roll_rad) == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.slow
 @given(
     st.floats(-1, 1), st.floats(-math.pi, math.pi), st.floats(-math.pi / 3, math.pi / 3), st.floats(-math.pi, math.pi)
 )
@@ -102,6 +104,7 @@ def test_a_reading_of_zero_has_no_uncertainty() -> None:
     assert math.isnan(axial_tilt_uncertainty(np.zeros(3), np.full(3, 0.001)))
 
 
+@pytest.mark.slow
 @given(st.floats(0, math.pi), st.floats(-math.pi, math.pi))
 def test_plain_and_axial_tilt_agree_with_geometry(tilt_rad: float, azimuth_rad: float) -> None:
     force = np.array(
@@ -113,6 +116,7 @@ def test_plain_and_axial_tilt_agree_with_geometry(tilt_rad: float, azimuth_rad: 
     assert math.sin(plain.roll_rad) == pytest.approx(force[1], abs=1e-9)
 
 
+@pytest.mark.slow
 @given(st.floats(-1.5, 1.5), st.floats(-math.pi + 1e-6, math.pi))
 def test_the_roll_about_x_is_that_of_the_housing(pitch_rad: float, roll_rad: float) -> None:
     force = np.array(

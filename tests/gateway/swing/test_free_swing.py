@@ -29,6 +29,7 @@ def test_nine_in_ten_ends_of_free_swings_between_hands_are_found_within_half_a_p
     assert (((inside >= -0.2) & (inside <= 0.5)).mean(axis=0) >= 0.9).all()
 
 
+@pytest.mark.slow
 def test_a_few_free_swings_between_hands_are_found() -> None:
     recordings = [each for each in drawn_recordings(4, seed=2) if is_visible(each)]
     assert len(recordings) >= 2
@@ -44,6 +45,7 @@ def test_plain_free_swings_are_found_whole() -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["swing_001", "swing_019"])
 def test_recordings_of_an_independent_engine_without_hands_are_found_whole(name: str) -> None:
     with gzip.open(SWINGS / f"{name}.csv.gz", "rt") as file:
@@ -58,6 +60,7 @@ def without_samples(recording: HeldRecording, missing: NDArray[np.bool_]) -> Hel
     return replace(recording, time_s=recording.time_s[~missing], force_g=recording.force_g[~missing])
 
 
+@pytest.mark.slow
 def test_gaps_in_a_free_swing_show_no_hand() -> None:
     for recording in drawn_recordings(3, seed=12, held=False):
         periods = recording.time_s / recording.period_s
@@ -65,6 +68,7 @@ def test_gaps_in_a_free_swing_show_no_hand() -> None:
         assert find_free_swing(pieces.time_s, pieces.force_g).is_whole, recording.description
 
 
+@pytest.mark.slow
 def test_hands_are_found_beside_a_swing_with_a_gap() -> None:
     recordings = [each for each in drawn_recordings(4, seed=2) if is_visible(each)]
     for recording in recordings:
@@ -73,6 +77,7 @@ def test_hands_are_found_beside_a_swing_with_a_gap() -> None:
         assert min(inside_periods(pieces)) > -0.2, recording.description
 
 
+@pytest.mark.slow
 def test_noise_and_rest_are_found_whole() -> None:
     rng = np.random.default_rng(3)
     still_g = np.array([0.1, 0.0, 1.0]) + rng.normal(0.0, 0.002, (3000, 3))

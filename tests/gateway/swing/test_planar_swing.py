@@ -10,6 +10,7 @@ from tests.gateway.swing.held_pendulum import GRAVITY_M_S2, readings_g, swing
 RIG = MountedHousing(length_m=0.8, position_m=0.4, position_u_m=0.01, zero_g_offset_u_g=(0.01, 0.01, 0.01))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("beside_deg", [0.0, 12.0])
 def test_two_axes_show_a_swing_in_their_plane(beside_deg: float) -> None:
     amplitude_rad = np.radians([30.0])

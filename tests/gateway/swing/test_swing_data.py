@@ -31,6 +31,7 @@ def test_quadrature_reproduces_the_mean_over_a_bin() -> None:
     assert np.abs(centre - bins.force_g[:, 0]).max() > 5e-3  # the error without quadrature
 
 
+@pytest.mark.slow
 @given(st.integers(1, 400), st.integers(1, 60))
 def test_binning_in_blocks_is_binning_at_once(count: int, cut: int) -> None:
     time_s = np.linspace(0.0, 7.0, count)
@@ -96,6 +97,7 @@ def test_a_swing_and_a_coarse_sensor_at_rest_have_no_fault() -> None:
     assert find_fault(np.round(rest / 0.0039) * 0.0039) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("amplitude_deg", [5.0, 30.0, 60.0, 90.0, 110.0])
 @pytest.mark.parametrize("rho", [0.0, 0.3, 0.7, 1.0])
 def test_the_mean_of_a_wide_swing_is_plausible_in_g_alone(amplitude_deg: float, rho: float) -> None:
@@ -109,6 +111,7 @@ def test_the_mean_of_a_wide_swing_is_plausible_in_g_alone(amplitude_deg: float, 
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.1, 0.5, 1.0])
 def test_a_swing_without_gravity_is_said_so(rho: float) -> None:
     amplitude_rad = np.radians([40.0])
@@ -119,6 +122,7 @@ def test_a_swing_without_gravity_is_said_so(rho: float) -> None:
     assert "gravity is missing" in present(find_fault_in_means(linear_g))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.0, 0.1, 0.3])
 def test_a_swing_far_above_the_pivot_has_gravity_though_its_mean_is_small(rho: float) -> None:
     amplitude_rad = np.radians([125.0])

@@ -45,6 +45,7 @@ def test_a_swing_near_the_detection_limit_has_an_interval_down_to_zero(simulated
     assert any("not significant against noise" in reason for reason in estimate.reasons)
 
 
+@pytest.mark.slow
 def test_rest_in_the_same_noise_is_not_a_swing() -> None:
     time_s = np.arange(4500) / 50
     for seed in range(20):

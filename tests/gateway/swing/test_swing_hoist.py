@@ -69,6 +69,7 @@ def test_transfer_to_another_grid_keeps_the_length() -> None:
     assert later.evaluate(time_s, 3.0 + added_m, speeds_later).length_m == pytest.approx(expected_m)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("goes_with_the_rope", [True, False])
 def test_equations_agree_with_the_simulated_crane(goes_with_the_rope: bool) -> None:
     """A rope that becomes longer at a constant speed, and one whose speed changes."""

@@ -37,6 +37,7 @@ def motions() -> dict[str, PendulumMotion]:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["a rope that keeps its length", "a rope that moves"])
 def test_condensed_derivatives_agree_with_differences_of_the_whole_motion(what: str) -> None:
     motion = motions()[what]

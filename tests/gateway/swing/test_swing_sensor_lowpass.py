@@ -56,6 +56,7 @@ def test_attenuation_is_corrected_and_part_of_the_uncertainty(filtered: tuple[Re
     assert low < recording.phi_max_rad < high
 
 
+@pytest.mark.slow
 def test_delay_is_corrected(filtered: tuple[Recording, NDArray[np.float64]]) -> None:
     recording, force_g = filtered
 

@@ -108,6 +108,7 @@ def test_a_spinning_housing_reads_the_same_motion_rotated() -> None:
     assert spinning.state[-1] == pytest.approx(turn * still.state[-1], abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_kinematics_are_those_of_a_rotation_integrated_exactly_up_to_far_beyond_90_degrees(seed: int) -> None:
     """Without forces: a rate constant in the housing's axes turns gravity and pull by one rotation, and damping is left out."""
@@ -126,6 +127,7 @@ def test_kinematics_are_those_of_a_rotation_integrated_exactly_up_to_far_beyond_
     assert trajectory.state == pytest.approx(expected, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_a_pendulum_conserves_energy_up_to_150_degrees_and_takes_its_period() -> None:
     amplitude_rad, steps = np.radians(150.0), 1000
     state = np.array([[2 * np.tan(amplitude_rad / 2) + 0j], [0j], [0j]])

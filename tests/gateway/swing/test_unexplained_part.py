@@ -1,6 +1,7 @@
 """A swing of which a part remains unexplained, far above the sensor's noise."""
 
 import numpy as np
+import pytest
 
 from gateway.numerics.array import Array
 from gateway.swing.model.mount import rotation
@@ -23,6 +24,7 @@ def arm_on_a_yielding_stand(amplitude_deg: float, unexplained_g: float) -> tuple
     return time_w0 * np.sqrt(LENGTH_M / GRAVITY_M_S2), force_g
 
 
+@pytest.mark.slow
 def test_an_arm_on_a_yielding_stand_has_an_interval() -> None:
     rig = MountedHousing(
         length_m=LENGTH_M,

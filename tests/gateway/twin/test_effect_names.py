@@ -4,6 +4,8 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 from gateway.twin.effects import EFFECTS
 
 GATEWAY = Path(__file__).parents[3] / "gateway"
@@ -28,6 +30,7 @@ def literals(path: Path) -> Iterator[tuple[int, str]]:
             yield node.lineno, node.value
 
 
+@pytest.mark.slow
 def test_no_effect_name_is_a_literal_outside_the_vocabulary() -> None:
     found = []
     for path in sorted(GATEWAY.rglob("*.py")):

@@ -30,6 +30,7 @@ def typical(term: Term) -> Values:
     return {p.name: p.typical for p in term.parameters}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TERMS)
 def test_term_is_linear_at_zero_and_vanishes_there(name: str) -> None:
     with registered_library():

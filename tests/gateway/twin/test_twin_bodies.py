@@ -33,6 +33,7 @@ def test_hoisting_separates_inertia_from_a_longer_rope() -> None:
     assert np.abs(inertia - predicted(at_pivot(), longer | hoist, start, time_s)).max() > 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hook", [None, Hook(3.0, 0.15)])
 def test_load_with_inertia_agrees_with_rigid_bodies_of_mujoco(hook: Hook | None) -> None:
     """On a hook, a rigid load at the end of its rigging is two point loads, at the hook and at its centre of oscillation."""
@@ -94,6 +95,7 @@ def test_no_power_is_lost_on_a_yielding_pivot() -> None:
         assert n @ np.array(acceleration) == pytest.approx(-rate @ rate, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_stiff_limit_of_a_structure_with_a_mode_of_its_own_is_the_compliance() -> None:
     """MuJoCo: a mass on springs that carries the pivot, its mode far above the swing."""
     structure = Structure(frequency_hz=8.0, damping_ratio=0.05, deflection_m=(0.3, 0.05), azimuth_rad=0.0)

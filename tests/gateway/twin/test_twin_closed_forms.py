@@ -100,6 +100,7 @@ def test_coulomb_friction_takes_its_work_from_each_half_swing_of_any_size(
     assert height == pytest.approx(expected[::2], rel=0, abs=2e-3 * (expected[0] - expected[-1]) + 2e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("amplitude_deg", "within_rad"), [(80.0, 3e-5), (120.0, 2e-3)])
 def test_large_swing_is_right_after_many_periods(amplitude_deg: float, within_rad: float) -> None:
     """Also where the rope would have to push: a rigid link."""
@@ -124,6 +125,7 @@ def test_lean_under_steady_wind_is_force_over_weight() -> None:
     assert force == pytest.approx(np.tile([np.sin(lean), 0.0, np.cos(lean)], (300, 1)), abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", [0, 1])
 def test_double_pendulum_swings_in_its_modes(which: int) -> None:
     rigging_m, ratio = 3.0, 0.2

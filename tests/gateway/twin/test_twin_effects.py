@@ -183,6 +183,7 @@ def test_housing_spin_rotates_the_readings() -> None:
     assert spun[:, 0] + 1j * spun[:, 1] == pytest.approx(turned, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_errors_of_nominal_lengths_equal_another_rig() -> None:
     longer = predicted(TwinRig(LENGTH_M * 1.03, POSITION_M), {}, START, TIME_S)
     assert predicted(RIG, {"rope_length": {"relative_error": 0.03}}, START, TIME_S) == pytest.approx(longer, abs=1e-6)
@@ -217,6 +218,7 @@ def test_clock_drift_and_sample_loss_scale_time() -> None:
     assert lossy == pytest.approx(plain(TIME_S / 0.97), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_sensor_effects_act_in_the_order_of_the_chain() -> None:
     force = plain()
     x, y, z = force.T
@@ -313,6 +315,7 @@ def test_integral_and_slope_of_a_pulse_agree_with_its_value(share: float) -> Non
     np.testing.assert_allclose(np.diff(level), 1e-4 * (slope[1:] + slope[:-1]) / 2, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_rope_that_stretches_below_the_housing_lowers_the_load_alone() -> None:
     stretch: Values = {"frequency_hz": 1.0, "above_housing": 0.0}
     sag_m = G / (2 * np.pi) ** 2

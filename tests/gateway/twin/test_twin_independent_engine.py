@@ -43,6 +43,7 @@ def recorded(model: Any, data: Any, seconds: float) -> tuple[Array, Array]:
     return time_s, np.array(readings)
 
 
+@pytest.mark.slow
 def test_spherical_pendulum_agrees_with_mujoco() -> None:
     model, data = engine()
     tilt, across = 0.15, 0.06

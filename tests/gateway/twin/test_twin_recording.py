@@ -31,6 +31,7 @@ def rig(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_simulated_swing_is_measured(rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log, result = tmp_path / "log.csv", tmp_path / "result.json"
     start = ["tilt_x_deg=4", "tilt_y_deg=0", "rate_x_deg_s=0", "rate_y_deg_s=0"]
@@ -41,6 +42,7 @@ def test_simulated_swing_is_measured(rig: Path, tmp_path: Path, capsys: pytest.C
     assert abs(swing["phi_max_deg"] - 4.0) < 4 * swing["u_deg"] < 0.1
 
 
+@pytest.mark.slow
 def test_mcap_is_complete_and_has_the_samples_of_the_csv(rig: Path, tmp_path: Path) -> None:
     for name in ("log.csv", "log.mcap"):
         assert main(["simulate", str(rig), "--out", str(tmp_path / name), "--duration", "40", "--seed", "3"]) == 0
@@ -64,6 +66,7 @@ def test_same_seed_gives_the_same_recording(rig: Path, tmp_path: Path) -> None:
     assert texts[0] == texts[1] != texts[2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
@@ -129,6 +132,7 @@ def test_quantisation_clipping_and_sample_loss_act_after_the_noise() -> None:
     assert np.diff(lossy.time_s) == pytest.approx(0.02)
 
 
+@pytest.mark.slow
 def test_initial_state_excites_all_modes_of_a_structure() -> None:
     bouncing = simulated({"rope_stretch": {"frequency_hz": 2.0, "damping_ratio": 0.001}}, noise_g=2e-4).force_g[:, 2]
     spectrum = np.abs(np.fft.rfft(bouncing - bouncing.mean()))

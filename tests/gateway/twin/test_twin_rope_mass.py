@@ -57,6 +57,7 @@ def reading_of_string(mass_ratio: float, share: float) -> float:
     return float(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mass_ratio", "rel"), [(0.02, 1e-6), (0.1, 1e-5), (0.3, 1e-4)])
 def test_heavy_rope_swings_with_the_slow_mode_of_a_hanging_string(mass_ratio: float, rel: float) -> None:
     time_s = np.arange(0, 60, 0.01)
@@ -77,6 +78,7 @@ def test_heavy_rope_rings_with_the_second_mode_of_a_hanging_string(mass_ratio: f
     assert 2 * np.pi / np.diff(when).mean() == pytest.approx(expected, rel=5 * rel)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("position_m", [0.1, 2.0, 5.0, 9.0])
 def test_readings_along_a_heavy_rope_follow_its_shape(position_m: float) -> None:
     mass_ratio, tilt_rad = 0.1, 1e-3
@@ -108,6 +110,7 @@ def test_blow_on_the_load_rings_the_rope_and_leaves_the_momentum_of_both() -> No
     assert LENGTH_M * swing[0] / np.pi + bow[0] / 2 == pytest.approx(0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("position_m", "tilt"), [(2.0, (0.15, 0.0)), (9.0, (0.0, -0.1))])
 def test_chain_of_links_in_mujoco_reads_what_the_heavy_rope_reads(position_m: float, tilt: tuple[float, float]) -> None:
     """On an elliptical swing, after the chain's higher modes have died away."""

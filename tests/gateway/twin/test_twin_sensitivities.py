@@ -69,6 +69,7 @@ def test_sensitivities_of_all_effects_together_equal_difference_quotients() -> N
     assert {label: off for label, off in disagreements(names) if not off < 2e-4} == {}
 
 
+@pytest.mark.slow
 def test_absent_effects_have_sensitivities() -> None:
     """The score test needs them where nothing acts."""
     names = [name for name, effect in EFFECTS.items() if effect.linear_at_neutral]

@@ -71,6 +71,7 @@ def values_of(expression: Any, columns: np.ndarray) -> Any:
     return ca.Function("f", [ca.vertcat(A, B, C)], [expression]).map(columns.shape[1])(columns).full().T
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EXPRESSIONS)
 def test_operation_and_its_derivative_equal_those_of_casadi(name: str) -> None:
     columns, x, nothing = np.random.default_rng(1).uniform(0.2, 2.0, (3, 300)), ca.vertcat(A, B, C), ca.SX(0, 1)

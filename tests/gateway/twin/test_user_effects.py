@@ -160,6 +160,7 @@ def test_two_effects_in_one_file_keep_their_order_and_a_base_class_is_none(tmp_p
     assert load_effect_file(written(tmp_path, text)) == ("push", "another")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -230,6 +231,7 @@ def test_bad_file_is_one_line_on_the_command_line(
     assert not (tmp_path / "log.csv").exists()
 
 
+@pytest.mark.slow
 def test_effects_are_listed_and_described_with_those_of_the_user(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -39,6 +39,7 @@ def angle_rad(line: Array) -> Array:
     return np.arctan2(line[:, 0], -line[:, 2])
 
 
+@pytest.mark.slow
 def test_wide_free_swing_has_the_period_of_the_elliptic_integral_and_keeps_its_energy() -> None:
     time_s = half_steps(60.0)
     speed = 2 * np.sqrt(G_M_S2 * LENGTH_M) * np.sin(0.15)
@@ -51,6 +52,7 @@ def test_wide_free_swing_has_the_period_of_the_elliptic_integral_and_keeps_its_e
     assert np.abs(x[-2000:]).max() == pytest.approx(0.3, rel=2e-4)
 
 
+@pytest.mark.slow
 def test_transverse_reading_is_the_angular_acceleration_whatever_trolley_and_winch_do() -> None:
     """P f = -d n'' on a straight massless rope."""
     step_s, duration_s = 0.0025, 60.0
@@ -73,6 +75,7 @@ def test_transverse_reading_is_the_angular_acceleration_whatever_trolley_and_win
     assert np.abs(turn).max() < 1e-5
 
 
+@pytest.mark.slow
 def test_pivot_moves_and_rope_is_paid_out_as_commanded() -> None:
     time_s = half_steps(30.0)
     moves = Moves(time_s, (Move("x", 2.0, 0.8, 1.5, 4.0), Move("hoist", 3.0, -0.4, 1.0, 5.0, 0.15)), 0.2)
@@ -82,6 +85,7 @@ def test_pivot_moves_and_rope_is_paid_out_as_commanded() -> None:
     assert length_m[-2000:].mean() - length_m[0] == pytest.approx(moves.moves[1].way, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_winch_leaves_the_slings_under_the_hook_as_long_as_they_are() -> None:
     time_s = half_steps(20.0)
     moves = Moves(time_s, (Move("hoist", 1.0, -0.5, 1.0, 8.0), Move("x", 4.0, 0.6, 1.0, 4.0)), 0.2)
@@ -94,6 +98,7 @@ def test_winch_leaves_the_slings_under_the_hook_as_long_as_they_are() -> None:
     assert lengths_m[-500:].mean() == pytest.approx(LENGTH_M - 4.5, abs=0.01)
 
 
+@pytest.mark.slow
 def test_forced_swing_below_resonance_has_the_amplitude_of_the_linear_pendulum() -> None:
     time_s = half_steps(140.0)
     rate, size_m = 2 * np.pi * 0.07, 0.1
@@ -113,6 +118,7 @@ def test_forced_swing_below_resonance_has_the_amplitude_of_the_linear_pendulum()
     assert amplitude == pytest.approx(expected, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_load_leans_outward_in_a_steady_slew() -> None:
     time_s = half_steps(75.0)
     radius_m, rate, load_kg = 25.0, 0.12, 2000.0
@@ -133,6 +139,7 @@ def test_load_leans_outward_in_a_steady_slew() -> None:
     assert lean == pytest.approx(expected, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_housing_on_a_spreader_reads_the_direction_of_its_ropes_at_rest_and_gravity_alone() -> None:
     step_s = 0.0025
     time_s = half_steps(5.0, step_s)
@@ -144,6 +151,7 @@ def test_housing_on_a_spreader_reads_the_direction_of_its_ropes_at_rest_and_grav
     assert np.linalg.norm(motion.rest_g) == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_second_difference_of_a_housing_on_the_spreader_is_what_the_engine_s_accelerometer_reads() -> None:
     step_s, duration_s = 0.0025, 25.0
     time_s = half_steps(duration_s, step_s)

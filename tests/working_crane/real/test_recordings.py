@@ -17,6 +17,7 @@ VARIANTS = {"a": 2, "b": 3, "c": 3, "d": 3, "e": 1, "f": 3, "g": 4, "h": 4, "i":
 """Variants that take turns."""
 
 
+@pytest.mark.slow
 def test_same_seed_writes_the_same_files_with_the_columns_that_are_scored(tmp_path: Path) -> None:
     for folder in ("a", "b"):
         main(
@@ -44,6 +45,7 @@ def test_same_seed_writes_the_same_files_with_the_columns_that_are_scored(tmp_pa
     )
 
 
+@pytest.mark.slow
 def test_radio_loses_samples_in_bursts_and_stamps_them_late() -> None:
     recording = make("g", 5, 3, 40.0, 50.0)
     assert 0.01 < 1 - len(recording.log_time_s) / 2000 < 0.12

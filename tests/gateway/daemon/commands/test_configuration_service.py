@@ -208,6 +208,7 @@ def test_a_damaged_journal_or_proposal_keeps_no_gateway_from_starting(bench: Ben
     assert bench.path.read_text() == FILE
 
 
+@pytest.mark.slow
 def test_no_flipped_bit_of_the_journal_keeps_a_gateway_from_starting(bench: Bench) -> None:
     bench.propose()
     bench.apply()

@@ -156,6 +156,7 @@ def test_a_verdict_from_before_the_last_change_does_not_count(
     assert ask(service, "recalibrate", "request-4")[0]
 
 
+@pytest.mark.slow
 def test_a_commit_on_a_slow_disk_is_carried_out(
     service: RecalibrationService, tmp_path: Path, record: Callable[..., dict[str, Any]], slow_sync: list[int]
 ) -> None:

@@ -30,6 +30,7 @@ def test_a_refusal_is_written_at_once_with_who(tmp_path: Path, caplog: pytest.Lo
     assert "rpc/cancel by tcp/10.0.0.9:4711" in caplog.text
 
 
+@pytest.mark.slow
 def test_a_flood_of_a_day_leaves_a_few_lines_that_count_all_of_it(tmp_path: Path) -> None:
     path = tmp_path / "security.jsonl"
     log = SecurityLog(path)

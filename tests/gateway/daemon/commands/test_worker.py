@@ -75,6 +75,7 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Site]:
     made.worker.join(PATIENCE_S)
 
 
+@pytest.mark.slow
 def test_a_request_for_what_the_disk_does_not_give_is_refused_and_not_carried_out_later(site: Site) -> None:
     site.submit("request-1")
     site.submit("request-2")
@@ -88,6 +89,7 @@ def test_a_request_for_what_the_disk_does_not_give_is_refused_and_not_carried_ou
     assert site.changed == ["request-3"]
 
 
+@pytest.mark.slow
 def test_a_request_that_is_being_carried_out_is_answered_however_long_the_disk_takes(site: Site) -> None:
     site.reading.set()
     site.submit("request-1")
@@ -99,6 +101,7 @@ def test_a_request_that_is_being_carried_out_is_answered_however_long_the_disk_t
     assert site.answers == [(True, "done")]
 
 
+@pytest.mark.slow
 def test_a_full_inbox_drops_and_counts_blocks_and_keeps_room_for_state_files(site: Site, tmp_path: Path) -> None:
     site.submit("request-1")
     site.hang(site.taken)

@@ -88,6 +88,7 @@ def test_the_self_test_is_recorded_with_its_limits() -> None:
     assert (result.values["passed"], result.values["confirmed"]) == (True, True)
 
 
+@pytest.mark.slow
 def test_limits_from_one_source_give_a_note_only() -> None:
     chip = Adxl345Chip(FakeClock(), lambda _: (0.0, 0.0, 1.0))
     chip.self_test_g = (0.0, 0.0, 0.0)
@@ -101,6 +102,7 @@ def test_the_wrong_member_of_a_family_shows_in_the_magnitude() -> None:
     assert results["reading"][1] == ("bad", "0.200 g at rest, 0.77 to 1.23 is possible; check kind and range")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("force_g", "face"), [((0.0, 1.0, 0.1), "+y"), ((-0.99, 0.0, 0.1), "-x"), ((0.0, 0.1, -1.0), "-z")]
 )

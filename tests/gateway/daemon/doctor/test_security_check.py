@@ -67,6 +67,7 @@ def test_a_certificate_that_expires_soon_is_bad(site: Site) -> None:
     assert "19 days left; plumbline keys renew" in text
 
 
+@pytest.mark.slow
 def test_damaged_missing_mixed_and_revoked_files_are_named(site: Site, tmp_path: Path) -> None:
     crane, ann = site.folder.path / "gateway-crane-1", site.folder.path / "service-ann"
     files = {"ca": crane / "ca.pem", "certificate": crane / "certificate.pem", "key": crane / "key.pem"}

@@ -67,6 +67,7 @@ class Site:
             thread.join(PATIENCE_S)
 
 
+@pytest.mark.slow
 def test_every_change_is_on_the_disk_before_it_is_sent_and_in_order(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -82,6 +83,7 @@ def test_every_change_is_on_the_disk_before_it_is_sent_and_in_order(
     assert AlertOutbox(tmp_path).open() == 29
 
 
+@pytest.mark.slow
 def test_a_disk_that_hangs_delays_an_alert_by_the_stated_bound_at_most(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -125,6 +127,7 @@ def test_what_a_broken_disk_did_not_take_is_stored_in_order_when_it_works_again(
     assert [change.number for change in stored] == [1, 2, 3]
 
 
+@pytest.mark.slow
 def test_without_a_folder_alerts_are_numbered_from_one_and_sent(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     site = Site(tmp_path / "file" / "alerts")

@@ -82,6 +82,7 @@ def hold(worker: RelayWorker, condition: Callable[[], object], what: str) -> Non
     wait_until(met, what)
 
 
+@pytest.mark.slow
 def test_the_relay_is_released_at_start_energised_while_well_and_dropped_by_a_trip(
     relay: ScriptedRelay, start: Start
 ) -> None:
@@ -95,6 +96,7 @@ def test_the_relay_is_released_at_start_energised_while_well_and_dropped_by_a_tr
     assert not any(worker.faults.values())
 
 
+@pytest.mark.slow
 def test_silence_of_the_alerts_drops_the_relay(relay: ScriptedRelay, start: Start) -> None:
     worker = start(command(relay))
     hold(worker, lambda: relay.state == "energise", "the relay")
@@ -103,6 +105,7 @@ def test_silence_of_the_alerts_drops_the_relay(relay: ScriptedRelay, start: Star
     wait_until(lambda: worker.state == "released", "the report of the watchdog")
 
 
+@pytest.mark.slow
 def test_the_end_of_the_thread_drops_the_relay(relay: ScriptedRelay, start: Start) -> None:
     worker = start(command(relay, watchdog_s=60, command_timeout_s=10))
     hold(worker, lambda: relay.state == "energise", "the relay")
@@ -111,6 +114,7 @@ def test_the_end_of_the_thread_drops_the_relay(relay: ScriptedRelay, start: Star
     assert relay.state == "release"
 
 
+@pytest.mark.slow
 def test_a_killed_process_is_replaced_by_one_that_releases_first(relay: ScriptedRelay, start: Start) -> None:
     worker = start(command(relay))
     hold(worker, lambda: relay.state == "energise", "the relay")
@@ -121,6 +125,7 @@ def test_a_killed_process_is_replaced_by_one_that_releases_first(relay: Scripted
     assert worker.faults["relay_restarted"] >= 1
 
 
+@pytest.mark.slow
 def test_a_process_that_hangs_is_replaced(relay: ScriptedRelay, start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(relay_worker, "MAX_RELAY_ANSWER_S", -0.5)
     worker = start(command(relay, command_timeout_s=0.5))
@@ -132,6 +137,7 @@ def test_a_process_that_hangs_is_replaced(relay: ScriptedRelay, start: Start, mo
     assert worker.faults["relay_not_confirmed"] >= 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["fail", "hang"])
 def test_a_command_that_fails_or_hangs_is_counted_and_never_blocks_the_thread(
     relay: ScriptedRelay, start: Start, how: str
@@ -153,6 +159,7 @@ def test_a_command_that_fails_or_hangs_is_counted_and_never_blocks_the_thread(
     hold(worker, lambda: worker.state == "energised", "the relay again")
 
 
+@pytest.mark.slow
 def test_a_command_that_does_not_exist_is_a_fault_and_no_end(tmp_path: Path, start: Start) -> None:
     worker = start(CommandRelay(kind="command", command=[str(tmp_path / "nothing")]))
     wait_until(lambda: worker.state == "failed", "the failure")
@@ -173,6 +180,7 @@ while True:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [signal.SIGKILL, signal.SIGSEGV])
 def test_the_death_of_the_gateway_drops_the_relay_at_once(relay: ScriptedRelay, name: signal.Signals) -> None:
     parent = subprocess.Popen([sys.executable, "-c", PARENT, str(relay.path)], cwd=ROOT)
@@ -182,6 +190,7 @@ def test_the_death_of_the_gateway_drops_the_relay_at_once(relay: ScriptedRelay, 
     wait_until(lambda: relay.state == "release", "the drop", patience_s=30.0)  # by the pipe: the watchdog takes 60 s
 
 
+@pytest.mark.slow
 def test_a_frozen_gateway_drops_the_relay(relay: ScriptedRelay) -> None:
     parent = subprocess.Popen([sys.executable, "-c", PARENT.replace("60.0", "1.5"), str(relay.path)], cwd=ROOT)
     try:
@@ -193,6 +202,7 @@ def test_a_frozen_gateway_drops_the_relay(relay: ScriptedRelay) -> None:
         parent.wait()
 
 
+@pytest.mark.slow
 def test_lines_that_never_end_do_not_postpone_the_release(relay: ScriptedRelay) -> None:
     watched = subprocess.Popen(
         [sys.executable, "-m", "gateway.daemon.outputs.relay_watchdog"], cwd=ROOT, stdin=subprocess.PIPE
@@ -217,6 +227,7 @@ def test_lines_that_never_end_do_not_postpone_the_release(relay: ScriptedRelay) 
         watched.communicate()
 
 
+@pytest.mark.slow
 def test_a_gpio_line_is_high_while_well_and_low_before_and_after(
     tmp_path: Path, start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -232,6 +243,7 @@ def test_a_gpio_line_is_high_while_well_and_low_before_and_after(
     assert chip.levels[-2:] == ["low", "returned"]
 
 
+@pytest.mark.slow
 def test_an_active_low_line_is_inverted_and_a_pulse_is_a_square_wave(
     tmp_path: Path, start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -250,6 +262,7 @@ def test_an_active_low_line_is_inverted_and_a_pulse_is_a_square_wave(
     assert (chip.levels.count("low"), chip.levels[-1]) == (count, "high")
 
 
+@pytest.mark.slow
 def test_a_line_that_fails_is_reported(tmp_path: Path, start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
     chip = FakeGpioChip(tmp_path)
     monkeypatch.setenv("PYTHONPATH", chip.path)
@@ -259,6 +272,7 @@ def test_a_line_that_fails_is_reported(tmp_path: Path, start: Start, monkeypatch
     hold(worker, lambda: worker.state == "failed", "the failure")
 
 
+@pytest.mark.slow
 def test_a_chip_that_is_not_there_is_a_fault_and_no_end(start: Start) -> None:
     worker = start(GpioRelay(kind="gpio", chip=Path("/dev/no-such-chip"), line=1))
     wait_until(lambda: worker.faults["relay_restarted"] >= 1, "another attempt")

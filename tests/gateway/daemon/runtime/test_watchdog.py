@@ -58,6 +58,7 @@ def started(name: str, kind: type[Gated] = Gated) -> Gated:
     return worker
 
 
+@pytest.mark.slow
 def test_an_idle_thread_makes_progress(manager: tuple[socket.socket, ServiceNotifier]) -> None:
     bound, notifier = manager
     worker = started("recorder")
@@ -67,6 +68,7 @@ def test_an_idle_thread_makes_progress(manager: tuple[socket.socket, ServiceNoti
     worker.finish()
 
 
+@pytest.mark.slow
 def test_one_hung_thread_stops_the_feeding_and_is_named_until_it_goes_on(
     manager: tuple[socket.socket, ServiceNotifier],
 ) -> None:

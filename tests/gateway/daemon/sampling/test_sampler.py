@@ -71,6 +71,7 @@ def test_blocks_are_forwarded_in_order_and_the_device_is_closed() -> None:
     assert device.closed == 1
 
 
+@pytest.mark.slow
 def test_a_lost_device_is_opened_again_until_it_answers() -> None:
     other = DeviceInfo(kind="test", device_id="t-2", unit="counts", odr_hz=100.0, units_per_g=1000.0)
     device = Scripted([block(), TransferError("gone"), block()], [TransferError("still gone"), other])
@@ -88,6 +89,7 @@ def at(first_ns: int, n: int = 2) -> SampleBlock:
     return SampleBlock(time_ns=first_ns + np.arange(n) * 10_000_000, raw=np.zeros((n, 3), dtype=np.int32))
 
 
+@pytest.mark.slow
 def test_samples_that_an_absent_device_would_have_made_are_counted_as_lost() -> None:
     device = Scripted(
         [at(0), TransferError("gone"), at(8_010_000_000), at(8_030_000_000)], [TransferError("still gone"), INFO]
@@ -97,6 +99,7 @@ def test_samples_that_an_absent_device_would_have_made_are_counted_as_lost() -> 
     assert lost == [0, 799, 0]  # 8 s at 100 Hz, of which the sample at 8.01 s came
 
 
+@pytest.mark.slow
 def test_a_device_that_did_not_answer_at_start_is_opened_when_it_does() -> None:
     device = Scripted([block()], [TransferError("gone"), INFO])
     queue, faults = BoundedQueue[SamplerItem](8), FaultRegister()

@@ -54,6 +54,7 @@ def test_a_live_source_never_waits_and_its_losses_are_counted(full: RecordingWor
     assert full.samples_lost == 2 * n_samples(message)
 
 
+@pytest.mark.slow
 def test_a_source_that_can_wait_waits_for_a_slow_disk(full: RecordingWorker, message: EncodedMessage) -> None:
     threading.Timer(1.2, lambda: full.inbox.get(0.0)).start()
     full.submit(message, can_wait=True)

@@ -39,6 +39,7 @@ def separation(text: str, experiment: Experiment, rig: TwinRig = RIG) -> Separat
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", [RIG, TwinRig(30.0, 2.0, sample_rate_hz=50.0), TwinRig(6.0, 5.5, sample_rate_hz=20.0)])
 def test_ambiguity_groups_are_those_of_the_physics(rig: TwinRig) -> None:
     """Tilts of the reading, the axial reading, the rate of the motion, rotation about the rope, losses of energy."""
@@ -49,11 +50,13 @@ def test_ambiguity_groups_are_those_of_the_physics(rig: TwinRig) -> None:
     assert losses in (set(), set(DAMPING))  # losses of a housing at the load are below the noise
 
 
+@pytest.mark.slow
 def test_effects_that_an_ordinary_recording_separates_are_in_no_group() -> None:
     named = {hypothesis.effect for group in ambiguity_groups(RIG, {}) for hypothesis in group}
     assert named.isdisjoint({"thermal_drift", "lever_arm", "vibration", "wind_gust"})
 
 
+@pytest.mark.slow
 def test_small_swing_in_one_plane_does_not_tell_a_soft_clamp_from_a_wrong_position() -> None:
     """Both change the gain across the rope; they differ in the second order of the angle, and across the plane."""
     groups = [{hypothesis.effect for hypothesis in group} for group in ambiguity_groups(RIG, {})]
@@ -61,11 +64,13 @@ def test_small_swing_in_one_plane_does_not_tell_a_soft_clamp_from_a_wrong_positi
     assert separation("housing_position,housing_rocking", FREE_SWING).cosine > 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("other", ["rope_length", "clock_drift"])
 def test_position_of_the_housing_is_separated_from_errors_of_the_period(other: str) -> None:
     assert separation(f"{other},housing_position", FREE_SWING).is_distinguishable
 
 
+@pytest.mark.slow
 def test_wind_and_offset_have_one_signature_in_a_free_swing_and_two_with_a_turning_housing() -> None:
     assert separation("steady_wind,axis_offset[x+y]", FREE_SWING).cosine > 0.9995
     assert separation("steady_wind,axis_offset[x+y]", TURNING).cosine < 0.06

@@ -35,6 +35,7 @@ def replaced(
     return best.names, table.get({"axis_offset"}) is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("tilt_deg", "name"), [(10.0, "mount_misalignment"), (3.0, "axis_offset")])
 def test_an_offset_no_part_has_beside_a_remainder_is_a_tilt(
     model: Model, record: Callable[..., Observations], tilt_deg: float, name: str
@@ -44,6 +45,7 @@ def test_an_offset_no_part_has_beside_a_remainder_is_a_tilt(
     assert (set(found), is_rival) == ({name}, name == "axis_offset")
 
 
+@pytest.mark.slow
 def test_an_offset_no_part_has_stays_where_the_recording_tells_it_from_a_tilt(
     model: Model, record: Callable[..., Observations]
 ) -> None:

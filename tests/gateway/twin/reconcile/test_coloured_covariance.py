@@ -69,6 +69,7 @@ def intervals(poles: tuple[complex, ...]) -> Intervals:
     return Intervals(covered, covered_if_white, np.median(sigma, axis=0) / np.sqrt((values**2).mean(axis=0)))
 
 
+@pytest.mark.slow
 def test_intervals_of_white_noise_stay_nearly_as_they_were() -> None:
     found = intervals(())
     assert (found.covered >= found.covered_if_white).all()
@@ -76,6 +77,7 @@ def test_intervals_of_white_noise_stay_nearly_as_they_were() -> None:
     assert (found.width < 1.15).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("poles", [(0.9,), (0.7, 0.8), (0.98,), (0.995,), (1,)])
 def test_intervals_cover_under_slow_noise_and_are_not_twice_too_wide(poles: tuple[complex, ...]) -> None:
     found = intervals(poles)
@@ -85,6 +87,7 @@ def test_intervals_cover_under_slow_noise_and_are_not_twice_too_wide(poles: tupl
     assert found.covered_if_white.min() < 0.6
 
 
+@pytest.mark.slow
 def test_intervals_are_wider_where_a_disturbance_has_the_frequency_of_the_swing() -> None:
     pole = 0.99 * np.exp(2j * np.pi * SWING_HZ * 0.05)
     found = intervals((pole, np.conj(pole)))

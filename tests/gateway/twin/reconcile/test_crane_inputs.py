@@ -101,6 +101,7 @@ def motions(inputs: CraneInputs) -> list[CraneMotion]:
     return [effect for effect in inputs.effects if isinstance(effect, CraneMotion)]
 
 
+@pytest.mark.slow
 def test_a_profile_is_kept_with_its_slope_and_its_integral() -> None:
     time_s = np.linspace(0, 9, 91)
     series = SineSeries.of(time_s, np.sin(np.pi * time_s / 9) ** 3, 9.0)
@@ -167,6 +168,7 @@ def test_two_corrections_leave_the_load_with_any_motion() -> None:
     assert np.linalg.svd(scaled, compute_uv=False)[-1] > 0.3
 
 
+@pytest.mark.slow
 def test_a_crane_that_hardly_rests_gives_no_verdict() -> None:
     recording = record(Work())
     checked = check_recording(source_of(recording), RIG)

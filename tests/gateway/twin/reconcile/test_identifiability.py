@@ -51,6 +51,7 @@ def test_values_stay_within_their_bounds_and_what_parts_have() -> None:
     assert ends["axis_offset.offset_g[x]"] == pytest.approx((-0.6271, 0.0), abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("tilt_deg", "alternatives"), [(1.0, ("axis_offset", "cross_axis")), (9.7, ())])
 def test_an_effect_that_needs_a_value_no_part_has_is_no_alternative(
     tilt_deg: float, alternatives: tuple[str, ...]
@@ -61,6 +62,7 @@ def test_an_effect_that_needs_a_value_no_part_has_is_no_alternative(
     assert partners(model, "mount_misalignment", ("axis_offset", "cross_axis")) == alternatives
 
 
+@pytest.mark.slow
 def test_a_clock_is_no_alternative_of_a_loss_beside_a_length() -> None:
     """A clock and a length that are wrong together change the loss alone; to make all of it both would be far from true."""
     model: EffectValues = {"rope_length": {"relative_error": 0.001}, "viscous_damping": {"damping_ratio": 0.002}}

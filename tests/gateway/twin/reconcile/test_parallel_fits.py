@@ -71,6 +71,7 @@ def test_as_many_fits_are_made_at_once_as_there_are_processes(
     assert (budget.fits, budget.work) == (3, 21.0)
 
 
+@pytest.mark.slow
 def test_a_further_guess_is_tried_only_while_nothing_explains_the_log(
     model: Model, loaded: Callable[..., CheckedRecording]
 ) -> None:
@@ -83,6 +84,7 @@ def test_a_further_guess_is_tried_only_while_nothing_explains_the_log(
     assert budget.fits == 2
 
 
+@pytest.mark.slow
 def test_answer_does_not_depend_on_the_number_of_processes(
     model: Model, loaded: Callable[..., CheckedRecording], monkeypatch: pytest.MonkeyPatch
 ) -> None:

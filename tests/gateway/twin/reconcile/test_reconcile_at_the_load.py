@@ -46,6 +46,7 @@ def test_rotation_about_the_vertical_leaves_the_samples_of_a_large_swing_unchang
     np.testing.assert_allclose(simulator.predict(rotated, time_s), simulator.predict(start, time_s), atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.5, 1.0, 1.03])
 @pytest.mark.parametrize("amplitude_rad", [0.15, 1.2])
 def test_segments_that_are_fitted_one_by_one_continue_each_other(rho: float, amplitude_rad: float) -> None:
@@ -63,6 +64,7 @@ def test_segments_that_are_fitted_one_by_one_continue_each_other(rho: float, amp
     assert np.abs(gaps).max(initial=0) < 0.6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.97, 1.0])
 @pytest.mark.parametrize("amplitude_rad", [0.05, 0.3, 1.2])
 def test_free_swing_at_the_load_is_one_trajectory(rho: float, amplitude_rad: float) -> None:

@@ -29,6 +29,7 @@ def context_of(rig: TwinRig, record: Callable[..., Observations]) -> ContextOf:
     return lambda effects: FitContext(rig, {}, record(effects), lambda: None)
 
 
+@pytest.mark.slow
 def test_scan_finds_the_window_of_an_impact(context_of: ContextOf) -> None:
     context = context_of({"impact": {"delta_v_m_s": (0.3, -0.2), "start_s": 27.3}})
     log, fit = context.log, context.fit({})
@@ -59,6 +60,7 @@ def test_changepoints_enclose_an_event(
     assert found.remaining_chi2 < 1.1 * 3 * 1200
 
 
+@pytest.mark.slow
 def test_no_changepoint_without_an_event_or_where_the_model_is_wrong_from_the_start(context_of: ContextOf) -> None:
     assert locate_changepoint(context_of({}), {}, length=True) is None
     assert locate_changepoint(context_of({"rope_length": {"relative_error": 0.05}}), {}, length=True) is None
@@ -93,6 +95,7 @@ def test_no_persistent_effect_is_proposed_where_there_is_none(context_of: Contex
     assert effects_extending_consistent_prefix(context, {}, scorable_effects(context)) == []
 
 
+@pytest.mark.slow
 def test_small_effect_does_not_extend_the_prefix_past_an_event(context_of: ContextOf) -> None:
     context = context_of({"viscous_damping": {"damping_ratio": 0.002}, **IMPACT})
     prefix = longest_consistent_prefix(context, {"viscous_damping": {}})

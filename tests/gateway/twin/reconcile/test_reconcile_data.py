@@ -95,6 +95,7 @@ def test_lone_spike_is_excluded_and_a_swing_is_not(record: Record) -> None:
     assert found.sum() <= 4  # a neighbour of the spike may be excluded, too
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
@@ -135,6 +136,7 @@ def test_quantised_recording_with_constant_axes_is_usable(rig: TwinRig, position
     assert detect_spikes(force_g).sum() == 1  # the first sample
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.95, 1.0, 1.05])
 def test_swing_that_shows_along_the_rope_alone_is_usable(rig: TwinRig, rho: float) -> None:
     at_load, tilt_rad = replace(rig, position_m=rho * rig.length_m), 0.1

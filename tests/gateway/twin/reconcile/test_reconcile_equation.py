@@ -32,6 +32,7 @@ CREEP_G, SETTLE_S = np.array([0.008, -0.005, 0.006]), 7.0
 pytestmark = pytest.mark.usefixtures("vocabulary")
 
 
+@pytest.mark.slow
 def test_play_that_hides_small_motion_is_predicted_on_another_recording(
     model: Model, record: Callable[..., Observations]
 ) -> None:

@@ -21,6 +21,7 @@ def make_context(rig: TwinRig, observations: Observations) -> FitContext:
     return FitContext(rig, {}, observations, lambda: None)
 
 
+@pytest.mark.slow
 def test_wrong_rope_length_is_found_even_if_the_simulation_loses_the_phase(rig: TwinRig, record: Record) -> None:
     context = make_context(rig, record({"rope_length": {"relative_error": 0.25}}))
     fit = context.fit({"rope_length": {}}, iterations=15)
@@ -29,6 +30,7 @@ def test_wrong_rope_length_is_found_even_if_the_simulation_loses_the_phase(rig: 
     assert fit.chi2 / (3 * 1200) == pytest.approx(1, abs=0.1)
 
 
+@pytest.mark.slow
 def test_initial_conditions_are_found_within_their_uncertainty(rig: TwinRig, record: Record) -> None:
     fit = make_context(rig, record({})).fit({})
     sigma = np.sqrt(np.diag(fit.covariance()))
@@ -37,6 +39,7 @@ def test_initial_conditions_are_found_within_their_uncertainty(rig: TwinRig, rec
     assert np.all(sigma < 1e-3)
 
 
+@pytest.mark.slow
 def test_fit_is_abandoned_when_it_cannot_come_below_the_bound(rig: TwinRig, record: Record) -> None:
     effects = {"rope_length": {"relative_error": 0.25}, "steady_wind": {"accel_m_s2": (0.3, 0.1)}}
     evaluations: list[float] = []
@@ -48,6 +51,7 @@ def test_fit_is_abandoned_when_it_cannot_come_below_the_bound(rig: TwinRig, reco
     assert len(evaluations) - until_converged < until_converged
 
 
+@pytest.mark.slow
 def test_values_that_are_not_free_stay(rig: TwinRig, record: Record) -> None:
     simulator, observations = Simulator(rig, ["rope_length", "viscous_damping"]), record({})
     effect_values = np.array([0.02, 0.004])

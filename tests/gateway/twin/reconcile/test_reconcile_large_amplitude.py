@@ -59,6 +59,7 @@ def test_windows_begin_at_the_lowest_point_with_the_rate_there(position_m: float
     assert np.abs(initial_states[1:, 2]) == pytest.approx(np.full(len(first_samples) - 1, largest_rate), rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("position_m", [0.0, 4.0, 7.0])
 @pytest.mark.parametrize("azimuth_deg", [0.0, 45.0, -100.0])
 @pytest.mark.parametrize("amplitude_deg", [60.0, 85.0, 105.0])

@@ -56,6 +56,7 @@ def double_pendulum(rig: TwinRig) -> Callable[..., Observations]:
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effects", "coordinates"),
     [
@@ -87,6 +88,7 @@ def test_derivatives_by_fitted_coordinates_equal_central_differences(
         np.testing.assert_allclose(derivatives[..., i], (ahead - behind) / 2e-6, rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strength", ["faint", "strong"])
 def test_fast_mode_is_found_whichever_mode_is_the_stronger(
     rig: TwinRig, double_pendulum: Callable[..., Observations], strength: str

@@ -46,6 +46,7 @@ def test_only_effects_with_similar_signatures_are_confusable() -> None:
     assert [(pair.first, pair.second) for pair in pairs] == [("a", "b")]
 
 
+@pytest.mark.slow
 def test_bootstrap_interval_covers_the_true_gain_under_correlated_noise() -> None:
     covered, trials = 0, 60
     for trial in range(trials):

@@ -21,6 +21,7 @@ def test_nothing_is_missing_even_under_slow_noise(model: Model, loaded: Callable
     assert found.effects == ()
 
 
+@pytest.mark.slow
 def test_damping_is_named_with_its_value(model: Model, loaded: Callable[..., CheckedRecording]) -> None:
     hidden = {"viscous_damping": {"damping_ratio": 0.01}}
     found = reconcile(model, loaded(hidden), loaded(hidden, "held_out"))

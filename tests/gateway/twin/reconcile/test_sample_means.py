@@ -23,6 +23,7 @@ def _recordings(duration_s: float, noise_g: float = NOISE_G, second_mode_hz: flo
     return split_recordings(make_observations(time_s, force_g, None, np.full(3, NOISE_G)), None, PERIOD_S)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("duration_s", "count"), [(60.0, 1), (120.0, 1), (180.0, 3), (600.0, 5), (3600.0, 9)])
 def test_short_recordings_stay_and_long_ones_never_get_slower_than_ten_hertz(duration_s: float, count: int) -> None:
     recordings = _recordings(duration_s)

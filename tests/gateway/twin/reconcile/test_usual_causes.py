@@ -49,6 +49,7 @@ def test_losses_and_errors_of_the_rig_are_usual_and_the_wind_is_not() -> None:
     assert not usual & {"steady_wind", "impact", "housing_spin", "double_pendulum", "clock_drift"}
 
 
+@pytest.mark.slow
 def test_prior_of_parts_holds_a_sum_that_a_small_swing_does_not_determine(
     model: Model, record: Callable[..., Observations]
 ) -> None:
@@ -78,6 +79,7 @@ def test_prior_of_parts_is_that_of_their_limits(model: Model) -> None:
     assert prior.chi2(prior.centre) == 0
 
 
+@pytest.mark.slow
 def test_only_causes_that_the_recording_needs_are_kept(model: Model, record: Callable[..., Observations]) -> None:
     hidden: EffectValues = {name: OF_A_REAL_RIG[name] for name in ("viscous_damping", "axis_offset")}
     setting = FitContext(model.rig, {}, record(hidden), lambda: None)

@@ -1,5 +1,7 @@
 """What no effect explains is told as an equation: in the text, in the JSON, in the report."""
 
+import pytest
+
 from gateway.twin.reconcile.output.estimates import Estimate, Law, LawTerm, Resemblance
 from gateway.twin.reconcile.output.serialisation import to_json
 from gateway.twin.reconcile.output.text import to_text
@@ -47,6 +49,7 @@ def test_without_a_law_the_equation_is_null(make: Maker) -> None:
     assert to_json(make("unmodelled", model={}), 1.0)["equation"] is None
 
 
+@pytest.mark.slow
 def test_report_describes_the_remainder_and_names_no_cause(make: Maker) -> None:
     page = render_report(make("unmodelled", law=LAW, model=MODEL), title="t", software="s")
     assert "An equation describes the remainder: force/mass = +0.0042 1/s v (energy is fed in)." in page

@@ -11,6 +11,7 @@ from gateway.twin.report.page import render_report
 from tests.gateway.twin.report.conftest import Maker
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "error", "same"), [("load_inertia", 0.02, "samples"), ("rope_mass", -0.02, "period")])
 def test_equivalent_is_told_with_the_values_that_it_has(make: Maker, name: str, error: float, same: str) -> None:
     result = make("named", model={"rope_length": {"relative_error": error}})

@@ -151,6 +151,7 @@ def test_event_is_marked_only_where_it_acted(
     assert (event in effects_acting_in(result, later_part(result, 40.0))) is in_later
 
 
+@pytest.mark.slow
 def test_figures_of_a_later_part_count_time_from_the_start_of_the_recording(make: Maker) -> None:
     result = make("named", held_out_is_last_third=True)
     html = html_of("motion", replace(result, held_out=later_part(result, 40.02)))
