@@ -23,7 +23,7 @@ from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader
 
 from gateway.errors import PlumblineError
-from tests.benchmarks.plant_figures import describe_slope, resident_mib
+from tests.benchmarks.process_use import describe_slope, resident_mib
 from tests.ports import unused_port
 from tests.system.bus_query import KEY
 from tests.system.conftest import BusPeer, RunningGateway

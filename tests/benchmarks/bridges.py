@@ -15,7 +15,7 @@ from typing import Any
 
 from asyncua import ua
 
-from tests.benchmarks.plant_figures import resident_mib
+from tests.benchmarks.process_use import cpu_s, resident_mib
 from tests.gateway.bridge.modbus_client import ModbusClient
 from tests.system.bus_query import KEY
 from tests.system.conftest import BusPeer, RunningGateway
@@ -30,7 +30,6 @@ CLIENTS = 20
 MEASURE_S = 20.0
 POLL_S = 0.01
 RUNS = 3
-TICKS = os.sysconf("SC_CLK_TCK")
 
 
 def main() -> None:
@@ -41,11 +40,6 @@ def main() -> None:
             part(Path(folder))
 
 
-def _cpu_s(process_id: int) -> float:
-    fields = Path(f"/proc/{process_id}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / TICKS
-
-
 def _late_ms(sample: datetime) -> float:
     return 1e3 * (time.time() - sample.timestamp())
 
@@ -54,18 +48,18 @@ def _costs(folder: Path) -> None:
     gateway = RunningGateway(folder, CHATTERING)
     plant = Plant(folder, gateway.endpoint)
     plant.until_angle()
-    gateway_s, begun_s = _cpu_s(gateway.process.pid), time.monotonic()
+    gateway_s, begun_s = cpu_s(gateway.process.pid), time.monotonic()
     for clients, consume in ((0, {}), (CLIENTS, {"modbus": _modbus, "mqtt": _mqtt, "opcua": _opcua})):
         for name, bridge in plant.bridges.items():
-            before_s, start_s = _cpu_s(bridge.process.pid), time.monotonic()
+            before_s, start_s = cpu_s(bridge.process.pid), time.monotonic()
             late_ms = consume[name](plant) if consume else _rest(plant)
-            cpu_percent = 100 * (_cpu_s(bridge.process.pid) - before_s) / (time.monotonic() - start_s)
+            cpu_percent = 100 * (cpu_s(bridge.process.pid) - before_s) / (time.monotonic() - start_s)
             print(
                 f"  {name:<7} {clients:2} clients: {cpu_percent:5.1f} % of a core, {resident_mib(bridge.process.pid):4.0f} MiB"
                 + (f", sample to client {_quantiles(late_ms)} ms" if late_ms else ""),
                 flush=True,
             )
-    daemon_percent = 100 * (_cpu_s(gateway.process.pid) - gateway_s) / (time.monotonic() - begun_s)
+    daemon_percent = 100 * (cpu_s(gateway.process.pid) - gateway_s) / (time.monotonic() - begun_s)
     print(f"  the gateway itself, meanwhile: {daemon_percent:.1f} % of a core", flush=True)
     peer = BusPeer(gateway.endpoint)
     time.sleep(MEASURE_S / 2)

@@ -8,11 +8,11 @@ import sys
 import tempfile
 import threading
 import time
-from pathlib import Path
 
 import zenoh
 
 from tests.benchmarks.chain import RATE_HZ, free_endpoint
+from tests.benchmarks.process_use import cpu_s, resident_mib
 
 RUNS = 5
 SETTLE_S = 12.0
@@ -61,7 +61,7 @@ def start(listener: Listener, folder: str, **overrides: object) -> subprocess.Po
 def main() -> None:
     """Print the figures."""
     print(f"daemon: {RATE_HZ} Hz, block 32, page off, {RUNS} runs, median (least to most)")
-    first_s, resident_mib, cpu_percent = [], [], []
+    first_s, resident, cpu_percent = [], [], []
     for _ in range(RUNS):
         listener = Listener()
         with tempfile.TemporaryDirectory() as folder:
@@ -70,29 +70,20 @@ def main() -> None:
             listener.first.wait(10)
             first_s.append(time.monotonic() - begin_s)
             time.sleep(SETTLE_S)
-            resident_mib.append(_resident_mib(process.pid))
+            resident.append(resident_mib(process.pid))
             cpu_percent.append(_cpu_percent(process.pid, 5.0))
             process.terminate()
             process.wait()
         listener.close()
     for name, values, unit in (
         ("start to first published sample", first_s, "s"),
-        ("resident", resident_mib, "MiB"),
+        ("resident", resident, "MiB"),
         ("CPU, simulated crane included", cpu_percent, "% of a core"),
     ):
         print(f"  {name:<34} {statistics.median(values):8.3f} ({min(values):.3f} to {max(values):.3f}) {unit}")
 
 
-def _resident_mib(pid: int) -> float:
-    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
-
-
 def _cpu_percent(pid: int, seconds: float) -> float:
-    def used() -> float:
-        fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-    before = used()
+    before_s = cpu_s(pid)
     time.sleep(seconds)
-    return 100 * (used() - before) / seconds
+    return 100 * (cpu_s(pid) - before_s) / seconds

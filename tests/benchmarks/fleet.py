@@ -19,12 +19,12 @@ from gateway.bus.fleet_client import FleetClient
 from gateway.bus.session import open_session
 from gateway.fleet.fleet_state import FleetState
 from tests.benchmarks.fleet_gateways import PERIODS_S, REPORT_S
+from tests.benchmarks.process_use import cpu_s, resident_mib
 
 PROCESSES, GATEWAYS_EACH = 4, 50
 GATEWAYS = PROCESSES * GATEWAYS_EACH
 SETTLE_S, MEASURE_S, DOWN_S, PATIENCE_S = 10.0, 30.0, 5.0, 120.0
 RESTARTS, STATUS_RUNS = 3, 5
-TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 PATTERN = "plumbline/v1/*/*/*"
 ROOT = Path(__file__).parents[2]
 
@@ -39,13 +39,12 @@ class Process:
     @property
     def cpu_s(self) -> float:
         """Processor time so far."""
-        fields = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / TICKS_PER_S
+        return cpu_s(self.process.pid)
 
     @property
     def resident_mb(self) -> float:
         """Resident memory."""
-        return int(Path(f"/proc/{self.process.pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+        return resident_mib(self.process.pid) * 2**20 / 1e6
 
     def line(self) -> str:
         """Return the next line of its output."""
@@ -184,7 +183,7 @@ def _traffic(what: str, router: Process, groups: list[Process], client: FleetCli
     passed_s = time.monotonic() - before[3]
     router_share = (router.cpu_s - before[0]) / passed_s
     gateway_share = (
-        sum(group.cpu_s - cpu_s for group, cpu_s in zip(groups, before[1], strict=True)) / passed_s / GATEWAYS
+        sum(group.cpu_s - before_s for group, before_s in zip(groups, before[1], strict=True)) / passed_s / GATEWAYS
     )
     own_share = (time.process_time() - before[2]) / passed_s
     connected = round(sum(group.report["connected"] for group in groups))

@@ -20,6 +20,7 @@ from urllib.request import urlopen
 
 from tests.benchmarks.chain import free_endpoint
 from tests.benchmarks.daemon import Listener
+from tests.benchmarks.process_use import cpu_s, resident_mib
 
 SETTLE_S, MEASURE_S = 5.0, 8.0
 RATES_HZ = (100, 1000)
@@ -82,15 +83,15 @@ def _measure(tree: Path, rate_hz: int, page: str, figures: Figures) -> None:
             if not listener.first.wait(START_S):
                 raise TimeoutError("the gateway publishes nothing")
             figures.first_sample_s.append(time.monotonic() - begun_s)
-            figures.start_cpu_s.append(_cpu_s(process.pid))
+            figures.start_cpu_s.append(cpu_s(process.pid))
             if page == "watched":
                 address = f"http://127.0.0.1:{port}/api/events"
                 threading.Thread(target=_watch, args=(address,), daemon=True).start()
             time.sleep(SETTLE_S)
-            before_s = _cpu_s(process.pid)
+            before_s = cpu_s(process.pid)
             time.sleep(MEASURE_S)
-            figures.cpu_percent.append(100 * (_cpu_s(process.pid) - before_s) / MEASURE_S)
-            figures.resident_mib.append(_resident_mib(process.pid))
+            figures.cpu_percent.append(100 * (cpu_s(process.pid) - before_s) / MEASURE_S)
+            figures.resident_mib.append(resident_mib(process.pid))
         finally:
             process.terminate()
             process.wait()
@@ -105,16 +106,6 @@ def _watch(address: str) -> None:
             while stream.readline():
                 pass
         time.sleep(0.2)
-
-
-def _resident_mib(pid: int) -> float:
-    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
-
-
-def _cpu_s(pid: int) -> float:
-    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _print(name: str, figures: Figures) -> None:

@@ -4,7 +4,7 @@ The client is of the library that the server is built with, so that it is no ind
 """
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +63,17 @@ async def check_refusals(site: OpcuaSite) -> None:
             await site.connect(**arguments)
     with pytest.raises(ua.UaError, match="No matching endpoints"):
         await Client(site.url).connect()
+
+
+def serve(bridge: RunningBridge, consuming: Coroutine[None, None, None]) -> str:
+    """Let a client consume what a bridge serves, and stop the bridge; return what it has logged."""
+    try:
+        asyncio.run(asyncio.wait_for(consuming, 2 * PATIENCE_S))
+        code, err = bridge.stop()
+    finally:
+        bridge.end()
+    assert (code, "Traceback" in err) == (0, False), err
+    return err
 
 
 async def check_events(client: Client, start_again: Callable[[], object]) -> None:
@@ -145,12 +156,7 @@ def test_a_client_that_joins_while_an_alarm_stands_gets_it_by_a_refresh(
         await first.disconnect()
         await late.disconnect()
 
-    try:
-        asyncio.run(asyncio.wait_for(consume(), 2 * PATIENCE_S))
-        code, err = bridge.stop()
-    finally:
-        bridge.end()
-    assert (code, "Traceback" in err) == (0, False), err
+    serve(bridge, consume())
 
 
 def test_named_users_of_trusted_applications_read_values_and_get_alerts(
@@ -182,11 +188,6 @@ def test_named_users_of_trusted_applications_read_values_and_get_alerts(
         await check_events(client, start_again)
         await client.disconnect()
 
-    try:
-        asyncio.run(asyncio.wait_for(consume(), 2 * PATIENCE_S))
-        code, err = bridge.stop()
-    finally:
-        bridge.end()
-    assert (code, "Traceback" in err) == (0, False), err
+    err = serve(bridge, consume())
     assert "a client is refused: CN=stranger, BadCertificateUntrusted" in err
     assert "a user is refused: ann" in err

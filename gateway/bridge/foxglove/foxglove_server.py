@@ -113,9 +113,8 @@ class FoxgloveServer:
             await asyncio.sleep(STEP_S)
 
     def _listen(self) -> WebSocketServer:
-        logging.getLogger("foxglove").setLevel(
-            logging.CRITICAL
-        )  # an error for each message that a viewer did not wait for
+        # The library logs an error for each message that a viewer did not wait for.
+        logging.getLogger("foxglove").setLevel(logging.CRITICAL)
         host, port = host_and_port(self._section.listen)
         try:
             return start_server(

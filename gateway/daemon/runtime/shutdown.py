@@ -40,8 +40,7 @@ class Shutdown:
             step_s = max(begun_s, worker.progress_s)
             if self._signalled_s is None:
                 return step_s + patience_s
-            hurried_end_s = max(step_s, self._signalled_s) + min(hurried_s, patience_s)
-            return min(hurried_end_s, self._signalled_s + STOP_S - kept_s)
+            return min(max(step_s, self._signalled_s) + hurried_s, self._signalled_s + STOP_S - kept_s)
 
         self._wait(worker, end_s)
 

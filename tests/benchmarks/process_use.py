@@ -1,4 +1,4 @@
-"""Memory of processes, and how it changes: a slope with an uncertainty that heeds how slowly the rest of it changes."""
+"""Processor time and memory of processes, and the slope of memory with an uncertainty that heeds how slowly the rest changes."""
 
 import os
 import statistics
@@ -7,6 +7,12 @@ from pathlib import Path
 
 WARM_SHARE = 0.25
 """Share of the time at the beginning in which caches fill."""
+
+
+def cpu_s(process_id: int) -> float:
+    """Return the processor time of a process so far, s."""
+    fields = Path(f"/proc/{process_id}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def resident_mib(process_id: int) -> float:
