@@ -14,7 +14,7 @@ from gateway.file_input import MAX_TOML_BYTES, parse_toml, read_bounded, reason_
 def _check_address(text: str) -> str:
     host, _, port = text.rpartition(":")
     if not host or not (port.isascii() and port.isdecimal()) or not 0 < int(port) < 65_536:
-        raise ValueError("an address has the form 127.0.0.1:5020")
+        raise ValueError("an address has the form 127.0.0.1:5020, with a port of 1 to 65535")
     return text
 
 

@@ -18,7 +18,7 @@ from gateway.atomic_io import write_private
 from gateway.configuration.model import GatewaySection
 from gateway.configuration.user_state import user_state_folder
 from gateway.errors import InputError
-from gateway.file_input import decode_json, parse_json, read_bounded
+from gateway.file_input import decode_json, parse_json, read_bounded, reason_of
 from gateway.messages import NewestStatement
 from gateway.pki.signing_key import fingerprint
 
@@ -92,7 +92,7 @@ def read_statements(path: Path) -> list[NewestStatement]:
         except ValueError:
             values = [parse_json(line) for line in content.splitlines() if line.strip()]
     except OSError as error:
-        raise InputError(f"--heard {path}: {(error.strerror or str(error)).lower()}; check the path") from error
+        raise InputError(f"--heard {path}: {reason_of(error).lower()}; check the path") from error
     except ValueError as error:
         raise InputError(
             f"--heard {path}: is no JSON; give health messages, as `remote status --json` writes"

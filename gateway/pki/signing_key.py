@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from gateway.atomic_io import write_private
 from gateway.errors import PlumblineError
-from gateway.file_input import read_bounded
+from gateway.file_input import read_bounded, reason_of
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -91,9 +91,7 @@ def read_public_key(text: str) -> str:
         if len(bytes.fromhex(content)) == 32:
             return content.lower()
     except OSError as error:
-        raise KeyFileError(
-            f"--key {text}: {(error.strerror or str(error)).lower()}; give the gateway's {KEY_NAME}.pub"
-        ) from error
+        raise KeyFileError(f"--key {text}: {reason_of(error).lower()}; give the gateway's {KEY_NAME}.pub") from error
     except ValueError:
         pass
     raise KeyFileError(f"--key {text}: is not a public key of 64 hexadecimal digits; give the gateway's {KEY_NAME}.pub")

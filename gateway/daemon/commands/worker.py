@@ -16,6 +16,7 @@ from gateway.daemon.commands.requests import HANGS, RequestHandler, RequestQueue
 from gateway.daemon.runtime.bounded_queue import BoundedQueue
 from gateway.daemon.runtime.faults import FaultRegister
 from gateway.daemon.runtime.worker import Worker
+from gateway.file_input import reason_of
 from gateway.recalibration.requests import VERBS
 
 if TYPE_CHECKING:
@@ -117,7 +118,7 @@ class CommandWorker(Worker[CommandItem]):
         try:
             write_durably(file.path, file.content)
         except OSError as error:
-            self._report(file.path, error.strerror or str(error))
+            self._report(file.path, reason_of(error))
         else:
             self._faults.clear(PART)
 

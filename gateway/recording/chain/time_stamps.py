@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from gateway.errors import InputError, PlumblineError
-from gateway.file_input import decode_json, read_bounded
+from gateway.file_input import decode_json, read_bounded, reason_of
 from gateway.messages import NewestStatement
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def read_time_stamps(path: Path) -> tuple[list[StoredTimeStamp], int]:
     try:
         lines = read_bounded(path).splitlines()
     except OSError as error:
-        raise InputError(f"{path}: {(error.strerror or str(error)).lower()}; check the path") from error
+        raise InputError(f"{path}: {reason_of(error).lower()}; check the path") from error
     found = [stamp for line in lines if (stamp := _parse(line)) is not None]
     return found, len(lines) - len(found)
 
@@ -93,8 +93,10 @@ def load_verifier(path: Path) -> "Verifier":
         roots = [each for each in certificates if each.issuer == each.subject]
         others = [each for each in certificates if each not in roots]
         return VerifierBuilder(roots=roots, intermediates=others).build()
-    except (OSError, ValueError) as error:
-        raise InputError(f"--tsa-ca {path}: has no certificate of a CA in PEM ({error})") from error
+    except OSError as error:
+        raise InputError(f"--tsa-ca {path}: {reason_of(error).lower()}; check the path") from error
+    except ValueError as error:
+        raise InputError(f"--tsa-ca {path}: has no certificate of a CA; give one in PEM") from error
 
 
 def prove(stamp: StoredTimeStamp, verifier: "Verifier") -> ProvenTime:

@@ -23,6 +23,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from devices.errors import RecordingError
 from devices.regular_file import open_regular
+from gateway.file_input import reason_of
 from gateway.recording.format.frames import (
     FOOTER_BYTES,
     MAX_RECORD_BYTES,
@@ -114,7 +115,7 @@ def open_mcap(path: Path) -> BinaryIO:
     try:
         file = open_regular(path)
     except OSError as error:
-        raise RecordingError(f"{path}: {(error.strerror or str(error)).lower()}; check the path") from error
+        raise RecordingError(f"{path}: {reason_of(error).lower()}; check the path") from error
     magic = file.read(len(MCAP0_MAGIC))
     if magic == MCAP0_MAGIC:
         return file
