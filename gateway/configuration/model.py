@@ -1,9 +1,10 @@
 """The sections of the configuration: keys, units, defaults and limits."""
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2, normal_gravity_m_s2
 from gateway.configuration.bus_section import BusSection
@@ -18,6 +19,15 @@ where the bilinear transform ends."""
 SIMULATED_RHO = 0.75
 """Position of a simulated housing without a configured position, as a share of the rope's length. Basis: a choice; between the
 middle of the rope and the hook."""
+
+
+def _check_web_address(text: str) -> str:
+    if re.fullmatch(r"https?://[^\s\"'<>]+", text) is None:
+        raise ValueError("an address has the form https://name/path")
+    return text
+
+
+WebAddress = Annotated[str, Field(max_length=200), AfterValidator(_check_web_address)]
 
 
 class GatewaySection(Section):
@@ -178,10 +188,8 @@ class RecorderSection(Section):
         None,
         description="Ed25519 key in PEM that signs the recordings; default: data_dir/signing-key.pem, made at first start",
     )
-    time_stamp_authority: str | None = Field(
+    time_stamp_authority: WebAddress | None = Field(
         None,
-        max_length=200,
-        pattern=r"^https?://[^\s\"'<>]+$",
         description="address of a time stamp authority (RFC 3161) that stamps the newest signed statement; default: none",
     )
     time_stamp_every_s: float = Field(3600.0, ge=1, le=604_800, description="least time between two time stamps")
@@ -216,10 +224,8 @@ class PageSection(Section):
         default_factory=list,
         description="names under which browsers may reach the page, beside its address, such as crane-1.local",
     )
-    url: str | None = Field(
+    url: WebAddress | None = Field(
         None,
-        max_length=200,
-        pattern=r"^https?://[^\s\"'<>]+$",
         description="address of this page for other machines, to which the page of a site links",
     )
     names: list[str] = Field(
