@@ -104,5 +104,10 @@ def read_rig_of_recording(
         f"rope length {found.length_m:.3g} m +- {found.length_m * found.u_rel:.2g} m by the period of {found.period_s:.3g} s, "
         "because the rig states none"
     )
-    rig = read_rig(path, {"length_m": found.length_m, "length_u_rel": u_rel})
-    return RigOfRecording(rig, (remark,), found.length_m * found.u_rel)
+    # The length that swings like a rigid arm is shorter than the arm: a housing may be below it, so that is not checked.
+    rig = read_rig(path, {"length_m": NO_LENGTH_M})
+    by_period = {"length_m": found.length_m}
+    if "length_u_rel" not in rig.rope.model_fields_set:
+        by_period["length_u_rel"] = u_rel
+    rope = rig.rope.model_copy(update=by_period)
+    return RigOfRecording(rig.model_copy(update={"rope": rope}), (remark,), found.length_m * found.u_rel)
