@@ -138,7 +138,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     command.add_argument("--seed", type=whole_number, default=0, metavar="N", help="seed of the block bootstrap (0)")
     add_effects_from(command)
     add_plan_arguments(command)
-    add_table_options(command)
+    add_table_options(command, planar=True)
     command.set_defaults(run=run)
 
 

@@ -14,6 +14,7 @@ from gateway.twin.effects.guess_context import GuessContext
 from gateway.twin.effects.parameter import Values
 
 Array = NDArray[np.float64]
+TINY = 1e-30
 PERIODS_PER_WINDOW = 3.0
 """Swings from which one shape is estimated."""
 MIN_WINDOWS = 4
@@ -44,7 +45,7 @@ def guess_pivot_compliance(context: GuessContext) -> list[Values]:
     turned = [np.cross(axis, np.cumsum(modelled, axis=0)) * (time_s[1] - time_s[0]) for axis in np.eye(3)[:2]]
     design = np.stack([(each - each.mean(axis=0)).ravel() for each in turned], axis=1)
     rates, *_ = np.linalg.lstsq(design, departure.ravel(), rcond=None)
-    unexplained = float(np.sum((departure.ravel() - design @ rates) ** 2) / np.sum(departure**2))
+    unexplained = float(np.sum((departure.ravel() - design @ rates) ** 2) / max(np.sum(departure**2), TINY))
     difference_rad_s = float(np.hypot(*rates))
     if not (difference_rad_s * context.duration_s > MIN_TURN_RAD and unexplained < MAX_UNEXPLAINED):
         return []

@@ -26,7 +26,7 @@ from gateway.twin.reconcile.output.result_builder import SearchOutcome, unusable
 from gateway.twin.reconcile.residual.isolability import indistinguishable_pairs
 from gateway.twin.reconcile.residual.residual_tests import has_excess
 from gateway.twin.reconcile.residual.surrogate_test import normal_score, null_threshold
-from gateway.twin.reconcile.search.ambiguity import indistinguishable, replace_implausible
+from gateway.twin.reconcile.search.ambiguity import indistinguishable, is_beyond_parts, replace_implausible
 from gateway.twin.reconcile.search.baseline import MIN_REPEATED_GAIN, Values, detect_in_samples, fit_baseline
 from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
@@ -255,7 +255,7 @@ def _decide(known: KnownModel, run: SearchRun, random: np.random.Generator) -> S
         run.table.fits,
         frozenset() if run.lost_fraction is None else frozenset({SampleLoss.name}),
         improves_selection=_is_supported_by_selection(run, best, base, random),
-        large_amplitude=context.setting.large_amplitude,
+        doubtful=frozenset(name for name in best.names if is_beyond_parts(name, best.candidate, context)),
     )
     decision = decide(evidence, run.recordings.log, partial(indistinguishable, context, validator, best.candidate))
     if ended_early:

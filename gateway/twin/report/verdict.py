@@ -8,7 +8,6 @@ from gateway.documents.format import as_sentence, format_number, format_time_spa
 from gateway.twin.effects import EFFECTS
 from gateway.twin.reconcile.output.estimates import Law, NamedEffect
 from gateway.twin.reconcile.output.result import Equivalent, Reconciliation
-from gateway.twin.reconcile.output.swing_lines import HINT, name_multiple, suggests_other_reading
 from gateway.twin.report.effect_size import Size, effect_sizes
 from gateway.twin.report.formatting import format_noise_ratio
 from gateway.twin.report.gap_table import part_rows
@@ -31,7 +30,6 @@ WHERE_TO_LOOK = "Check what else acted on the load, the rope or the sensor."
 INDISTINGUISHABLE = ", and this recording cannot distinguish them"
 NO_SPLIT = "No experiment that would distinguish them was found."
 NOT_ONE_ALONE = "Until then, do not act on one of them alone."
-PEAKS = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,15 +72,7 @@ def unexplained(result: Reconciliation) -> str:
         size = f"The residual of the best model is {format_noise_ratio(result.gap.after_log)}"
         if result.gap.after_held_out is not None:
             size += f", on held-out data {format_noise_ratio(result.gap.after_held_out)}"
-    peaks = result.residual.peaks[:PEAKS] if result.residual else ()
-    if not peaks:
-        return f"{size}; no single frequency stands out."
-    strongest = ", ".join(
-        f"{format_number(p.hz)} Hz on {p.axis} ({format_number(1e3 * p.amplitude_g, 2)} mg{name_multiple(p, result)})"
-        for p in peaks
-    )
-    hint = f" {as_sentence(HINT)}" if suggests_other_reading(result) else ""
-    return f"{size}; its largest spectral peaks are {strongest}.{hint}"
+    return f"{size}." if result.remainder is None else f"{size}: {result.remainder.sentence}."
 
 
 def _sentence(result: Reconciliation) -> str:

@@ -16,7 +16,7 @@ from gateway.twin.reconcile.data.artefact_detectors import (
     detect_quantisation_step,
     regular_reading_times,
 )
-from gateway.twin.reconcile.data.observations import Observations, make_observations
+from gateway.twin.reconcile.data.observations import Observations, make_observations, unmeasured_axes
 from gateway.twin.reconcile.data.swing_amplitude import NEIGHBOUR_RATIO, SAME_FREQUENCY_RATIO, has_axial_swing
 
 Array = NDArray[np.float64]
@@ -151,6 +151,9 @@ def _longest_free_fall_s(time_s: Array, force_g: Array) -> float:
 def _find_constant_axis(force_g: Array, twin: TwinRig) -> str | None:
     """Return a fault where an axis is constant, and not because the swing is less than a quantisation step."""
     medians_g = np.median(force_g, axis=0)
+    unmeasured = unmeasured_axes(force_g)
+    if unmeasured[:2].sum() == 1:  # the plane of the swing alone
+        force_g, medians_g = force_g[:, ~unmeasured], medians_g[~unmeasured]
     constant = (np.abs(force_g - medians_g) < 1e-9).mean(axis=0) > MAX_CONSTANT_SHARE
     if not constant.any():
         return None

@@ -39,10 +39,10 @@ class Observations:
     offset_s: float = 0.0
     """Time of the first sample in the recording of which this is a slice."""
 
-    @property
+    @cached_property
     def n_values(self) -> int:
-        """Number of values that count: three for each sample used."""
-        return 3 * int(self.used.sum())
+        """Number of values that count: one for each sample used and each axis that was measured."""
+        return int((~unmeasured_axes(self.force_g)).sum()) * int(self.used.sum())
 
     @property
     def duration_s(self) -> float:
@@ -73,6 +73,12 @@ class Observations:
     def reduced_chi2(self, simulated_g: Array) -> float:
         """Return chi-square per value that counts; 1 is noise alone."""
         return self.chi2(simulated_g) / self.n_values
+
+
+def unmeasured_axes(force_g: Array) -> NDArray[np.bool_]:
+    """Return which axes of readings (n, 3) read zero throughout: a table of two axes has no third, shape (3,)."""
+    unmeasured: NDArray[np.bool_] = (force_g == 0).all(axis=0)
+    return unmeasured
 
 
 def slice_samples(observations: Observations, first: int, last: int) -> Observations:

@@ -9,6 +9,7 @@ from gateway.measurement.source import Source
 from gateway.numerics.stats import robust_sigma
 from gateway.twin.model import DEFAULT_NOISE_G, Model
 from gateway.twin.reconcile.data.artefact_detectors import detect_quantisation_step
+from gateway.twin.reconcile.data.observations import unmeasured_axes
 
 Array = NDArray[np.float64]
 DIFFERENCE_ORDER = 6
@@ -56,6 +57,8 @@ def with_measured_noise(model: Model, source: Source) -> tuple[Model, str | None
     if step_g is not None:
         without_steps_g2 = np.maximum(measured_g**2 - step_g**2 / 12, 0.0)
         measured_g = np.maximum(np.sqrt(without_steps_g2), np.minimum(DEFAULT_NOISE_G, measured_g))
+    unmeasured = unmeasured_axes(source.force_g)
+    measured_g[unmeasured] = measured_g[~unmeasured].max(initial=MIN_NOISE_G)
     x, y, z = (float(each) for each in measured_g)
     remark = f"noise of x, y, z measured as {1e3 * x:.2g}, {1e3 * y:.2g}, {1e3 * z:.2g} mg, because the rig states none"
     return replace(model, rig=replace(model.rig, noise_g=(x, y, z))), remark

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from devices.pendulum.small_swing import period_ratio
-from gateway.numerics.spectrum import ZERO_PADDING, periodogram
+from gateway.numerics.spectrum import periodogram
 
 Array = NDArray[np.float64]
 LARGE_AMPLITUDE_RAD = 0.45
@@ -18,6 +18,8 @@ AXIAL_QUANTILE = 0.02
 """Quantile of the axial reading that stands for its value at the turning points, without the outliers of the noise."""
 HALF_FREQUENCY_TOLERANCE = 0.4
 """Relative tolerance within which the swing's frequency is half that of the axial reading."""
+TREND_DEGREE = 3
+"""Degree of the polynomial that is taken off readings before their line is sought."""
 MIN_SWING_POWER_SHARE = 0.1
 """Least share of the lateral power at the swing's frequency."""
 SAME_FREQUENCY_RATIO = 1.15
@@ -96,9 +98,11 @@ def _rises_further_than_it_falls(axial_g: Array) -> bool:
 
 
 def _has_lateral_line(time_s: Array, force_g: Array) -> bool:
-    initial = force_g[_is_initial(time_s)]
-    windowed = (initial - initial.mean(axis=0)) * np.hanning(len(initial))[:, None]
-    power = np.abs(np.fft.rfft(windowed, ZERO_PADDING * len(initial), axis=0)) ** 2
+    initial, initial_s = force_g[_is_initial(time_s)], time_s[_is_initial(time_s)]
+    # The axial reading of a swing that decays has a trend that may exceed its line.
+    trend = np.polynomial.polynomial.polyvander(initial_s / max(float(initial_s[-1]), 1e-9), TREND_DEGREE)
+    level = initial - trend @ np.linalg.lstsq(trend, initial, rcond=None)[0]
+    _, power = periodogram(initial_s, level * np.hanning(len(initial))[:, None])
     half = np.argmax(power[:, 2]) / 2
     near = slice(int((1 - HALF_FREQUENCY_TOLERANCE) * half), int((1 + HALF_FREQUENCY_TOLERANCE) * half) + 1)
     lateral = power[:, :2].sum(axis=1)

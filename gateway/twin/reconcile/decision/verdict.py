@@ -7,13 +7,22 @@ from enum import Enum
 import numpy as np
 
 from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.effect import Effect
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.decision.evidence import Evidence, nameable_with_residual
+from gateway.twin.reconcile.decision.evidence import Evidence
 from gateway.twin.reconcile.decision.ranking import RankedCandidate
 from gateway.twin.reconcile.output.result import Verdict
 from gateway.twin.reconcile.residual.residual_tests import has_lines, residual_lines
 from gateway.twin.reconcile.search.candidates import CandidateFit
 
+PARTIAL = ("named_with_remainder", "unmodelled")
+"""Verdicts that leave something unexplained."""
+MIN_CLOSED = 0.5
+"""Share of the gap, on the log and on the selection part, from which on what closes it is an answer beside a remainder."""
+MIN_CLOSED_BY_UNUSUAL = 0.9
+"""The same for an effect that few rigs have: of a reading that is not linear a loose housing explains a part."""
+MIN_CLOSED_BY_EVENT = 0.99
+"""The same for an event: of a motion that no model follows, each event explains a part."""
 MAX_AMBIGUOUS = 4
 """Candidates of a one_of verdict, those with the most evidence; more would be no answer."""
 SAME_LINE_CYCLES = 3.0
@@ -26,10 +35,7 @@ class Reason(Enum):
     NOTHING_MISSING = "The nominal model explains both recordings down to the noise."
     FOUND_BEFORE_SEARCH = "The samples themselves show it; nothing else is missing."
     NOT_EXPLAINED = "The nominal model does not explain the data, and no effect of the vocabulary does."
-    GAP_CLOSED_WITH_RESIDUAL = "These effects close nearly all of the gap on held-out data; a residual remains."
-    USUAL_WITH_RESIDUAL = (
-        "These effects, which every rig has to some degree, close at least 90 % of the gap; a residual remains."
-    )
+    PARTLY = "These effects close {share} of the gap, without each of them far more is left; a residual remains."
     NO_SET_EXPLAINS = "No effect of the vocabulary, alone or with others, explains the held-out data."
     IMITATION = "Additional effects lower the residual only slightly, and a significant residual remains."
     RIVALS_IN_ONE_PLACE = "These effects explain the data equally well."
@@ -42,9 +48,6 @@ class Reason(Enum):
         "Cross-axis sensitivity is certain; the housing is misaligned as well, or the sensitivity is not symmetric."
     )
     INDISTINGUISHABLE = "These effects have the same signature: no recording of this kind separates them."
-    INDISTINGUISHABLE_WITH_RESIDUAL = (
-        "These effects have the same signature: no recording of this kind separates them. A residual remains."
-    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,17 +64,13 @@ class Decision:
     candidates: tuple[str, ...] = ()
     also_one_of: tuple[tuple[str, ...], ...] = ()
     """Further groups, of each of which one effect acts as well."""
+    leaves_remainder: bool = False
+    """Something is left that neither a name nor a group explains."""
 
     @property
     def known(self) -> frozenset[str]:
         """The effects that are named, and those of the groups."""
         return frozenset((*self.named, *self.candidates)).union(*self.also_one_of)
-
-    @property
-    def leaves_remainder(self) -> bool:
-        """Whether something is left that neither a name nor a group explains."""
-        beside = (Reason.USUAL_WITH_RESIDUAL, Reason.INDISTINGUISHABLE_WITH_RESIDUAL)
-        return self.verdict in ("unmodelled", "named_with_remainder") or self.reason in beside
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +89,8 @@ def _make(
     candidates: tuple[str, ...] = (),
 ) -> Decision:
     """Decide on a model; what it does not have, because it was eliminated, is not named."""
-    return Decision(verdict, reason, reason.value, model, tuple(sorted(named & model.names)), candidates)
+    known = tuple(sorted(named & model.names))
+    return Decision(verdict, reason, reason.value, model, known, candidates, leaves_remainder=verdict in PARTIAL)
 
 
 def _baseline_wins(evidence: Evidence) -> bool:
@@ -108,29 +108,38 @@ def _conclude_unexplained(evidence: Evidence) -> Decision:
     return _make(verdict, Reason.NOT_EXPLAINED, evidence.baseline, evidence.baseline_names)
 
 
-def _necessary_names(evidence: Evidence) -> frozenset[str]:
-    return nameable_with_residual(evidence.necessary) | evidence.baseline_names
+def _certain_beside_remainder(evidence: Evidence) -> frozenset[str]:
+    """Return the effects of all rival sets that are necessary, possible, and no imitation of what is left.
+
+    A remainder can change the swing's rate, and what few rigs have imitates it unless hardly any of the gap is left.
+    """
+    found = (evidence.necessary & _everywhere(evidence)) - evidence.baseline_names - evidence.doubtful
+    return frozenset(
+        name for name in found if not EFFECTS[name].scales_period and evidence.share_closed > _min_closed(EFFECTS[name])
+    )
 
 
-def _nameable_with_residual(evidence: Evidence) -> bool:
-    certain = _necessary_names(evidence) - evidence.baseline_names
-    return bool(certain) and evidence.closes_gap and len(evidence.rivals) == 1
+def _min_closed(effect: Effect) -> float:
+    if effect.transient:
+        return MIN_CLOSED_BY_EVENT
+    return MIN_CLOSED if effect.is_usual else MIN_CLOSED_BY_UNUSUAL
 
 
-def _certain_everywhere(evidence: Evidence) -> frozenset[str]:
-    """Effects of all rival sets that are necessary, although a residual remains."""
-    return (_necessary_names(evidence) & _everywhere(evidence)) - evidence.baseline_names
+def _is_partly_explained(evidence: Evidence) -> bool:
+    return evidence.best_leaves_excess and evidence.share_closed > MIN_CLOSED
 
 
-def _conclude_usual(evidence: Evidence) -> Decision:
-    """Name what all rivals have; the effects in which they differ are candidates. What the samples show explains nothing else."""
-    certain = _certain_everywhere(evidence)
-    group = _contested(evidence) if _rivals_differ_in_one_place(evidence) else ()
-    named = certain | (evidence.baseline_names & evidence.necessary)
+def _conclude_partly(evidence: Evidence) -> Decision:
+    """Name what is certain; the effects in which rivals differ are candidates. What the samples show explains nothing else."""
+    certain = _certain_beside_remainder(evidence)
+    differ = _rivals_differ_in_one_place(evidence) and evidence.best.names - _everywhere(evidence) <= evidence.necessary
+    group = _contested(evidence) if differ else ()
     if not certain and not group:
         return _make("unmodelled", Reason.NO_SET_EXPLAINS, evidence.best, evidence.baseline_names)
-    verdict: Verdict = "named_with_remainder" if named else "one_of"
-    return _make(verdict, Reason.USUAL_WITH_RESIDUAL, evidence.best, named, group)
+    named = certain | (evidence.baseline_names & evidence.necessary)
+    decision = _make("named_with_remainder", Reason.PARTLY, evidence.best, named, group)
+    text = Reason.PARTLY.value.format(share=f"{100 * evidence.share_closed:.3g} %")
+    return replace(decision, verdict="named_with_remainder" if named else "one_of", text=text)
 
 
 def _imitates(evidence: Evidence) -> bool:
@@ -174,11 +183,7 @@ RULES = (
         lambda e: _make("named", Reason.FOUND_BEFORE_SEARCH, e.baseline, e.baseline_names),
     ),
     Rule(_baseline_wins, lambda e: _make("none_missing", Reason.NOTHING_MISSING, e.baseline, frozenset())),
-    Rule(
-        lambda e: e.best_leaves_excess and _nameable_with_residual(e),
-        lambda e: _make("named_with_remainder", Reason.GAP_CLOSED_WITH_RESIDUAL, e.best, _necessary_names(e)),
-    ),
-    Rule(lambda e: e.best_leaves_excess and e.is_usual, _conclude_usual),
+    Rule(_is_partly_explained, _conclude_partly),
     Rule(
         lambda e: e.best_leaves_excess,
         lambda e: _make("unmodelled", Reason.NO_SET_EXPLAINS, e.best, e.baseline_names),
@@ -231,7 +236,8 @@ def _drop_nonstationary_lines(decision: Decision, log: Observations) -> Decision
         return decision
     text = Reason.NONSTATIONARY_LINE.value.format(names=", ".join(sorted(unsteady)))
     verdict: Verdict = "named_with_remainder" if named else "unmodelled"
-    return replace(decision, verdict=verdict, reason=Reason.NONSTATIONARY_LINE, text=text, named=named)
+    reason = Reason.NONSTATIONARY_LINE
+    return replace(decision, verdict=verdict, reason=reason, text=text, named=named, leaves_remainder=True)
 
 
 def _has_line_near(name: str, candidate: CandidateFit, lines_hz: np.ndarray, duration_s: float) -> bool:
@@ -250,8 +256,8 @@ def _name_one_mixture_of_axes(decision: Decision) -> Decision:
     if len(mixing) < 2:
         return decision
     named = tuple(name for name in decision.named if name not in mixing[1:])
-    reason = Reason.AXES_MIXED
-    return replace(decision, verdict="named_with_remainder", reason=reason, text=reason.value, named=named)
+    decision = replace(decision, verdict="named_with_remainder", named=named, leaves_remainder=True)
+    return replace(decision, reason=Reason.AXES_MIXED, text=Reason.AXES_MIXED.value)
 
 
 def _group_indistinguishable(
@@ -263,32 +269,20 @@ def _group_indistinguishable(
     """
     for name in sorted(decision.named, key=lambda each: each not in baseline):
         partners = () if EFFECTS[name].found_before_search else indistinguishable(name)
-        if not partners:
-            continue
-        group = (name, *partners)[:MAX_AMBIGUOUS]
-        named = tuple(each for each in decision.named if each != name)
-        if decision.verdict == "named":
-            reason = Reason.INDISTINGUISHABLE
-            return replace(decision, verdict="one_of", reason=reason, text=reason.value, named=named, candidates=group)
-        if decision.candidates or decision.reason is Reason.USUAL_WITH_RESIDUAL:
-            decision = _with_group(decision, named, group)
-            continue
-        reason = Reason.INDISTINGUISHABLE_WITH_RESIDUAL
-        verdict = _with_remainder(decision.verdict, named)
-        return replace(decision, verdict=verdict, reason=reason, text=reason.value, named=named, candidates=group)
+        if partners:
+            decision = _with_group(decision, name, (name, *partners)[:MAX_AMBIGUOUS])
     return decision
 
 
-def _with_remainder(verdict: Verdict, named: tuple[str, ...]) -> Verdict:
-    """Return the verdict where a group acts beside a remainder: the group is known although none of its members is."""
-    if verdict == "unmodelled" or named:
-        return verdict
-    return "one_of"
-
-
-def _with_group(decision: Decision, named: tuple[str, ...], group: tuple[str, ...]) -> Decision:
-    """Add a group to an answer that may have several; the first are its candidates."""
-    verdict = _with_remainder(decision.verdict, named)
+def _with_group(decision: Decision, name: str, group: tuple[str, ...]) -> Decision:
+    """Put a group in place of a named effect; the first group of an answer are its candidates."""
+    named = tuple(each for each in decision.named if each != name)
+    verdict = (
+        decision.verdict if decision.verdict == "unmodelled" or (named and decision.leaves_remainder) else "one_of"
+    )
+    decision = replace(decision, verdict=verdict, named=named)
     if decision.candidates:
-        return replace(decision, verdict=verdict, named=named, also_one_of=(*decision.also_one_of, group))
-    return replace(decision, verdict=verdict, named=named, candidates=group)
+        return replace(decision, also_one_of=(*decision.also_one_of, group))
+    if decision.reason is not Reason.PARTLY:
+        decision = replace(decision, reason=Reason.INDISTINGUISHABLE, text=Reason.INDISTINGUISHABLE.value)
+    return replace(decision, candidates=group)

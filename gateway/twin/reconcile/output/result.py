@@ -16,6 +16,7 @@ from gateway.twin.effects.parameter import Value
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 from gateway.twin.reconcile.output.estimates import Law, NamedEffect
+from gateway.twin.reconcile.output.remainder import Remainder
 
 Array = NDArray[np.float64]
 AVERAGED = "averaged"
@@ -193,6 +194,8 @@ class Peak:
     hz: float
     axis: str
     amplitude_g: float
+    multiple: int | None = None
+    """Of the swing's frequency, 1 to 4; None where the line is at none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,6 +266,8 @@ class Reconciliation:
     """Something is left that neither an effect of the answer nor one of a group explains."""
     ended_early: bool = False
     """The search was ended before it had tried all that it would have: other effects may explain the data as well."""
+    remainder: Remainder | None = None
+    """What the final model leaves of the motion; None where no model was fitted."""
     law: Law | None = None
     """What describes the remainder where no effect explains it; part of the final model."""
 

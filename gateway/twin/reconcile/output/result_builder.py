@@ -36,6 +36,7 @@ from gateway.twin.reconcile.output.result import (
 )
 from gateway.twin.reconcile.residual.isolability import confusable
 from gateway.twin.reconcile.residual.localisation import localise_residual
+from gateway.twin.reconcile.residual.remainder_of_motion import describe_remainder, name_multiples
 from gateway.twin.reconcile.residual.whiteness import analyse_residual
 from gateway.twin.reconcile.search.candidates import MIN_SCORE_STATISTIC, CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import SearchContext
@@ -98,7 +99,10 @@ def build_result(found: SearchOutcome, counts: Mapping[str, int], random: np.ran
         ),
         disagreement=localise_residual(recordings.log.time_s, sigma[0]),
         gap=_gap(log_curves, held_curves, test_part(recordings.held_out_as_stamped, recordings.block_s).used, random),
-        residual=analyse_residual(recordings.log.time_s, *sigma, log_curves.noise_g),
+        residual=name_multiples(
+            analyse_residual(recordings.log.time_s, *sigma, log_curves.noise_g), log_curves, found.model.rig
+        ),
+        remainder=describe_remainder(log_curves, found.model.rig),
         steps=_steps(found),
         scores=_scores(found),
         ranking=_ranking(found),

@@ -6,8 +6,8 @@ import numpy as np
 
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 from gateway.twin.reconcile.output.estimates import Estimate, Law, NamedEffect
+from gateway.twin.reconcile.output.remainder import Remainder
 from gateway.twin.reconcile.output.result import Gap, Reconciliation
-from gateway.twin.reconcile.output.swing_lines import multiple_of_swing
 
 SCHEMA_VERSION = 2
 """Raised when a field changes its meaning; fields are added without."""
@@ -50,6 +50,7 @@ def to_json(result: Reconciliation, runtime_s: float) -> dict[str, Any]:
         ],
         "gap": _gap(result.gap),
         "residual": _residual(result),
+        "left_of_motion": None if result.remainder is None else _remainder(result.remainder),
         "steps": [
             {
                 "added": list(step.added),
@@ -155,8 +156,22 @@ def _residual(result: Reconciliation) -> dict[str, Any] | None:
                 "hz": p.hz,
                 "axis": p.axis,
                 "amplitude_g": p.amplitude_g,
-                "multiple_of_swing": multiple_of_swing(p, result),
+                "multiple_of_swing": p.multiple,
             }
             for p in result.residual.peaks
         ],
+    }
+
+
+def _remainder(remainder: Remainder) -> dict[str, Any]:
+    """As shares of the rms of the motion, 0 to 1."""
+    return {
+        "share": remainder.share,
+        "share_before": remainder.share_before,
+        "share_wide_swing": remainder.share_wide,
+        "share_small_swing": remainder.share_small,
+        "direction": remainder.direction,
+        "hz": remainder.hz,
+        "amplitude_g": remainder.amplitude_g,
+        "multiple_of_swing": remainder.multiple,
     }

@@ -9,8 +9,9 @@ from gateway.twin.effects.parameter import Value
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 from gateway.twin.reconcile.output.estimates import Estimate, Law, Resemblance
 from gateway.twin.reconcile.output.result import AVERAGED, Curves, Gap, Reconciliation
-from gateway.twin.reconcile.output.swing_lines import HINT, name_multiple, suggests_other_reading
 
+NOTHING = 1e-9
+"""Size below which a value of any unit is 0."""
 VERDICT_SENTENCES = {
     "data_unusable": "the data cannot be used",
     "none_missing": "nothing is missing",
@@ -50,12 +51,8 @@ def to_text(result: Reconciliation) -> str:
         lines.append(f"samples      {_averaged(result.counts[AVERAGED], result.log)}")
     if result.gap is not None:
         lines.append(f"gap          {_gap(result.gap)}")
-    if result.leaves_remainder and result.residual is not None:
-        lines += [
-            f"residual     {p.amplitude_g * 1e3:.3g} mg at {p.hz:.4g} Hz on {p.axis}{name_multiple(p, result)}"
-            for p in result.residual.peaks
-        ]
-        lines += [f"hint         {HINT}"] if suggests_other_reading(result) else []
+    if result.leaves_remainder and result.remainder is not None:
+        lines.append(f"left         {result.remainder.sentence}")
     return "\n".join(lines)
 
 
@@ -113,7 +110,7 @@ def _effects(effects: Mapping[str, Mapping[str, Value]]) -> str:
 
 def _value(effect: str, parameter: str, value: Value) -> str:
     unit = next((each.unit for each in EFFECTS[effect].parameters if each.name == parameter), "1")
-    numbers = ",".join(f"{each:.4g}" for each in np.atleast_1d(np.asarray(value, dtype=np.float64)))
+    numbers = ",".join(_number(each) for each in np.atleast_1d(np.asarray(value, dtype=np.float64)))
     return f"{parameter} {numbers}" + ("" if unit == "1" else f" {unit}")
 
 
@@ -121,10 +118,15 @@ def _estimate(estimate: Estimate) -> str:
     low, high = (np.atleast_1d(end) for end in estimate.ci95)
     unit = "" if estimate.unit == "1" else f" {estimate.unit}"
     values = [
-        f"{value:.4g}{unit} ({least:.4g} to {most:.4g})"
+        f"{_number(value)}{unit} ({_number(least)} to {_number(most)})"
         for value, least, most in zip(np.atleast_1d(estimate.value), low, high, strict=True)
     ]
     return ", ".join(values)
+
+
+def _number(value: float) -> str:
+    """Return a number; what a fit leaves of an axis that was not measured is 0."""
+    return f"{value if abs(value) > NOTHING else 0.0:.4g}"
 
 
 def _doubt(estimate: Estimate) -> str:

@@ -49,7 +49,7 @@ def replace_implausible(
     with such a value are then no rivals.
     """
     for name in sorted(best.names - set(context.baseline_effects)):
-        if not _is_beyond_parts(name, best, context):
+        if not is_beyond_parts(name, best, context):
             continue
         rest = {each: values for each, values in best.values.items() if each != name}
         starts, residual_g = context.segment_starts(best), context.setting.log.force_g - best.fit.force_g
@@ -63,7 +63,7 @@ def replace_implausible(
             kept = {
                 names: fit
                 for names, fit in table.fits.items()
-                if name not in names or not _is_beyond_parts(name, fit, context)
+                if name not in names or not is_beyond_parts(name, fit, context)
             }
             moves = tuple(move for move in table.moves if move.names in kept)
             table, replaced = replace(table, fits=kept, moves=moves), best
@@ -72,6 +72,7 @@ def replace_implausible(
     return table, best
 
 
-def _is_beyond_parts(name: str, fit: CandidateFit, context: SearchContext) -> bool:
+def is_beyond_parts(name: str, fit: CandidateFit, context: SearchContext) -> bool:
+    """Return whether an effect needs a value that no part has."""
     doubt = implausibility({name: fit.values[name]}, context.setting.rig)
     return doubt > MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE

@@ -37,8 +37,8 @@ def evidence(best: RankedCandidate, *rivals: RankedCandidate, **facts: Any) -> E
         "best_leaves_lines": False,
         "necessary": best.names,
         "baseline_closes_gap": False,
-        "closes_gap": True,
-        "is_usual": False,
+        "share_closed": 0.999,
+        "doubtful": frozenset(),
     }
     return Evidence(**(known | facts))
 
@@ -125,7 +125,7 @@ def test_an_effect_that_was_eliminated_again_is_not_named(log: Observations) -> 
     facts = {"baseline": baseline, "best_leaves_excess": True, "necessary": frozenset({"vibration", "impact"})}
     for found in (
         decided(log, evidence(ranked(0.0, "impact"), **facts)),
-        decided(log, evidence(ranked(0.0, "impact"), **(facts | {"closes_gap": False}))),
+        decided(log, evidence(ranked(0.0, "impact"), **(facts | {"share_closed": 0.3}))),
     ):
         assert "vibration" not in found.named
 
@@ -166,7 +166,7 @@ def test_an_ambiguity_group_that_closes_the_gap_is_told_beside_a_residual(log: O
     bare = decided(log, evidence(ranked(0.0, "housing_spin"), **residual))
     assert (bare.verdict, bare.named, bare.candidates) == ("one_of", (), ("housing_spin", "slewing"))
     assert bare.leaves_remainder
-    open_gap = decided(log, evidence(ranked(0.0, "housing_spin"), **residual, closes_gap=False))
+    open_gap = decided(log, evidence(ranked(0.0, "housing_spin"), **residual, share_closed=0.3))
     assert (open_gap.verdict, open_gap.known) == ("unmodelled", frozenset())
 
 
@@ -212,42 +212,70 @@ def test_effects_that_scale_the_period_are_not_named_while_a_residual_remains(
     assert (found.verdict, found.named) == (("named_with_remainder", (name,)) if named else ("unmodelled", ()))
 
 
-def test_usual_causes_are_named_although_a_residual_remains(log: Observations) -> None:
+PARTLY = {"best_leaves_excess": True, "share_closed": 0.8}
+
+
+def test_what_closes_most_of_the_gap_is_named_although_a_residual_remains(log: Observations) -> None:
     best = ranked(0.0, "viscous_damping", "axis_offset", reduced_chi2=9.0)
-    facts = {"best_leaves_excess": True, "closes_gap": False}
-    found = decided(log, evidence(best, is_usual=True, **facts))
+    found = decided(log, evidence(best, **PARTLY))
 
     assert (found.verdict, found.named) == ("named_with_remainder", ("axis_offset", "viscous_damping"))
-    assert decided(log, evidence(best, **facts)).verdict == "unmodelled"
+    assert found.text.startswith("These effects close 80 % of the gap")
+    assert decided(log, evidence(best, **(PARTLY | {"share_closed": 0.4}))).verdict == "unmodelled"
 
 
-def test_usual_causes_that_rivals_replace_are_candidates(log: Observations) -> None:
+def test_beside_a_remainder_an_effect_is_not_named_that_is_idle_or_that_no_part_has(log: Observations) -> None:
+    best = ranked(0.0, "viscous_damping", "axis_offset", "lever_arm", reduced_chi2=9.0)
+    needed = {"necessary": frozenset({"viscous_damping", "axis_offset"}), "doubtful": frozenset({"axis_offset"})}
+    assert decided(log, evidence(best, **PARTLY, **needed)).named == ("viscous_damping",)
+
+
+@pytest.mark.parametrize(("name", "enough"), [("trolley_acceleration", 0.995), ("housing_rocking", 0.95)])
+def test_what_few_rigs_have_is_named_beside_a_remainder_only_where_little_is_left(
+    log: Observations, name: str, enough: float
+) -> None:
+    best = ranked(0.0, name, reduced_chi2=9.0)
+    assert decided(log, evidence(best, **PARTLY)).verdict == "unmodelled"
+    assert decided(log, evidence(best, **(PARTLY | {"share_closed": enough}))).named == (name,)
+
+
+def test_effects_that_rivals_replace_are_candidates_beside_a_remainder(log: Observations) -> None:
     best = ranked(0.0, "viscous_damping", "axis_offset", reduced_chi2=9.0)
     rival = ranked(5.0, "coulomb_friction", "axis_offset", reduced_chi2=9.1)
-    facts = {"best_leaves_excess": True, "closes_gap": False, "is_usual": True}
-    found = decided(log, evidence(best, rival, **facts))
+    found = decided(log, evidence(best, rival, **PARTLY))
 
     assert (found.verdict, found.named) == ("named_with_remainder", ("axis_offset",))
     assert found.candidates == ("viscous_damping", "coulomb_friction")
+    idle = decided(log, evidence(best, rival, **PARTLY, necessary=frozenset({"axis_offset"})))
+    assert idle.candidates == ()
 
 
 def test_an_answer_beside_a_remainder_may_have_two_groups(log: Observations) -> None:
     best = ranked(0.0, "viscous_damping", "axis_offset", reduced_chi2=9.0)
     rival = ranked(5.0, "coulomb_friction", "axis_offset", reduced_chi2=9.1)
-    facts = {"best_leaves_excess": True, "closes_gap": False, "is_usual": True}
     tilt = {"axis_offset": ("mount_misalignment",)}
-    found = decide(evidence(best, rival, **facts), log, lambda name: tilt.get(name, ()))
+    found = decide(evidence(best, rival, **PARTLY), log, lambda name: tilt.get(name, ()))
 
     assert (found.verdict, found.named) == ("one_of", ())
     assert found.candidates == ("viscous_damping", "coulomb_friction")
     assert found.also_one_of == (("axis_offset", "mount_misalignment"),)
     assert found.known == {"coulomb_friction", "viscous_damping", "axis_offset", "mount_misalignment"}
+    assert found.leaves_remainder
+
+
+def test_each_of_two_effects_that_nothing_separates_from_others_is_a_group(log: Observations) -> None:
+    alike = {"axis_offset": ("mount_misalignment",), "rope_length": ("clock_drift",)}
+    found = decide(evidence(ranked(0.0, "axis_offset", "rope_length")), log, lambda name: alike.get(name, ()))
+    assert (found.verdict, found.named) == ("one_of", ())
+    assert found.candidates == ("axis_offset", "mount_misalignment")
+    assert found.also_one_of == (("rope_length", "clock_drift"),)
+    assert not found.leaves_remainder
 
 
 def test_what_the_samples_show_is_no_explanation_of_a_remainder(log: Observations) -> None:
     baseline = ranked(90.0, "sample_hold", reduced_chi2=900.0)
     best = ranked(0.0, "viscous_damping", "sample_hold", reduced_chi2=9.0)
-    facts = {"baseline": baseline, "best_leaves_excess": True, "closes_gap": False, "is_usual": True}
+    facts = {"baseline": baseline, **PARTLY}
     found = decided(log, evidence(best, necessary=frozenset({"sample_hold"}), **facts))
 
     assert (found.verdict, found.named) == ("unmodelled", ("sample_hold",))

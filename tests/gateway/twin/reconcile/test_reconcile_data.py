@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from devices.pendulum.small_swing import period_ratio
 from gateway.measurement.source import HeldRows
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.artefact_detectors import (
@@ -16,7 +17,7 @@ from gateway.twin.reconcile.data.artefact_detectors import (
     regular_reading_times,
 )
 from gateway.twin.reconcile.data.data_checks import find_fault
-from gateway.twin.reconcile.data.observations import Observations, detect_spikes
+from gateway.twin.reconcile.data.observations import Observations, detect_spikes, make_observations
 from gateway.twin.reconcile.data.recordings import split_recordings
 from gateway.twin.reconcile.output.export import format_prediction_csv
 from gateway.twin.reconcile.output.result import Curves
@@ -167,6 +168,47 @@ def test_saturated_axis_of_a_quantised_recording_is_called_clipped(rig: TwinRig)
     assert "clipped or stuck" in (
         find_fault(time_s, np.minimum(force_g, limit_g), replace(rig, full_scale_g=limit_g)) or ""
     )
+
+
+def plane_of_a_swing(rig: TwinRig) -> tuple[Array, Array]:
+    """Return times and readings of x and z; y was not measured and reads zero."""
+    time_s, simulator = np.arange(0, 60, 1 / 20.0), Simulator(rig, [])
+    force_g = simulator.predict(simulator.values([0.2, 0, 0, 0, 0], {}), time_s)
+    noisy_g = force_g + np.array(rig.noise_g) * np.random.default_rng(1).normal(size=force_g.shape)
+    return time_s, noisy_g * [1, 0, 1]
+
+
+def test_two_axes_in_the_plane_of_the_swing_suffice(rig: TwinRig) -> None:
+    time_s, force_g = plane_of_a_swing(rig)
+
+    assert find_fault(time_s, force_g, rig) is None
+    assert "stuck" in (find_fault(time_s, force_g * [0, 0, 1], rig) or "")
+    assert "stuck" in (find_fault(time_s, force_g + np.array([0, 0.3, 0]), rig) or "")
+
+
+def test_an_axis_that_was_not_measured_counts_for_nothing(rig: TwinRig) -> None:
+    observations = make_observations(*plane_of_a_swing(rig)[:2], None, np.array(rig.noise_g))
+    simulator = Simulator(rig, [])
+    simulated_g = simulator.predict(simulator.values([0.2, 0, 0, 0, 0], {}), observations.time_s)
+
+    assert observations.n_values == 2 * observations.used.sum()
+    assert observations.reduced_chi2(simulated_g) == pytest.approx(1, abs=0.1)
+
+
+def test_the_amplitude_of_a_long_swing_that_decays_is_large() -> None:
+    """A bob on a string from 87 degrees, filmed for 260 s: the mean along the rope changes by more than its line is high."""
+    random = np.random.default_rng(4)
+    time_s = np.arange(0, 260, 1 / 30.0)
+    amplitude_rad = 1.52 / (1 + time_s / 40)
+    rate_1_s = 2 * np.pi / 1.1 / np.array([period_ratio(each) for each in amplitude_rad])
+    phase = np.concatenate([[0.0], np.cumsum(rate_1_s[1:] * np.diff(time_s))])
+    angle_rad = amplitude_rad * np.cos(phase)
+    force_g = np.column_stack([np.sin(angle_rad), 0 * time_s, np.cos(angle_rad)])
+    force_g[:, ::2] += 1e-3 * random.normal(size=(len(time_s), 2))
+    is_blurred = random.random(len(time_s)) < amplitude_rad * np.abs(np.sin(phase)) ** 0.5
+    time_s, force_g = time_s[~is_blurred], force_g[~is_blurred]
+
+    assert make_observations(time_s, force_g, None, np.full(3, 1e-3)).has_large_amplitude
 
 
 def test_slack_rope_is_reported_as_free_fall(record: Record, rig: TwinRig) -> None:

@@ -11,6 +11,7 @@ import pytest
 from gateway.twin.effects import EFFECTS
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.output.estimates import Estimate, NamedEffect
+from gateway.twin.reconcile.output.remainder import Remainder
 from gateway.twin.reconcile.output.result import (
     Candidate,
     Confusable,
@@ -148,12 +149,14 @@ VERDICTS: dict[str, dict[str, Any]] = {
         "effects": (named("viscous_damping"),),
         "gap": Gap(232.0, 213.0, 213.0, 15.3, 29.8, 29.8, (83.0, 229.0)),
         "residual": Residual(False, 0.0, (Peak(0.131, "x", 2.1e-3),), spectrum()),
+        "remainder": Remainder(0.012, 0.34, 0.012, 0.011, "along the swing", 0.131, 2.1e-3, 1),
     },
     "unmodelled": {
         "leaves_remainder": True,
         **UNCHANGED,
         "gap": Gap(2.0, 1.96, 1.96, 2.0, 1.96, 1.96, (0.0, 0.0)),
         "residual": Residual(False, 0.0, (Peak(0.431, "x", 2.1e-3), Peak(0.86, "z", 4e-4)), spectrum()),
+        "remainder": Remainder(0.23, 0.23, 0.3, 0.1, "across the swing", 0.431, 2.1e-3, None),
     },
 }
 
