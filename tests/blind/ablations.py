@@ -1,98 +1,230 @@
-"""`plumbline` without one of the gates of `reconcile`: what is the gate worth?
+"""`plumbline` without one of the parts of `reconcile`: what is the part worth?
 
-`python -m tests.blind.ablations --without drop reconcile LOG --rig RIG ...`; each takes one part away from outside, so that
-the product has no switch for it.
+`python -m tests.blind.ablations --without PART reconcile LOG --rig RIG ...`. `--acted FILE` instead writes which parts did
+something on the recording, as JSON: without the others the answer is the same. `script/ablate` makes the table from both.
 """
 
 import argparse
+import json
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
 from typing import Any
-from unittest.mock import patch
 
 from gateway.cli.main import main as plumbline
-from gateway.twin.reconcile import reconcile
-from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.decision.evidence import Evidence, gather_evidence
-from gateway.twin.reconcile.decision.ranking import RankedCandidate, rank_candidates
+from gateway.twin.reconcile.decision.ranking import RankedCandidate
 from gateway.twin.reconcile.fit.validation import ValidationFit
-from gateway.twin.reconcile.search import baseline, persistent, stepwise_selection
+from tests.blind.ablation import Call, Instead, Part, RuleOfVerdict, StepOfSearch
 
-Ranking = tuple[list[RankedCandidate], RankedCandidate]
-
-
-@contextmanager
-def isolability() -> Iterator[None]:
-    """Neither fit ambiguity partners nor keep them as rivals: the best set stands alone."""
-
-    def best_alone(*arguments: Any) -> Ranking:
-        ranked, base = rank_candidates(*arguments)
-        return ranked[:1], base
-
-    with (
-        patch.object(reconcile, "rank_candidates", best_alone),
-        patch.object(reconcile, "indistinguishable", lambda *_: ()),
-        patch.object(persistent, "partners_of", lambda *_: frozenset()),
-        patch.object(stepwise_selection, "partners_of", lambda *_: frozenset()),
-    ):
-        yield
+RULES = (
+    "not explained",
+    "found before the search",
+    "nothing missing",
+    "partly explained",
+    "no set explains",
+    "imitation",
+    "rivals in one place",
+    "some certain",
+    "several sets",
+)
+"""The rules of the verdict in their order, without the last, which decides where no other does."""
 
 
-@contextmanager
-def held_out() -> Iterator[None]:
-    """Let the log alone decide; the prediction of the held-out recording is still made, to be scored."""
-
-    def by_bic(*arguments: Any) -> Ranking:
-        ranked, base = rank_candidates(*arguments)
-        least = min(each.bic for each in ranked)
-        by_log = [replace(each, evidence_deficit=each.bic - least) for each in ranked]
-        return sorted(by_log, key=lambda each: each.bic), base
-
-    def on_log(
-        best: RankedCandidate,
-        base: RankedCandidate,
-        nominal: RankedCandidate,
-        rivals: list[RankedCandidate],
-        log: Observations,
-        _selection: Observations,
-        *others: Any,
-        **facts: Any,
-    ) -> Evidence:
-        found = gather_evidence(_on_log(best), _on_log(base), _on_log(nominal), rivals, log, log, *others, **facts)
-        return replace(found, best=best, baseline=base)
-
-    def clock_is_suspect_on_log(run: reconcile.SearchRun) -> bool:
-        return "clock_drift" in run.best.values and run.best.has_unexplained_residual
-
-    with (
-        patch.object(reconcile, "rank_candidates", by_bic),
-        patch.object(reconcile, "gather_evidence", on_log),
-        patch.object(reconcile, "_is_supported_by_selection", lambda _run, best, base, _random: best is not base),
-        patch.object(reconcile, "extend_by_validation", lambda table, _context, best, *_: (table, best)),
-        patch.object(reconcile, "_clock_rate_is_suspect", clock_is_suspect_on_log),
-        patch.object(baseline, "MIN_REPEATED_GAIN", -float("inf")),
-    ):
-        yield
+def _first(_original: Instead, first: Any, *_others: Any, **_named: Any) -> Any:
+    return first
 
 
-def _on_log(ranked: RankedCandidate) -> RankedCandidate:
+def _first_and_third(_original: Instead, first: Any, _second: Any, third: Any, *_others: Any, **_named: Any) -> Any:
+    return first, third
+
+
+def _first_and_second(_original: Instead, first: Any, second: Any, *_others: Any, **_named: Any) -> Any:
+    return first, second
+
+
+def _constant(value: Any) -> Instead:
+    return lambda *_arguments, **_named: value
+
+
+def _best_alone(_original: Instead, ranked: Any, _pairs: Any) -> Any:
+    return ranked[:1]
+
+
+def _by_bic(original: Instead, *arguments: Any) -> Any:
+    ranked, base = original(*arguments)
+    least = min(each.bic for each in ranked)
+    by_log = [replace(each, evidence_deficit=each.bic - least) for each in ranked]
+    return sorted(by_log, key=lambda each: each.bic), base
+
+
+def _on_log(
+    original: Instead, best: Any, base: Any, nominal: Any, rivals: Any, log: Any, *others: Any, **facts: Any
+) -> Any:
+    found = original(*map(_judged_on_log, (best, base, nominal)), rivals, log, log, *others[1:], **facts)
+    return replace(found, best=best, baseline=base)
+
+
+def _judged_on_log(ranked: RankedCandidate) -> RankedCandidate:
     """As if the log were the recording that validates."""
     candidate = ranked.candidate
     return replace(ranked, validation=ValidationFit(candidate.fit, candidate.reduced_chi2, ()))
 
 
-@contextmanager
-def drop() -> Iterator[None]:
-    """Keep what the search has added."""
-    with patch.object(stepwise_selection, "eliminate", lambda table, _context, best: (table, best)):
-        yield
+def _differs(_original: Instead, _run: Any, best: Any, base: Any, _random: Any) -> Any:
+    return best is not base
 
 
-ABLATIONS: Mapping[str, Callable[[], AbstractContextManager[None]]] = {
-    each.__name__: each for each in (isolability, held_out, drop)
+def _unreplaced(_original: Instead, table: Any, _context: Any, _validator: Any, best: Any) -> Any:
+    return table, best
+
+
+def _unadded(_original: Instead, table: Any, _context: Any, base: Any) -> Any:
+    return table, base
+
+
+def _ungrown(_original: Instead, table: Any, _context: Any, _size: int) -> Any:
+    return table, table.best
+
+
+def _step(where: str) -> Call:
+    """A function that takes a table first and returns it with more fits."""
+    return Call(where, _first)
+
+
+GATES = {
+    "held-out recording": Part(
+        "the held-out recording has a say; without it the log alone decides",
+        (
+            Call("reconcile.rank_candidates", _by_bic, is_pure=False),
+            Call("reconcile.gather_evidence", _on_log, is_pure=False),
+            Call("reconcile._is_supported_by_selection", _differs, is_pure=False),
+        ),
+    ),
+    "isolability": Part(
+        "effects of the same signature are fitted beside each other and stay rivals",
+        (
+            Call("reconcile.rivals_of", _best_alone),
+            Call("reconcile.indistinguishable", _constant(())),
+            Call("search.persistent.partners_of", _constant(frozenset())),
+            Call("search.stepwise_selection.partners_of", _constant(frozenset())),
+        ),
+    ),
+    "same signature": Part(
+        "a named effect becomes a group where another one gives the same samples",
+        (Call("decision.verdict._group_indistinguishable", _first),),
+    ),
+    "elimination": Part(
+        "effects whose absence costs nothing are dropped again",
+        (Call("search.stepwise_selection.eliminate", _first_and_third),),
+    ),
+    "beyond parts": Part(
+        "an effect that needs a value no part has is replaced by one of the same signature",
+        (Call("reconcile.replace_implausible", _unreplaced),),
+    ),
+    "prior of parts": Part(
+        "values that no part has count against a set", (Call("search.candidates.implausibility", _constant(0.0)),)
+    ),
+    "usual causes": Part(
+        "where a remainder is left, what every rig has is fitted at once",
+        (Call("reconcile.fit_usual_causes", _first_and_third),),
+    ),
+    "unsteady line": Part(
+        "an effect of a steady frequency with lines beside it is not named",
+        (Call("decision.verdict._drop_nonstationary_lines", _first),),
+    ),
+    "one matrix": Part(
+        "several effects that mix the axes are named as one",
+        (Call("decision.verdict._name_one_mixture_of_axes", _first),),
+    ),
+    "unmodelled course": Part(
+        "samples inside an event whose course is not modelled count for nothing",
+        (
+            Call("decision.evidence.exclude_unmodelled_profiles", _first),
+            Call("search.events.exclude_unmodelled_profiles", _first),
+        ),
+    ),
+} | {f"rule: {name}": Part("a rule of the verdict", (RuleOfVerdict(index),)) for index, name in enumerate(RULES)}
+"""What stands between a set of effects and its name."""
+
+STEPS = {
+    "length of a large swing": Part(
+        "a wrong length is found by the period at the amplitude", (Call("search.baseline._add_rope_length", _unadded),)
+    ),
+    "length of a small swing": Part(
+        "the fit of a length begins at that of the period", (_step("search.persistent._fit_length_by_period"),)
+    ),
+    "machine line": Part(
+        "a machine's line is fitted before the search", (Call("search.baseline._add_machine_line", _first_and_second),)
+    ),
+    "bodies": Part(
+        "a heavy rope and a pivot that yields or holds are fitted before pairs",
+        (StepOfSearch("fit a heavy rope and effects of the pivot"),),
+    ),
+    "pairs first": Part(
+        "pairs of persistent effects are fitted before events", (StepOfSearch("fit pairs of persistent effects"),)
+    ),
+    "swap in a pair": Part(
+        "the effects of a pair that explains the log are swapped", (StepOfSearch("swap effects of an explaining pair"),)
+    ),
+    "guesses from the residual": Part(
+        "effects are fitted from guesses in the baseline's residual",
+        (StepOfSearch("fit effects guessed from the residual"),),
+    ),
+    "events in windows": Part(
+        "events are fitted in windows of a scan, beside the baseline", (StepOfSearch("fit events in scanned windows"),)
+    ),
+    "refinement": Part(
+        "fits in narrow valleys are continued, events tried shorter and longer",
+        (_step("search.steps.refine"), _step("search.stepwise_selection.refine")),
+    ),
+    "stretched events": Part(
+        "events are tried shorter and longer", (Call("search.events._stretched", _constant(())),)
+    ),
+    "ambiguity partners": Part(
+        "effects of the same signature are fitted, however small their score",
+        (StepOfSearch("fit ambiguity partners"),),
+    ),
+    "growth": Part(
+        "second and third effects are added to the best one",
+        (Call("search.stepwise_selection._forward_step", _ungrown),),
+    ),
+    "events in growth": Part(
+        "events are fitted beside the parents of growth", (_step("search.stepwise_selection.fit_events_in_windows"),)
+    ),
+    "guesses in growth": Part(
+        "effects are guessed from the residual of the parents of growth",
+        (_step("search.stepwise_selection.fit_guessed_effects"),),
+    ),
+    "swaps": Part(
+        "each effect of a set is exchanged for the best others",
+        (
+            Call("search.stepwise_selection.try_swaps", _first_and_third),
+            Call("search.steps.try_swaps", _first_and_third),
+        ),
+    ),
+    "rivals with the swapped": Part(
+        "sets nearly as good as one before a swap get what was swapped in",
+        (_step("search.stepwise_selection._fit_rivals_with_swapped"),),
+    ),
+    "coincident effects": Part(
+        "effects that coincide until a length changes are fitted where one does",
+        (_step("reconcile.fit_coincident_effects"),),
+    ),
+    "lost samples first": Part(
+        "a clock error beside the baseline starts the search at true times at once",
+        (Call("reconcile.fit_clock_hypothesis", _constant(None)),),
+    ),
+    "reversed swing": Part(
+        "a start whose sign the data hide is tried both ways",
+        (Call("fit.fit_context.hides_sign_of_swing", _constant(value=False)),),
+    ),
 }
+"""What finds sets of effects."""
+
+PARTS: Mapping[str, Part] = GATES | STEPS
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -100,11 +232,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m tests.blind.ablations", description=(__doc__ or "").splitlines()[0]
     )
-    parser.add_argument("--without", choices=ABLATIONS, required=True)
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument("--without", choices=PARTS)
+    what.add_argument("--acted", type=Path, metavar="FILE.json", help="write which parts did something")
     parser.add_argument("rest", nargs=argparse.REMAINDER, metavar="COMMAND ...", help="plumbline's arguments")
     chosen = parser.parse_args(arguments)
-    with ABLATIONS[chosen.without]():
-        return plumbline(chosen.rest)
+    if chosen.without is not None:
+        with PARTS[chosen.without].off():
+            return plumbline(chosen.rest)
+    code, acted = _watch(chosen.rest)
+    chosen.acted.write_text(json.dumps(acted))
+    return code
+
+
+def _watch(arguments: Sequence[str]) -> tuple[int, list[str]]:
+    acted: set[str] = set()
+    with ExitStack() as stack:
+        for name, part in PARTS.items():
+            stack.enter_context(part.watched(partial(acted.add, name)))
+        code = plumbline(arguments)
+    return code, sorted(acted)
 
 
 if __name__ == "__main__":

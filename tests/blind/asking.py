@@ -27,14 +27,14 @@ class _Ended:
     cpu_s: float
 
 
-def ask(case: Path, command: Sequence[str], timeout_s: float) -> dict[str, Any]:
+def ask(case: Path, command: Sequence[str], timeout_s: float, options: Sequence[str] = ()) -> dict[str, Any]:
     """A row of the results: what is hidden, what was said, what that is worth, and what it cost."""
     truth_file = json.loads((case / "truth.json").read_text())
     hidden = truth_file["effects"]
     truth = frozenset(hidden)
     with tempfile.TemporaryDirectory() as folder:
         report, prediction = Path(folder, "report.json"), Path(folder, "prediction.csv")
-        ended = _run([*command, "reconcile", *case_arguments(case, report, prediction)], timeout_s)
+        ended = _run([*command, "reconcile", *case_arguments(case, report, prediction), *options], timeout_s)
         row = {
             "case": case.name,
             "truth": sorted(truth),

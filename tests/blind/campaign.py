@@ -21,7 +21,6 @@ from types import FrameType
 from typing import Any
 
 from tests.blind import confusion, kept, score
-from tests.blind.ablations import ABLATIONS
 from tests.blind.asking import ask
 from tests.blind.kept import Given
 from tests.blind.plan import Plan, plan_cases
@@ -52,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Exit code 0 done, 1 a worker was killed, 2 bad usage, 130 stopped: what is done is in the file."""
     chosen = _parser().parse_args(arguments)
     question = Question(_command(chosen), chosen.timeout, chosen.cases_dir)
-    heading = {"cases": chosen.cases, "seed": chosen.seed, "command": chosen.command, "without": chosen.without}
+    heading = {"cases": chosen.cases, "seed": chosen.seed, "command": chosen.command}
     try:
         tasks = _tasks(chosen)
         if chosen.folder is not None:
@@ -107,8 +106,6 @@ def _asked(index: int, case: Path, question: Question) -> Row:
 
 
 def _command(chosen: argparse.Namespace) -> tuple[str, ...]:
-    if chosen.without is not None:
-        return (sys.executable, "-m", "tests.blind.ablations", "--without", chosen.without)
     return (sys.executable, "-m", "gateway") if chosen.command == PLUMBLINE else tuple(shlex.split(chosen.command))
 
 
@@ -127,7 +124,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--folder", type=Path, metavar="DIR", help="ask the cases in there (case_*) instead of making them"
     )
-    parser.add_argument("--without", choices=ABLATIONS, help="ask plumbline without this part of it")
     parser.add_argument("--timeout", type=float, default=150.0, help="seconds for one case (150)")
     parser.add_argument(
         "--cases-dir", type=Path, metavar="DIR", help="keep the cases that are made there, and use those that it has"
@@ -137,8 +133,6 @@ def _parser() -> argparse.ArgumentParser:
 
 def _tasks(chosen: argparse.Namespace) -> list[Plan | Given]:
     """Raises `WorkAmissError` where a folder has no cases, or those of another campaign."""
-    if chosen.without is not None and chosen.command != PLUMBLINE:
-        raise WorkAmissError(f"--without {chosen.without} asks plumbline; leave --command out")
     if chosen.folder is not None:
         found = sorted(chosen.folder.glob("case_*"))
         if not found:

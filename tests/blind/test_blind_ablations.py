@@ -1,4 +1,4 @@
-"""Each ablation takes away what it says, and gives it back."""
+"""A part that is taken away is gone, and is there again afterwards; the table counts what it buys."""
 
 import csv
 import json
@@ -19,6 +19,8 @@ from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateTable
 from gateway.twin.reconcile.search.context import make_context
 from tests.blind import ablations
+from tests.blind.ablation_table import Worth, markdown, worth_of
+from tests.blind.ablations import PARTS
 from tests.blind.cases import generate
 from tests.blind.plan import Plan
 from tests.blind.write import write_case
@@ -55,7 +57,7 @@ def test_without_isolability_one_of_a_group_is_named(asked: Callable[..., Any]) 
     model, recorded = asked("housing_spin", seed=8)
     assert verdict(model, recorded["log"], recorded["held_out"])[0] == "one_of"
 
-    with ablations.isolability():
+    with PARTS["isolability"].off():
         said, names = verdict(model, recorded["log"], recorded["held_out"])
         assert vars(stepwise_selection)["partners_of"](None, None, frozenset({"slewing"})) == frozenset()
 
@@ -70,7 +72,7 @@ def test_without_held_out_what_one_recording_holds_is_named(asked: Callable[...,
     said, _ = verdict(model, recorded["log"], others["held_out"])
     assert said not in ("named", "one_of")
 
-    with ablations.held_out():
+    with PARTS["held-out recording"].off():
         said, names = verdict(model, recorded["log"], others["held_out"])
 
     assert (said, names) == ("named", ["axis_offset"])
@@ -84,7 +86,7 @@ def test_without_drop_what_was_added_stays(asked: Callable[..., Any]) -> None:
     needless = table.fits[frozenset({"axis_offset"})]
     assert stepwise_selection.eliminate(table, context, needless)[1].names == frozenset()
 
-    with ablations.drop():
+    with PARTS["elimination"].off():
         assert stepwise_selection.eliminate(table, context, needless)[1].names == {"axis_offset"}
 
 
@@ -94,8 +96,56 @@ def test_prediction_of_a_command_without_a_gate_is_of_the_held_out_recording(tmp
     files = [tmp_path / "log.csv", "--rig", tmp_path / "rig.toml", "--held-out", tmp_path / "held_out.csv"]
     files += ["--json", out, "--prediction", prediction]
 
-    assert ablations.main(["--without", "held_out", "reconcile", *map(str, files)]) == 0
+    assert ablations.main(["--without", "held-out recording", "reconcile", *map(str, files)]) == 0
 
     assert json.loads(out.read_text())["gap"]["after"]["held_out"] == pytest.approx(1, abs=0.2)
     with prediction.open(newline="") as file:
         assert len(list(csv.DictReader(file))) == round(LENGTHS_S["held_out"] * 50)
+
+
+def test_parts_that_did_something_are_told(tmp_path: Path) -> None:
+    write_case(generate(Plan(0, 3, "single", ("axis_offset",)), LENGTHS_S), tmp_path)
+    acted = tmp_path / "acted.json"
+    files = [tmp_path / "log.csv", "--rig", tmp_path / "rig.toml", "--held-out", tmp_path / "held_out.csv"]
+
+    assert ablations.main(["--acted", str(acted), "reconcile", *map(str, files)]) == 0
+
+    told = json.loads(acted.read_text())
+    assert "held-out recording" in told
+    assert "machine line" not in told
+    assert [name for name in told if name.startswith("rule: ")] == []  # the last rule decides
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_every_part_can_be_taken_away_and_watched(part: str) -> None:
+    with PARTS[part].off(), PARTS[part].watched(lambda: None):
+        pass
+
+
+def row(score: str, *acted: str, cpu_s: float = 2.0) -> dict[str, Any]:
+    return {"verdict": "named", "named": [score], "group": [], "score": score, "cpu_s": cpu_s, "acted": list(acted)}
+
+
+def test_worth_counts_cases_won_and_wrong_names_prevented() -> None:
+    base = {
+        "a": row("right", "growth"),
+        "b": row("right", "growth"),
+        "c": row("missed", "growth"),
+        "d": row("extra_name", "growth"),
+        "e": row("right"),
+        "f": row("right", "growth"),
+    }
+    without = {
+        "a": row("wrong_name", cpu_s=1.0),
+        "b": row("right", cpu_s=1.0),
+        "c": row("right_group", cpu_s=1.0),
+        "d": row("partly", cpu_s=1.0),
+    }
+
+    found = worth_of("growth", base, without)
+
+    assert found == Worth(asked=4, left=1, changed=3, won=1, wrong_prevented=1, lost=1, wrong_caused=1, cpu_ratio=2.0)
+    assert (
+        "| growth | second and third effects are added to the best one | 4 of 5 | 3 | 1 | 1 | 1 | 1 | 2.00 |"
+        in markdown(base, {"growth": without})
+    )

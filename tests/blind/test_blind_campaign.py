@@ -184,7 +184,6 @@ def test_what_ran_out_of_time_is_an_answer(guesser: str, case: Path, tmp_path: P
     [
         (["--folder", "{}"], "there is no case_* in it"),
         (["--cases-dir", "{}/cases", "--cases", "3"], "holds another campaign's case_000"),
-        (["--without", "drop", "--command", "other"], "leave --command out"),
     ],
 )
 def test_what_does_not_go_together_is_refused(

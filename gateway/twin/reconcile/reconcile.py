@@ -8,10 +8,8 @@ from typing import Protocol
 import numpy as np
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.clock import ClockDrift, SampleLoss
-from gateway.twin.effects.sensor_output import Quantization
+from gateway.twin.effects.clock import SampleLoss
 from gateway.twin.model import Model
-from gateway.twin.reconcile.data.artefact_detectors import quantised_mean
 from gateway.twin.reconcile.data.crane_inputs import NO_INPUTS, CraneInputs, registered
 from gateway.twin.reconcile.data.data_checks import CheckedRecording, find_lack_of_rest
 from gateway.twin.reconcile.data.recordings import Recordings, find_lack_of_test, split_recordings
@@ -24,10 +22,8 @@ from gateway.twin.reconcile.known_model import KnownModel
 from gateway.twin.reconcile.output.result import AVERAGED, Reconciliation
 from gateway.twin.reconcile.output.result_builder import SearchOutcome, unusable_result
 from gateway.twin.reconcile.residual.isolability import indistinguishable_pairs
-from gateway.twin.reconcile.residual.residual_tests import has_excess
-from gateway.twin.reconcile.residual.surrogate_test import normal_score, null_threshold
 from gateway.twin.reconcile.search.ambiguity import indistinguishable, is_beyond_parts, replace_implausible
-from gateway.twin.reconcile.search.baseline import MIN_REPEATED_GAIN, Values, detect_in_samples, fit_baseline
+from gateway.twin.reconcile.search.baseline import Values, detect_in_samples, fit_baseline
 from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.coincident import fit_coincident_effects
@@ -43,7 +39,6 @@ from gateway.twin.reconcile.search.steps import (
 from gateway.twin.reconcile.search.stepwise_selection import grow
 from gateway.twin.reconcile.search.usual_causes import fit_usual_causes
 from gateway.twin.reconcile.search.validation_cache import Validator
-from gateway.twin.reconcile.search.validation_search import extend_by_validation, improves
 from gateway.twin.reconcile.timing.sample_loss import find_sample_loss, retime_validation
 
 
@@ -125,8 +120,7 @@ def _reconcile(
     if run is None:
         return unusable_result(known.model, log, "the nominal model cannot be fitted")
     tick("validation")
-    run = _accept(run, random)
-    table, best = extend_by_validation(run.table, run.context, run.best, run.validator, random)
+    table, best = run.table, run.best
     if best.has_unexplained_residual and not run.context.setting.crane_inputs:
         tick("usual causes")
         table, best = fit_usual_causes(table.start_round(), run.context, best, run.validator)
@@ -148,10 +142,7 @@ def _search(
         retimed = _search_at_true_times(known, run, suspect, detected, tick)
         if retimed is not None:
             return retimed
-    run = _finish(run)
-    if _clock_rate_is_suspect(run) and not has_event(run.table, run.context):
-        return _search_at_true_times(known, run, run.best, detected, tick) or run
-    return run
+    return _finish(run)
 
 
 def _begin(
@@ -178,14 +169,6 @@ def _finish(run: SearchRun) -> SearchRun:
     return replace(run, context=run.context.without_eliminated(table, best), table=table.start_round(), best=best)
 
 
-def _clock_rate_is_suspect(run: SearchRun) -> bool:
-    """Whether the best set has a clock error that does not explain both recordings."""
-    if run.lost_fraction is not None or ClockDrift.name not in run.best.values:
-        return False
-    selection = run.validator.selection
-    return run.best.has_unexplained_residual or has_excess(selection, run.validator.evaluate(run.best).fit)
-
-
 def _search_at_true_times(
     known: KnownModel, run: SearchRun, suspect: CandidateFit, detected: Values, tick: ReportProgress
 ) -> SearchRun | None:
@@ -202,37 +185,6 @@ def _search_at_true_times(
         return None
     again = replace(again, nominal=run.nominal, lost_fraction=lost.time_warp.fraction)
     return _finish(again)
-
-
-def _accept(run: SearchRun, random: np.random.Generator) -> SearchRun:
-    """Keep the best set if its gain exceeds what noise and coarse steps alone would give; else the baseline."""
-    is_accepted = _exceeds_null(run, random) and _exceeds_quantisation(run)
-    return run if is_accepted else replace(run, best=run.base)
-
-
-def _exceeds_null(run: SearchRun, random: np.random.Generator) -> bool:
-    """Whether the gain is larger than any effect's on noise with the spectrum of the residual."""
-    base, best = run.base, run.best
-    if best.names == base.names:
-        return False
-    residual = run.context.setting.log.residual_sigma(best.fit.force_g)
-    reached = normal_score(base.fit.chi2 - best.fit.chi2, max(1, best.n_parameters - base.n_parameters))
-    return reached > null_threshold(run.context.signatures(base).of, residual, random)
-
-
-def _exceeds_quantisation(run: SearchRun) -> bool:
-    """Whether the gain of samples in coarse steps repeats against the mean of the steps: else it only imitates them."""
-    base, best = run.base, run.best
-    if Quantization.name not in base.values or best.names == base.names:
-        return True
-    log, noise_g = run.context.setting.log, np.array(run.context.setting.rig.noise_g)
-    step_g = float(np.asarray(base.values[Quantization.name]["lsb_g"]))
-
-    def against_steps(fit: CandidateFit) -> float:
-        return log.reduced_chi2(quantised_mean(fit.fit.force_g, step_g, noise_g))
-
-    gain = against_steps(base) - against_steps(best)
-    return gain > MIN_REPEATED_GAIN * (base.reduced_chi2 - best.reduced_chi2)
 
 
 def _decide(known: KnownModel, run: SearchRun, random: np.random.Generator) -> SearchOutcome:
@@ -287,4 +239,4 @@ def _is_supported_by_selection(
     intervals_s = [EFFECTS[name].interval_s(best.candidate.values[name]) for name in added]
     if all(interval is not None and interval[1] < selection.offset_s for interval in intervals_s):
         return True
-    return improves(base.validation, best.validation, run.validator, random)
+    return run.validator.is_improved(base.validation, best.validation, random)

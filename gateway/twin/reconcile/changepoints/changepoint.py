@@ -11,7 +11,6 @@ from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.changepoints.changepoint_scan import INSIDE_COST
 from gateway.twin.reconcile.changepoints.consistent_prefix import (
     MAX_SEARCH_STEPS,
-    ConsistentPrefix,
     fit_single_trajectory,
     longest_consistent_prefix,
 )
@@ -31,11 +30,8 @@ def locate_changepoint(context: FitContext, values: EffectValues, *, length: boo
     if any(EFFECTS[name].transient for name in values):
         return None
     prefix = longest_consistent_prefix(context, values)
-    return None if prefix is None else locate_next_changepoint(context, prefix, length=length)
-
-
-def locate_next_changepoint(context: FitContext, prefix: ConsistentPrefix, *, length: bool) -> EventWindow | None:
-    """Return the same where the consistent prefix is known."""
+    if prefix is None:
+        return None
     log = context.log
     length_effects: EffectValues = {
         name: {} for name in EFFECTS.choose(length_like=True) if length and name not in context.model_effects

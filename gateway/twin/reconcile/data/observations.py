@@ -77,7 +77,8 @@ class Observations:
 
 def unmeasured_axes(force_g: Array) -> NDArray[np.bool_]:
     """Return which axes of readings (n, 3) read zero throughout: a table of two axes has no third, shape (3,)."""
-    unmeasured: NDArray[np.bool_] = (force_g == 0).all(axis=0)
+    is_zero = (force_g == 0).all(axis=0)
+    unmeasured: NDArray[np.bool_] = is_zero & ~is_zero.all()
     return unmeasured
 
 

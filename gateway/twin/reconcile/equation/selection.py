@@ -21,7 +21,6 @@ from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTabl
 from gateway.twin.reconcile.search.context import SearchContext
 from gateway.twin.reconcile.search.parallel_fits import FitRequest
 from gateway.twin.reconcile.search.validation_cache import Validator
-from gateway.twin.reconcile.search.validation_search import improves
 
 MAX_TERMS = 3
 MAX_FITTED = 4
@@ -204,7 +203,7 @@ def _score(screened: ScreenedTerm, context: SearchContext, law: FoundLaw) -> flo
 def _holds(law: FoundLaw, rival: _Rival, validator: Validator, random: np.random.Generator) -> bool:
     """Whether a term describes the selection part, too."""
     before, after = law.after, rival.validation
-    return _share_closed(before, after) > MIN_SHARE_CLOSED and improves(before, after, validator, random)
+    return _share_closed(before, after) > MIN_SHARE_CLOSED and validator.is_improved(before, after, random)
 
 
 def _share_closed(before: CandidateFit | ValidationFit, after: CandidateFit | ValidationFit) -> float:

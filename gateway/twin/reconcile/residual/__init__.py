@@ -1,1 +1,1 @@
-"""Analysis of residuals: whiteness, spectral lines, noise inflation, isolability, surrogate test."""
+"""Analysis of residuals: whiteness, spectral lines, noise inflation, isolability."""

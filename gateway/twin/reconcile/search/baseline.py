@@ -21,7 +21,6 @@ from gateway.twin.reconcile.data.recordings import Recordings
 from gateway.twin.reconcile.search.candidates import MIN_VARIANCE_SHARE, CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import SearchContext
 from gateway.twin.reconcile.search.length_guess import length_error_by_period
-from gateway.twin.reconcile.search.residual_guesses import fit_second_mode
 from gateway.twin.reconcile.search.validation_cache import Validator
 
 Values = Mapping[str, Mapping[str, Value]]
@@ -86,26 +85,20 @@ def _add_machine_line(
 ) -> tuple[CandidateTable, SearchContext]:
     """Add a machine's line, which is far above the swing's frequencies and hides nothing.
 
-    Only a line that is in the held-out recording, too: steps of the samples and the swing make lines of their own. So do
-    a second mode and a bounce, up to several times their frequency: the line is searched for in the residual of those.
+    Only a line that is in the held-out recording, too: steps of the samples and the swing make lines of their own.
     """
     log, setting = context.setting.log, context.setting
     if Vibration.name in setting.model_effects:
         return table, context
     if find_machine_line(log.time_s, log.force_g - base.fit.force_g, log.noise_g) is None:
         return table, context
-    table, other = fit_second_mode(table, context)
-    guesses = EFFECTS[Vibration.name].initial_guesses(setting.guess_context(log.force_g - other.fit.force_g))
+    guesses = EFFECTS[Vibration.name].initial_guesses(setting.guess_context(log.force_g - base.fit.force_g))
     if not guesses:
         return table, context
-    table = context.fit(table, {**other.values, Vibration.name: guesses[0]})
-    found = table.get({*other.values, Vibration.name})
-    if found is None or other.fit.chi2 - found.fit.chi2 < MIN_VARIANCE_SHARE * log.n_values:
+    table = context.fit(table, {**base.values, Vibration.name: guesses[0]})
+    found = table.get({*base.values, Vibration.name})
+    if found is None or base.fit.chi2 - found.fit.chi2 < MIN_VARIANCE_SHARE * log.n_values:
         return table, context
-    without, with_line = (validator.evaluate(each).reduced_chi2 for each in (other, found))
-    if without - with_line < MIN_REPEATED_GAIN * (other.reduced_chi2 - found.reduced_chi2):
-        return table, context
-    if other.names != base.names:
-        table = context.fit(table, {**base.values, Vibration.name: found.values[Vibration.name]})
-    alone = table.get({*base.values, Vibration.name})
-    return table, context if alone is None else context.with_baseline(alone.values)
+    without, with_line = (validator.evaluate(each).reduced_chi2 for each in (base, found))
+    is_repeated = without - with_line > MIN_REPEATED_GAIN * (base.reduced_chi2 - found.reduced_chi2)
+    return table, context.with_baseline(found.values) if is_repeated else context

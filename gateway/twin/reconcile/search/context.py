@@ -12,9 +12,7 @@ from gateway.twin.effects.guess_context import EventWindow
 from gateway.twin.effects.parameter import Value
 from gateway.twin.effects.rope import DoublePendulum
 from gateway.twin.model import Model
-from gateway.twin.reconcile.changepoints.changepoint import locate_changepoint, locate_next_changepoint
-from gateway.twin.reconcile.changepoints.consistent_prefix import ConsistentPrefix
-from gateway.twin.reconcile.changepoints.pre_event_candidates import effects_extending_consistent_prefix
+from gateway.twin.reconcile.changepoints.changepoint import locate_changepoint
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import SEARCH_ITERATIONS, FitContext
 from gateway.twin.reconcile.search.budget import Budget
@@ -40,7 +38,6 @@ class SearchContext:
     baseline_effects: Values = field(default_factory=dict)
     """Effects found without a search: every candidate contains them."""
     _changepoints: dict[tuple[frozenset[str], bool], EventWindow | None] = field(default_factory=dict)
-    _prefixes: dict[frozenset[str], list[ConsistentPrefix]] = field(default_factory=dict)
     _signatures: dict[frozenset[str], Signatures] = field(default_factory=dict)
     _segment_starts: dict[frozenset[str], Array] = field(default_factory=dict)
 
@@ -168,20 +165,6 @@ class SearchContext:
         if key not in self._changepoints:
             self._changepoints[key] = locate_changepoint(self.setting, parent.values, length=length)
         return self._changepoints[key]
-
-    def changepoints_after(self, prefix: ConsistentPrefix, *, length: bool) -> EventWindow | None:
-        """The same after a consistent prefix that is known."""
-        key = (frozenset(prefix.values), length)
-        if key not in self._changepoints:
-            self._changepoints[key] = locate_next_changepoint(self.setting, prefix, length=length)
-        return self._changepoints[key]
-
-    def prefixes(self, parent: CandidateFit) -> list[ConsistentPrefix]:
-        """Beginnings of the log that one further persistent effect makes a single trajectory, best first."""
-        if parent.names not in self._prefixes:
-            names = scorable_effects(self.setting)
-            self._prefixes[parent.names] = effects_extending_consistent_prefix(self.setting, parent.values, names)
-        return self._prefixes[parent.names]
 
 
 def _excludes_each_other(name: str, others: Iterable[str]) -> bool:

@@ -11,12 +11,11 @@ from gateway.twin.effects.guess_context import EventWindow, GuessContext
 from gateway.twin.effects.parameter import ParameterKind, Value
 from gateway.twin.effects.rope import RopeLength
 from gateway.twin.reconcile.changepoints.changepoint_scan import exclude_unmodelled_profiles, scan_for_changepoints
-from gateway.twin.reconcile.changepoints.consistent_prefix import ConsistentPrefix
 from gateway.twin.reconcile.residual.residual_tests import EXCESS_SIGNIFICANT, warrants_another_effect
-from gateway.twin.reconcile.search.candidates import MIN_VARIANCE_SHARE, CandidateFit, CandidateTable
+from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import REFINE_ITERATIONS, SearchContext
 from gateway.twin.reconcile.search.parallel_fits import FitRequest
-from gateway.twin.reconcile.search.persistent import MAX_PARENTS, baseline_of
+from gateway.twin.reconcile.search.persistent import baseline_of
 from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
@@ -35,8 +34,6 @@ MAX_REFINED_EXCESS_RATIO = 5.0
 """Excess of the reduced chi-square over that of the best fit: a fit with more does not become the best by converging."""
 STRETCHES = (2.5, 1.6, 0.6, 0.4)
 """Factors on an event's duration that are tried: a short strong event is much like a long weak one, and fits end between them."""
-EDGES = (0.1, 0.5)
-"""Edges that are tried: no small step leads from sharp edges to slow ones."""
 
 
 def has_event(table: CandidateTable, context: SearchContext) -> bool:
@@ -48,29 +45,7 @@ def has_event(table: CandidateTable, context: SearchContext) -> bool:
         return True
     base, n_values = baseline_of(table, context), context.setting.log.n_values
     between = context.changepoints(base, length=True)
-    if between is not None and between.remaining_chi2 < (1 + MAX_EVENT_EXCESS) * n_values:
-        return True
-    for prefix in _prefixes(table, context)[:1]:
-        if not any(EFFECTS[name].scales_period or EFFECTS[name].length_like for name in prefix.values):
-            between = context.changepoints_after(prefix, length=True)
-            return between is not None and between.remaining_chi2 < (1 + EXCESS_SIGNIFICANT) * n_values
-    return False
-
-
-def fit_events_after_prefixes(table: CandidateTable, context: SearchContext) -> CandidateTable:
-    """Fit events beside the persistent effects that the log shows before them; over the whole log an event hides those."""
-    prefixes = _prefixes(table, context)
-    for prefix in prefixes[:MAX_PARENTS]:
-        table = _fit_events_after(table, context, prefix)
-        table = refine(table, context, len(prefix.values) + 1)
-        if not needs_more(table.best, context):
-            break
-    events = {name: each for name, each in table.best.values.items() if EFFECTS[name].transient}
-    for prefix in prefixes if events else []:
-        chosen = {**prefix.values, **events}
-        if table.get(chosen) is None:
-            table = context.fit(table, chosen, give_up_above=table.give_up_above)
-    return table
+    return between is not None and between.remaining_chi2 < (1 + MAX_EVENT_EXCESS) * n_values
 
 
 def fit_events_in_windows(table: CandidateTable, context: SearchContext, parent: CandidateFit) -> CandidateTable:
@@ -112,7 +87,7 @@ def _fit_events(
 
 
 def refine(table: CandidateTable, context: SearchContext, size: int) -> CandidateTable:
-    """Continue the best fits of a size that converge slowly, and vary the shape of their events."""
+    """Continue the best fits of a size that converge slowly, and try their events shorter and longer."""
     table = table.start_round()
     for candidate in table.ranked(size)[:MAX_REFINED]:
         excess_ratio = (candidate.reduced_chi2 - 1) / max(table.closest.reduced_chi2 - 1, EXCESS_SIGNIFICANT)
@@ -122,12 +97,12 @@ def refine(table: CandidateTable, context: SearchContext, size: int) -> Candidat
             break
         table = context.fit(table, candidate.values, iterations=REFINE_ITERATIONS)
         refined = table.fits[candidate.names]
-        varied = [
+        stretched = [
             FitRequest({**refined.values, name: changed}, None, REFINE_ITERATIONS, give_up_above=table.give_up_above)
             for name in sorted(refined.names)
-            for changed in _varied_shapes(EFFECTS[name], refined.values[name])
+            for changed in _stretched(EFFECTS[name], refined.values[name])
         ]
-        table = context.fit_in_turn(table, varied, lambda now, _: needs_more(now.best, context))
+        table = context.fit_in_turn(table, stretched, lambda now, _: needs_more(now.best, context))
     return table
 
 
@@ -136,38 +111,6 @@ def needs_more(fit: CandidateFit, context: SearchContext) -> bool:
     if not fit.has_unexplained_residual:
         return False
     return warrants_another_effect(exclude_unmodelled_profiles(context.setting.log, fit.values), fit.fit)
-
-
-def _prefixes(table: CandidateTable, context: SearchContext) -> list[ConsistentPrefix]:
-    """Prefixes with a persistent effect that shows before an event; none where an event alone explains the log."""
-    base = baseline_of(table, context)
-    if context.setting.large_amplitude or context.setting.crane_inputs or table.is_explained:
-        return []
-    return [] if _event_alone_suffices(context, base) else context.prefixes(base)
-
-
-def _event_alone_suffices(context: SearchContext, base: CandidateFit) -> bool:
-    n_values = context.setting.log.n_values
-    both = (context.changepoints(base, length=length) for length in (False, True))
-    return any(between is not None and between.remaining_chi2 < (1 + EXCESS_SIGNIFICANT) * n_values for between in both)
-
-
-def _fit_events_after(table: CandidateTable, context: SearchContext, prefix: ConsistentPrefix) -> CandidateTable:
-    """Fit events after a consistent prefix; whether the rope changed in them limits what may have happened."""
-    setting, log = context.setting, context.setting.log
-    starts = setting.segment_starts(prefix.values)
-    enough = (1 + MAX_EVENT_EXCESS) * log.n_values
-    for changes_length in (False, True):
-        between = context.changepoints_after(prefix, length=changes_length)
-        if between is None or between.remaining_chi2 > enough:
-            continue
-        # A change of length that gains nothing is none.
-        enough = between.remaining_chi2 - MIN_VARIANCE_SHARE * log.n_values
-        guess_context = setting.guess_context(log.force_g - prefix.fit.force_g, (), between)
-        names = EFFECTS.choose(transient=True, found_before_search=False, changes_length=changes_length)
-        instantaneous_first = sorted(names, key=lambda name: not EFFECTS[name].instantaneous)
-        table = _fit_events(table, context, prefix.values, instantaneous_first, guess_context, starts)
-    return table
 
 
 def _scan(context: SearchContext, parent: CandidateFit, *, length: bool) -> tuple[EventWindow, ...]:
@@ -191,18 +134,12 @@ def _converges_slowly(fit: CandidateFit) -> bool:
     return any(EFFECTS[name].slow_convergence for name in fit.values) and fit.reduced_chi2 < NEARLY_EXPLAINED
 
 
-def _varied_shapes(effect: Effect, values: Values) -> Iterable[Values]:
-    """The event shorter and longer about the same middle, and with other edges."""
-    start, *lengths, edges = (
-        [p.name for p in effect.parameters if p.kind is kind]
-        for kind in (ParameterKind.START, ParameterKind.DURATION, ParameterKind.EDGE)
-    )
-    if not effect.transient:
+def _stretched(effect: Effect, values: Values) -> Iterable[Values]:
+    """The event shorter and longer about the same middle."""
+    start, lengths = effect.names_of(ParameterKind.START), effect.names_of(ParameterKind.DURATION)
+    if not effect.transient or not start or len(lengths) != 1:
         return
-    if len(lengths[0]) == 1 and start:
-        start_s, duration_s = (float(np.asarray(values[key])) for key in (start[0], lengths[0][0]))
-        for factor in STRETCHES:
-            length_s = factor * duration_s
-            yield {**values, start[0]: start_s + (duration_s - length_s) / 2, lengths[0][0]: length_s}
-    for share in EDGES if edges else ():
-        yield {**values, edges[0]: share}
+    start_s, duration_s = (float(np.asarray(values[key])) for key in (start[0], lengths[0]))
+    for factor in STRETCHES:
+        length_s = factor * duration_s
+        yield {**values, start[0]: start_s + (duration_s - length_s) / 2, lengths[0]: length_s}

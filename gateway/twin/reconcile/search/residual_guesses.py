@@ -7,9 +7,8 @@ from gateway.twin.reconcile.search.context import SearchContext
 from gateway.twin.reconcile.search.parallel_fits import FitRequest
 from gateway.twin.reconcile.search.persistent import baseline_of
 
-MAX_REMAINDER_OF_MODE = 0.5
-"""Share of the gap that a second mode or a bounce may leave for machine lines to be searched for in its residual, and the
-simpler of two effects with the same period for the other one to be fitted."""
+MAX_REMAINDER_OF_SIMPLER = 0.5
+"""Share of the gap that the simpler of two effects with the same period may leave for the other one to be fitted."""
 
 
 def fit_guessed_effects(table: CandidateTable, context: SearchContext, parent: CandidateFit) -> CandidateTable:
@@ -35,20 +34,6 @@ def fit_bodies(table: CandidateTable, context: SearchContext) -> CandidateTable:
     return table
 
 
-def fit_second_mode(table: CandidateTable, context: SearchContext) -> tuple[CandidateTable, CandidateFit]:
-    """Fit a second mode or a bounce beside the baseline; also return it where it closes most of the gap, else the baseline."""
-    base = baseline_of(table, context)
-    if context.setting.large_amplitude:
-        return table, base
-    structural = [name for name, effect in EFFECTS.items() if effect.structure.has_second_mode]
-    for name in structural:
-        table = _fit_guessed(table, context, base, name)
-    found = [fit for name in structural if (fit := table.get(base.names | {name})) is not None]
-    best = min([base, *found], key=lambda fit: fit.reduced_chi2)
-    closes_most = best.reduced_chi2 - 1 < MAX_REMAINDER_OF_MODE * (base.reduced_chi2 - 1)
-    return table, best if closes_most else base
-
-
 def _fit_beyond_its_equivalent(table: CandidateTable, context: SearchContext, name: str) -> CandidateTable:
     """Fit an effect that coincides with a simpler one where that closes most of the gap, or where the residual shows it."""
     setting, effect, base = context.setting, EFFECTS[name], baseline_of(table, context)
@@ -56,7 +41,7 @@ def _fit_beyond_its_equivalent(table: CandidateTable, context: SearchContext, na
     simpler = table.get(base.names | {of})
     nearest = base if simpler is None or simpler.fit.chi2 > base.fit.chi2 else simpler
     guesses = list(effect.initial_guesses(setting.guess_context(setting.log.force_g - nearest.fit.force_g)))
-    if nearest is simpler and nearest.reduced_chi2 - 1 < MAX_REMAINDER_OF_MODE * (base.reduced_chi2 - 1):
+    if nearest is simpler and nearest.reduced_chi2 - 1 < MAX_REMAINDER_OF_SIMPLER * (base.reduced_chi2 - 1):
         same = effect.equivalent_values(nearest.values[of], setting.rig.length_m)
         guesses += [] if same is None else [same]
     return context.fit_in_turn(table, context.requests(table, base.values, name, guesses))

@@ -3,10 +3,9 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from gateway.twin.effects import EFFECTS
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import SearchContext
-from gateway.twin.reconcile.search.events import fit_events_after_prefixes, fit_events_in_windows, refine
+from gateway.twin.reconcile.search.events import fit_events_in_windows, refine
 from gateway.twin.reconcile.search.persistent import (
     baseline_of,
     fit_ambiguity_partners,
@@ -56,7 +55,6 @@ SINGLE_EFFECT_STEPS = (
     SearchStep("fit a heavy rope and effects of the pivot", fit_bodies),
     SearchStep("fit pairs of persistent effects", fit_persistent_pairs),
     SearchStep("swap effects of an explaining pair", _swap_in_explaining_pair),
-    SearchStep("fit events after a consistent prefix", fit_events_after_prefixes),
     SearchStep("fit effects guessed from the residual", _fit_residual_guesses),
     SearchStep("fit events in scanned windows", _fit_windowed_events),
     SearchStep("refine single effects", _refine_single_effects),
@@ -74,15 +72,6 @@ def run_steps(steps: tuple[SearchStep, ...], table: CandidateTable, context: Sea
 
 def choose_single_effect(table: CandidateTable, context: SearchContext) -> tuple[CandidateTable, CandidateFit]:
     """Return the best fit to grow from, if it is significant; else the baseline."""
-    base, best = baseline_of(table, context), _best_to_grow_from(table, context)
+    base, best = baseline_of(table, context), table.best
     chosen = best if table.is_significant(base, best) else base
     return table.record_move(base, chosen), chosen
-
-
-def _best_to_grow_from(table: CandidateTable, context: SearchContext) -> CandidateFit:
-    """The best fit; not a pair of persistent effects that leaves a residual: events beside either were not tried then."""
-    best, size = table.best, len(context.baseline_effects) + 1
-    persistent = set(EFFECTS.choose(is_scored=True)) | set(context.baseline_effects)
-    if len(best.values) <= size or not best.has_unexplained_residual or not set(best.values) <= persistent:
-        return best
-    return min((fit for fit in table.fits.values() if len(fit.values) <= size), key=table.bic)

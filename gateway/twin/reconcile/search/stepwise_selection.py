@@ -6,10 +6,9 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.reconcile.decision.ranking import VALIDATED_MARGIN
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import REFINE_ITERATIONS, SearchContext
-from gateway.twin.reconcile.search.events import NEARLY_EXPLAINED, fit_events_in_windows, needs_more, refine
+from gateway.twin.reconcile.search.events import fit_events_in_windows, needs_more, refine
 from gateway.twin.reconcile.search.parallel_fits import FitRequest
 from gateway.twin.reconcile.search.persistent import (
-    MAX_PARENT_CHI2_RATIO,
     MAX_SCORED,
     baseline_of,
     fit_by_score,
@@ -52,7 +51,6 @@ def grow(table: CandidateTable, context: SearchContext, best: CandidateFit) -> t
             break
         table, swapped = try_swaps(table, context, ahead)
         table, best = table.record_move(best, swapped), swapped
-    table, best = _refine_narrow_valley(table, context, best)
     return _eliminate_and_record(table, context, best)
 
 
@@ -66,7 +64,7 @@ def try_swaps(table: CandidateTable, context: SearchContext, best: CandidateFit)
         if table.get(rest) is None:
             table = context.fit(table, rest)
         without = table.get(rest)
-        if without is None or _is_indispensable(name, without, best):
+        if without is None:
             continue
         scored = context.signatures(without)
         likely = sorted(scored.of, key=lambda n: -scored.predicted_chi2_drop(n))[:MAX_SCORED]
@@ -151,23 +149,8 @@ def _forward_step(table: CandidateTable, context: SearchContext, size: int) -> t
     return table, after if table.is_significant(before, after) else before
 
 
-def _refine_narrow_valley(
-    table: CandidateTable, context: SearchContext, best: CandidateFit
-) -> tuple[CandidateTable, CandidateFit]:
-    """Converge a set in a narrow valley further than the log requires: other recordings require more of it."""
-    if best.reduced_chi2 > NEARLY_EXPLAINED or not any(EFFECTS[name].slow_convergence for name in best.names):
-        return table, best
-    table = context.fit(table, best.values, iterations=REFINE_ITERATIONS)
-    return table, table.fits[best.names]
-
-
 def _eliminate_and_record(
     table: CandidateTable, context: SearchContext, best: CandidateFit
 ) -> tuple[CandidateTable, CandidateFit]:
     table, remaining = eliminate(table.start_round(), context, best)
     return table.record_move(best, remaining), remaining
-
-
-def _is_indispensable(name: str, without: CandidateFit, best: CandidateFit) -> bool:
-    """Whether a mode of the motion is there beyond doubt."""
-    return EFFECTS[name].structure.has_second_mode and without.fit.chi2 > MAX_PARENT_CHI2_RATIO * best.fit.chi2

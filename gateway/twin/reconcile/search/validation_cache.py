@@ -4,12 +4,17 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import partial
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.reparameterised_simulator import Limits
-from gateway.twin.reconcile.fit.validation import ValidationFit, evaluate_on_validation
-from gateway.twin.reconcile.search.candidates import CandidateFit
+from gateway.twin.reconcile.fit.validation import ValidationFit, block_bootstrap_gain, evaluate_on_validation
+from gateway.twin.reconcile.search.candidates import MIN_VARIANCE_SHARE, CandidateFit
 from gateway.twin.reconcile.search.parallel_fits import run_in_processes, values_key
+
+Array = NDArray[np.float64]
 
 
 @dataclass(slots=True)
@@ -42,6 +47,14 @@ class Validator:
     def _fit(self, candidate: CandidateFit) -> ValidationFit:
         chosen, limits = self.effects_of(candidate), self.limits_of(candidate)
         return evaluate_on_validation(self.rig, chosen, self.selection, limits=limits)
+
+    def is_improved(self, before: ValidationFit, after: ValidationFit, random: np.random.Generator) -> bool:
+        """Return whether less remains on the recording, by more than chance and enough to matter."""
+        used, residual_sigma = self.selection.used, self.selection.residual_sigma
+        time_s: Array = np.arange(int(used.sum())) * np.float64(np.median(np.diff(self.selection.time_s)))
+        left_before, left_after = (residual_sigma(each.fit.force_g)[used] for each in (before, after))
+        low, _ = block_bootstrap_gain(left_before, left_after, time_s, random)
+        return low > 0 and before.reduced_chi2 - after.reduced_chi2 > MIN_VARIANCE_SHARE
 
     def limits_of(self, candidate: CandidateFit) -> Limits:
         """Return the bounds of the rope's length, where a hoist in the log has changed it."""

@@ -5,18 +5,15 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gateway.twin.effects.parameter import Value
 from gateway.twin.model import EffectValues, Model, TwinRig
-from gateway.twin.reconcile.changepoints.changepoint import locate_changepoint, locate_next_changepoint
+from gateway.twin.reconcile.changepoints.changepoint import locate_changepoint
 from gateway.twin.reconcile.changepoints.changepoint_scan import exclude_unmodelled_profiles, scan_for_changepoints
 from gateway.twin.reconcile.changepoints.consistent_prefix import longest_consistent_prefix
-from gateway.twin.reconcile.changepoints.pre_event_candidates import effects_extending_consistent_prefix
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.reconcile import reconcile
 from gateway.twin.reconcile.search.candidates import make_candidate
-from gateway.twin.reconcile.search.score_test import scorable_effects
 
 ContextOf = Callable[[EffectValues], FitContext]
 HOIST: EffectValues = {"hoisting": {"speed_m_s": -0.15, "start_s": 32.0, "duration_s": 6.0}}
@@ -67,35 +64,6 @@ def test_no_changepoint_without_an_event_or_where_the_model_is_wrong_from_the_st
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "parameter", "value"),
-    [
-        ("viscous_damping", "damping_ratio", 0.01),
-        ("axis_offset", "offset_g", (0.01, -0.01, 0.01)),
-        ("clock_drift", "relative", 0.015),
-    ],
-)
-@pytest.mark.parametrize(("event", "start_s"), [(HOIST, 32.0), (IMPACT, 32.3)])
-def test_persistent_effect_is_the_best_on_the_prefix_with_its_value(
-    context_of: ContextOf, name: str, parameter: str, value: Value, event: EffectValues, start_s: float
-) -> None:
-    context = context_of({name: {parameter: value}, **event})
-    best = effects_extending_consistent_prefix(context, {}, scorable_effects(context))[0]
-
-    assert set(best.values) == {name}
-    assert np.asarray(best.values[name][parameter]) == pytest.approx(np.asarray(value), rel=0.15)
-    assert context.log.time_s[best.end_sample] == pytest.approx(start_s, abs=0.8)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("effects", [HOIST, IMPACT, {}])
-def test_no_persistent_effect_is_proposed_where_there_is_none(context_of: ContextOf, effects: EffectValues) -> None:
-    context = context_of(effects)
-
-    assert effects_extending_consistent_prefix(context, {}, scorable_effects(context)) == []
-
-
-@pytest.mark.slow
 def test_small_effect_does_not_extend_the_prefix_past_an_event(context_of: ContextOf) -> None:
     context = context_of({"viscous_damping": {"damping_ratio": 0.002}, **IMPACT})
     prefix = longest_consistent_prefix(context, {"viscous_damping": {}})
@@ -107,9 +75,7 @@ def test_small_effect_does_not_extend_the_prefix_past_an_event(context_of: Conte
 @pytest.mark.slow
 def test_suffix_is_found_though_the_wind_seems_to_turn_with_the_housing(context_of: ContextOf) -> None:
     context = context_of({**WIND, **HOIST})
-    prefix = longest_consistent_prefix(context, {"steady_wind": {}})
-    assert prefix is not None
-    found = locate_next_changepoint(context, prefix, length=True)
+    found = locate_changepoint(context, {"steady_wind": {}}, length=True)
 
     assert found is not None
     assert (found.from_s, found.to_s) == pytest.approx((32.0, 38.0), abs=0.8)
@@ -119,11 +85,9 @@ def test_suffix_is_found_though_the_wind_seems_to_turn_with_the_housing(context_
 @pytest.mark.slow
 def test_clock_error_does_not_compensate_for_a_change_of_rope_length(context_of: ContextOf) -> None:
     context = context_of({"clock_drift": {"relative": 0.015}, **HOIST})
-    prefix = longest_consistent_prefix(context, {"clock_drift": {}})
 
-    assert prefix is not None
-    assert locate_next_changepoint(context, prefix, length=False) is None
-    assert locate_next_changepoint(context, prefix, length=True) is not None
+    assert locate_changepoint(context, {"clock_drift": {}}, length=False) is None
+    assert locate_changepoint(context, {"clock_drift": {}}, length=True) is not None
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ from gateway.twin.reconcile.fit.validation import block_bootstrap_gain
 from gateway.twin.reconcile.residual.isolability import confusable, smallest_angle_cosine
 from gateway.twin.reconcile.residual.localisation import localise_residual
 from gateway.twin.reconcile.residual.noise_inflation import noise_inflation_factor
-from gateway.twin.reconcile.residual.surrogate_test import normal_score, null_threshold, phase_randomised_surrogate
 from gateway.twin.reconcile.residual.whiteness import find_peaks, ljung_box_p
 
 Array = NDArray[np.float64]
@@ -65,31 +64,6 @@ def test_noise_inflation_is_the_spectral_density_of_slow_noise_over_that_of_whit
 
     assert noise_inflation_factor(TIME_S, rng.normal(size=(1200, 3))) == pytest.approx(1.0, abs=0.2)
     assert noise_inflation_factor(TIME_S, coloured_noise(rng, memory)) > 0.4 * (1 + memory) / (1 - memory)
-
-
-@pytest.mark.slow
-def test_coloured_noise_stays_below_the_threshold_of_the_surrogate_test() -> None:
-    rng = np.random.default_rng(6)
-    signatures = {str(k): np.cumsum(rng.normal(size=(3600, 2)), axis=0) for k in range(8)}
-    alarms = 0
-    for trial in range(40):
-        residual = coloured_noise(np.random.default_rng([7, trial]), 0.9)
-        largest = -np.inf
-        for columns in signatures.values():
-            basis, _ = np.linalg.qr(columns)
-            largest = max(largest, normal_score(float(((basis.T @ residual.ravel()) ** 2).sum()), 2))
-        alarms += largest > null_threshold(signatures, residual, rng)
-
-    assert alarms == 0
-
-
-def test_surrogate_has_the_spectrum_of_the_noise_and_other_values() -> None:
-    rng = np.random.default_rng(8)
-    residual = coloured_noise(rng, 0.9)
-    surrogate = phase_randomised_surrogate(residual, rng)
-
-    np.testing.assert_allclose(np.abs(np.fft.rfft(surrogate, axis=0)), np.abs(np.fft.rfft(residual, axis=0)), atol=1e-6)
-    assert abs(np.corrcoef(surrogate[:, 0], residual[:, 0])[0, 1]) < 0.5
 
 
 def test_ljung_box_distinguishes_white_from_coloured_noise() -> None:
