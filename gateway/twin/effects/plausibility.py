@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.parameter import Parameter, Value
+from gateway.twin.effects.parameter import Parameter, ParameterKind, Value
 
 TAIL_SHARE = 0.25
 """Standard deviation of the density beyond the usual limit over that limit. Basis: at twice the limit odds of 3000 to 1."""
@@ -52,3 +52,13 @@ def excess(parameter: Parameter, value: Value, stated: StatedLimits) -> NDArray[
     limit = limit_of(parameter, stated)
     size = np.abs(np.atleast_1d(np.asarray(value, dtype=np.float64)) - parameter.neutral)
     return np.zeros_like(size) if limit is None else np.maximum(size - limit, 0.0)
+
+
+def rests_at_edge(parameter: Parameter, value: Value) -> bool:
+    """Return whether a value rests at a bound where the effect does not vanish: the fit would go further.
+
+    An event that begins at once has the sharpest edge that can be, and is none the worse for it.
+    """
+    numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
+    outside = (numbers <= parameter.lower) | (numbers >= parameter.upper)
+    return parameter.kind is not ParameterKind.EDGE and bool((outside & (numbers != parameter.neutral)).any())

@@ -207,7 +207,7 @@ def _decide(known: KnownModel, run: SearchRun, random: np.random.Generator) -> S
         run.table.fits,
         frozenset() if run.lost_fraction is None else frozenset({SampleLoss.name}),
         improves_selection=_is_supported_by_selection(run, best, base, random),
-        doubtful=frozenset(name for name in best.names if is_beyond_parts(name, best.candidate, context)),
+        beyond_parts=frozenset(name for name in best.names if is_beyond_parts(name, best.candidate, context)),
     )
     decision = decide(evidence, run.recordings.log, partial(indistinguishable, context, validator, best.candidate))
     if ended_early:

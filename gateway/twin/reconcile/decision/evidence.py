@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.plausibility import rests_at_edge
 from gateway.twin.reconcile.changepoints.changepoint_scan import exclude_unmodelled_profiles
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.decision.ranking import RankedCandidate
@@ -41,8 +42,10 @@ class Evidence:
     """The effects found without a search close a share of the gap of the nominal model; coarse steps alone close nothing."""
     share_closed: float
     """Share of the gap that the best set closes, on the log or on the selection part, where it is less."""
-    doubtful: frozenset[str]
+    beyond_parts: frozenset[str]
     """Effects of the best set that need a value no part has."""
+    at_edge: frozenset[str]
+    """Effects of the best set with a value at a bound, where the fit would go further."""
 
     @property
     def baseline_names(self) -> frozenset[str]:
@@ -66,7 +69,7 @@ def gather_evidence(
     detected: frozenset[str],
     *,
     improves_selection: bool,
-    doubtful: frozenset[str],
+    beyond_parts: frozenset[str],
 ) -> Evidence:
     """Compute the facts. Samples in events whose exact course is not modelled count for no residual."""
     seen_log, seen_selection = (exclude_unmodelled_profiles(each, best.candidate.values) for each in (log, selection))
@@ -86,7 +89,8 @@ def gather_evidence(
         necessary=_necessary_effects(best, baseline, fits),
         baseline_closes_gap=_baseline_closes_gap(baseline.candidate, fits),
         share_closed=_share_closed(best, baseline, nominal),
-        doubtful=doubtful,
+        beyond_parts=beyond_parts,
+        at_edge=_effects_at_edge(best),
     )
 
 
@@ -101,6 +105,14 @@ def _necessary_effects(
         if without is None or without.reduced_chi2 - 1 > MIN_NECESSARY_RATIO * excess:
             found.add(name)
     return frozenset(found)
+
+
+def _effects_at_edge(best: RankedCandidate) -> frozenset[str]:
+    return frozenset(
+        name
+        for name, values in best.candidate.values.items()
+        if any(rests_at_edge(each, values[each.name]) for each in EFFECTS[name].parameters if each.name in values)
+    )
 
 
 def _baseline_closes_gap(baseline: CandidateFit, fits: Mapping[frozenset[str], CandidateFit]) -> bool:

@@ -42,6 +42,7 @@ class Reason(Enum):
     SOME_CERTAIN = "These effects are certain; which effect acts in addition is not decided."
     SEVERAL_SETS = "Several sets of effects explain the data equally well."
     UNIQUE = "These effects explain both recordings down to the noise; nothing else does."
+    DOUBTFUL = "The data are explained down to the noise only by a value at its edge, or by one that no part has."
     BEST_SO_FAR = "These effects explain both recordings down to the noise; others were not tried."
     NONSTATIONARY_LINE = "The residual has lines near that of {names}: its amplitude or frequency changes."
     AXES_MIXED = (
@@ -113,7 +114,12 @@ def _certain_beside_remainder(evidence: Evidence) -> frozenset[str]:
 
     A remainder can change the swing's rate, and what few rigs have imitates it unless hardly any of the gap is left.
     """
-    found = (evidence.necessary & _everywhere(evidence)) - evidence.baseline_names - evidence.doubtful
+    found = (
+        (evidence.necessary & _everywhere(evidence))
+        - evidence.baseline_names
+        - evidence.beyond_parts
+        - evidence.at_edge
+    )
     return frozenset(
         name for name in found if not EFFECTS[name].scales_period and evidence.share_closed > _min_closed(EFFECTS[name])
     )
@@ -152,6 +158,13 @@ def _imitates(evidence: Evidence) -> bool:
 def _conclude_imitation(evidence: Evidence) -> Decision:
     verdict: Verdict = "named_with_remainder" if evidence.necessary else "unmodelled"
     return _make(verdict, Reason.IMITATION, evidence.best, evidence.necessary)
+
+
+def _conclude_doubtful(evidence: Evidence) -> Decision:
+    """Name all but the effects at an edge: what the fit looks for lies beyond it, and is something else."""
+    named = evidence.best.names - evidence.at_edge | evidence.baseline_names
+    verdict: Verdict = "named_with_remainder" if named - evidence.baseline_names else "unmodelled"
+    return _make(verdict, Reason.DOUBTFUL, evidence.best, named)
 
 
 def _everywhere(evidence: Evidence) -> frozenset[str]:
@@ -195,6 +208,7 @@ RULES = (
         lambda e: _make("named_with_remainder", Reason.SOME_CERTAIN, e.best, _everywhere(e) | e.baseline_names),
     ),
     Rule(lambda e: len(e.rivals) > 1, lambda e: _one_of(Reason.SEVERAL_SETS, e)),
+    Rule(lambda e: bool((e.beyond_parts | e.at_edge) - e.baseline_names), _conclude_doubtful),
     Rule(lambda _: True, lambda e: _make("named", Reason.UNIQUE, e.best, e.best.names)),
 )
 """The first rule that applies gives the verdict."""

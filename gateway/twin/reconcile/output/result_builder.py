@@ -10,7 +10,7 @@ from gateway.numerics.stats import NORMAL_975
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.clock import SampleLoss
 from gateway.twin.effects.parameter import Parameter, Value
-from gateway.twin.effects.plausibility import excess, limit_of
+from gateway.twin.effects.plausibility import excess, limit_of, rests_at_edge
 from gateway.twin.effects.sensor_output import Quantization
 from gateway.twin.model import Model, TwinRig
 from gateway.twin.reconcile.data.artefact_detectors import quantised_mean
@@ -255,8 +255,8 @@ def _estimate(parameter: Parameter, value: Value, sigma: Sequence[float], rig: T
     numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
     spread = NORMAL_975 * (np.array(sigma) if len(sigma) == len(numbers) else np.zeros(len(numbers)))
     low, high = np.maximum(numbers - spread, parameter.lower), np.minimum(numbers + spread, parameter.upper)
-    resting = bool(((numbers <= parameter.lower) | (numbers >= parameter.upper)).any())
-    plausible, limit = not (resting or excess(parameter, value, rig).any()), limit_of(parameter, rig)
+    doubtful = rests_at_edge(parameter, value) or bool(excess(parameter, value, rig).any())
+    plausible, limit = not doubtful, limit_of(parameter, rig)
     if parameter.components:
         ci95: tuple[Value, Value] = (tuple(map(float, low)), tuple(map(float, high)))
         return Estimate(tuple(map(float, numbers)), ci95, parameter.unit, parameter.meaning, plausible, limit)

@@ -38,7 +38,8 @@ def evidence(best: RankedCandidate, *rivals: RankedCandidate, **facts: Any) -> E
         "necessary": best.names,
         "baseline_closes_gap": False,
         "share_closed": 0.999,
-        "doubtful": frozenset(),
+        "beyond_parts": frozenset(),
+        "at_edge": frozenset(),
     }
     return Evidence(**(known | facts))
 
@@ -135,6 +136,16 @@ def test_the_only_set_that_explains_the_data_is_named(log: Observations) -> None
     assert (found.verdict, found.named) == ("named", ("impact", "viscous_damping"))
 
 
+def test_nothing_is_named_for_good_on_a_value_at_its_edge_or_that_no_part_has(log: Observations) -> None:
+    best = ranked(0.0, "pivot_friction", "axis_offset")
+    edge = decided(log, evidence(best, at_edge=frozenset({"pivot_friction"})))
+    assert (edge.verdict, edge.named, edge.reason.name) == ("named_with_remainder", ("axis_offset",), "DOUBTFUL")
+    alone = decided(log, evidence(ranked(0.0, "pivot_friction"), at_edge=frozenset({"pivot_friction"})))
+    assert (alone.verdict, alone.named) == ("unmodelled", ())
+    large = decided(log, evidence(best, beyond_parts=frozenset({"axis_offset"})))
+    assert (large.verdict, large.named) == ("named_with_remainder", ("axis_offset", "pivot_friction"))
+
+
 def test_effects_detected_before_the_search_are_named_with_the_rest(log: Observations) -> None:
     found = decided(log, evidence(ranked(0.0, "viscous_damping"), detected=frozenset({"sample_loss"})))
     assert found.named == ("sample_loss", "viscous_damping")
@@ -226,7 +237,7 @@ def test_what_closes_most_of_the_gap_is_named_although_a_residual_remains(log: O
 
 def test_beside_a_remainder_an_effect_is_not_named_that_is_idle_or_that_no_part_has(log: Observations) -> None:
     best = ranked(0.0, "viscous_damping", "axis_offset", "lever_arm", reduced_chi2=9.0)
-    needed = {"necessary": frozenset({"viscous_damping", "axis_offset"}), "doubtful": frozenset({"axis_offset"})}
+    needed = {"necessary": frozenset({"viscous_damping", "axis_offset"}), "beyond_parts": frozenset({"axis_offset"})}
     assert decided(log, evidence(best, **PARTLY, **needed)).named == ("viscous_damping",)
 
 
