@@ -180,9 +180,7 @@ STEPS = {
         "fits in narrow valleys are continued, events tried shorter and longer",
         (_step("search.steps.refine"), _step("search.stepwise_selection.refine")),
     ),
-    "stretched events": Part(
-        "events are tried shorter and longer", (Call("search.events._stretched", _constant(())),)
-    ),
+    "stretched events": Part("events are tried shorter and longer", (Call("search.events._stretched", _constant(())),)),
     "ambiguity partners": Part(
         "effects of the same signature are fitted, however small their score",
         (StepOfSearch("fit ambiguity partners"),),
