@@ -291,12 +291,11 @@ def _group_indistinguishable(
 def _with_group(decision: Decision, name: str, group: tuple[str, ...]) -> Decision:
     """Put a group in place of a named effect; the first group of an answer are its candidates."""
     named = tuple(each for each in decision.named if each != name)
-    verdict = (
-        decision.verdict if decision.verdict == "unmodelled" or (named and decision.leaves_remainder) else "one_of"
-    )
+    stays = decision.verdict == "unmodelled" or (decision.leaves_remainder and named)
+    verdict: Verdict = decision.verdict if stays else "one_of"
     decision = replace(decision, verdict=verdict, named=named)
     if decision.candidates:
         return replace(decision, also_one_of=(*decision.also_one_of, group))
-    if decision.reason is not Reason.PARTLY:
+    if verdict == "one_of" and decision.reason is not Reason.PARTLY:
         decision = replace(decision, reason=Reason.INDISTINGUISHABLE, text=Reason.INDISTINGUISHABLE.value)
     return replace(decision, candidates=group)

@@ -177,6 +177,10 @@ def test_an_ambiguity_group_that_closes_the_gap_is_told_beside_a_residual(log: O
     bare = decided(log, evidence(ranked(0.0, "housing_spin"), **residual))
     assert (bare.verdict, bare.named, bare.candidates) == ("one_of", (), ("housing_spin", "slewing"))
     assert bare.leaves_remainder
+    base = ranked(90.0, "housing_spin", reduced_chi2=9.0)
+    unknown = decided(log, evidence(base, baseline=base, improves_selection=False, **residual))
+    assert (unknown.verdict, unknown.candidates) == ("unmodelled", ("housing_spin", "slewing"))
+    assert unknown.reason.name == "NOT_EXPLAINED"
     open_gap = decided(log, evidence(ranked(0.0, "housing_spin"), **residual, share_closed=0.3))
     assert (open_gap.verdict, open_gap.known) == ("unmodelled", frozenset())
 
