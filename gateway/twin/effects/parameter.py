@@ -15,6 +15,10 @@ Symbols = Mapping[str, Scalar]
 """Symbols of the parameters of one effect by name."""
 
 
+NEGLIGIBLE = 1e-9
+"""Size below which a value of any unit is printed as 0. Definition: what a fit leaves of an axis that was not measured."""
+
+
 class ParameterKind(Enum):
     """The role of a parameter in a fit."""
 

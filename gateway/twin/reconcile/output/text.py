@@ -5,13 +5,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.parameter import Value
+from gateway.twin.effects.parameter import NEGLIGIBLE, Value
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 from gateway.twin.reconcile.output.estimates import Estimate, Law, Resemblance
 from gateway.twin.reconcile.output.result import AVERAGED, Curves, Gap, Reconciliation
 
-NOTHING = 1e-9
-"""Size below which a value of any unit is 0."""
 VERDICT_SENTENCES = {
     "data_unusable": "the data cannot be used",
     "none_missing": "nothing is missing",
@@ -126,7 +124,7 @@ def _estimate(estimate: Estimate) -> str:
 
 def _number(value: float) -> str:
     """Return a number; what a fit leaves of an axis that was not measured is 0."""
-    return f"{value if abs(value) > NOTHING else 0.0:.4g}"
+    return f"{value if abs(value) > NEGLIGIBLE else 0.0:.4g}"
 
 
 def _doubt(estimate: Estimate) -> str:
