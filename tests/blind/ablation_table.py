@@ -58,13 +58,16 @@ class Worth:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Ask what is not asked yet; exit code 0, 130 stopped."""
+    """Ask what is not asked yet; exit code 0, 2 no cases, 130 stopped."""
     chosen = _parser().parse_args(arguments)
     folders = list(chosen.folders)
     if chosen.cases:
         _make(plan_cases(chosen.cases, chosen.seed), chosen.cases_dir, chosen.jobs)
         folders.append(chosen.cases_dir)
     cases = {_label(case): case for folder in folders for case in sorted(folder.glob("case_*"))}
+    if not cases:
+        print("ablate: no case_* to ask; give --cases N, or a FOLDER that has some", file=sys.stderr)
+        return 2
     kept: dict[str, Any] = json.loads(chosen.out.read_text()) if chosen.out.exists() else {}
     base: dict[str, Row] = kept.setdefault("base", {})
     without: dict[str, dict[str, Row]] = kept.setdefault("without", {})

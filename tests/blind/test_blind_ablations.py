@@ -18,7 +18,7 @@ from gateway.twin.reconcile.search import persistent, stepwise_selection
 from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateTable
 from gateway.twin.reconcile.search.context import make_context
-from tests.blind import ablations
+from tests.blind import ablation_table, ablations
 from tests.blind.ablation_table import Worth, markdown, worth_of
 from tests.blind.ablations import PARTS
 from tests.blind.cases import generate
@@ -149,3 +149,8 @@ def test_worth_counts_cases_won_and_wrong_names_prevented() -> None:
         "| growth | second and third effects are added to the best one | 4 of 5 | 3 | 1 | 1 | 1 | 1 | 2.00 |"
         in markdown(base, {"growth": without})
     )
+
+
+def test_a_folder_without_cases_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert ablation_table.main([str(tmp_path), "--out", str(tmp_path / "out.json")]) == 2
+    assert "no case_* to ask" in capsys.readouterr().err
