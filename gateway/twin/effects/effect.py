@@ -49,11 +49,6 @@ class ModelStructure(Enum):
         """Length of the initial state z, the coordinates that are fitted."""
         return 5 + ADDED_STATES.get(self, (0, 0))[1]
 
-    @property
-    def has_second_mode(self) -> bool:
-        """Whether the load oscillates at a second frequency."""
-        return self in (ModelStructure.RIGGING, ModelStructure.ELASTIC)
-
 
 ADDED_STATES: Mapping[ModelStructure, tuple[int, int]] = MappingProxyType(
     {

@@ -84,6 +84,11 @@ class Parameter:
         return self.kind is ParameterKind.AMPLITUDE and self.typical != self.neutral
 
 
+def without_rounding(value: float) -> float:
+    """Return a value as it is printed: 0 where a fit leaves next to nothing."""
+    return value if abs(value) > NEGLIGIBLE else 0.0
+
+
 def parameter_label(parameter: Parameter, component: int) -> str:
     """Return `accel_m_s2[x]`, or the name alone for a parameter without components."""
     return f"{parameter.name}[{parameter.components[component]}]" if parameter.components else parameter.name

@@ -11,7 +11,7 @@ import numpy as np
 
 from devices.pendulum.equations import Scalar, Vector, dot
 from gateway.twin.effects.effect import Effect
-from gateway.twin.effects.parameter import NEGLIGIBLE, Parameter, Value, Values
+from gateway.twin.effects.parameter import Parameter, Value, Values, without_rounding
 
 HORIZONTAL = ("x", "y")
 AXES = ("x", "y", "z")
@@ -79,7 +79,7 @@ def coefficient(name: str, unit: str, meaning: str, typical: float, components: 
 def number(value: Value) -> str:
     """Return a coefficient with its sign: `+0.0042`, or `(+0.012, -0.003)`."""
     numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
-    texts = [f"{each if abs(each) > NEGLIGIBLE else 0.0:+.3g}" for each in numbers]
+    texts = [f"{without_rounding(each):+.3g}" for each in numbers]
     return texts[0] if len(texts) == 1 else f"({', '.join(texts)})"
 
 

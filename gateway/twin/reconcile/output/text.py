@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.parameter import NEGLIGIBLE, Value
+from gateway.twin.effects.parameter import Value, without_rounding
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 from gateway.twin.reconcile.output.estimates import Estimate, Law, Resemblance
 from gateway.twin.reconcile.output.result import AVERAGED, Curves, Gap, Reconciliation
@@ -124,7 +124,7 @@ def _estimate(estimate: Estimate) -> str:
 
 def _number(value: float) -> str:
     """Return a number; what a fit leaves of an axis that was not measured is 0."""
-    return f"{value if abs(value) > NEGLIGIBLE else 0.0:.4g}"
+    return f"{without_rounding(value):.4g}"
 
 
 def _doubt(estimate: Estimate) -> str:

@@ -31,6 +31,7 @@ def describe_remainder(log: Curves, rig: TwinRig) -> Remainder:
     before, after = log.residual_before_g[used], log.residual_after_g[used]
     wide = _is_wide(log.time_s[used], motion, rig.small_swing_period_s)
     turned = after @ _swing_axes(motion[:, :2])
+    swing_hz = swing_frequency_hz(log, rig)
     axis = int(np.argmax((turned**2).sum(axis=0)))
     direction, peak = DIRECTIONS[axis], _strongest_line(log, turned, axis)
     return Remainder(
@@ -41,23 +42,33 @@ def describe_remainder(log: Curves, rig: TwinRig) -> Remainder:
         direction=direction,
         hz=None if peak is None else peak.hz,
         amplitude_g=None if peak is None else peak.amplitude_g,
-        multiple=None if peak is None else multiple_of_swing(peak.hz, log, rig),
-        is_slow=peak is not None and peak.hz < _swing_hz(log, 1 / rig.small_swing_period_s) / 2,
+        multiple=None if peak is None else multiple_of_swing(peak.hz, swing_hz, log),
+        is_slow=peak is not None and peak.hz < swing_hz / 2,
     )
 
 
 def name_multiples(residual: Residual, log: Curves, rig: TwinRig) -> Residual:
     """Return a residual whose lines say at which multiple of the swing's frequency they are."""
-    peaks = tuple(replace(peak, multiple=multiple_of_swing(peak.hz, log, rig)) for peak in residual.peaks)
+    swing_hz = swing_frequency_hz(log, rig)
+    peaks = tuple(replace(peak, multiple=multiple_of_swing(peak.hz, swing_hz, log)) for peak in residual.peaks)
     return replace(residual, peaks=peaks)
 
 
-def multiple_of_swing(hz: float, log: Curves, rig: TwinRig) -> int | None:
+def multiple_of_swing(hz: float, swing_hz: float, log: Curves) -> int | None:
     """Return which multiple of the swing's frequency a line is at, 1 to `MAX_MULTIPLE`; None where it is at none."""
-    swing_hz = _swing_hz(log, 1 / rig.small_swing_period_s)
     multiple = round(hz / swing_hz)
     resolution_hz = SAME_LINE_CYCLES / float(log.time_s[-1] - log.time_s[0])
     return multiple if 1 <= multiple <= MAX_MULTIPLE and abs(hz - multiple * swing_hz) < resolution_hz else None
+
+
+def swing_frequency_hz(log: Curves, rig: TwinRig) -> float:
+    """Return the frequency of the strongest line across the rope near that of the rig; at the load, where none is, the rig's."""
+    rig_hz = 1 / rig.small_swing_period_s
+    frequency_hz, power = periodogram(log.time_s, log.measured_g / log.noise_g)
+    near = (frequency_hz > rig_hz / NEAR_RIG) & (frequency_hz < rig_hz * NEAR_RIG)
+    across = power[near, :2].sum(axis=1)
+    is_seen = bool(across.size) and across.max() > len(log.time_s) ** 0.5
+    return float(frequency_hz[near][np.argmax(across)]) if is_seen else rig_hz
 
 
 def _share(residual: Array, motion: Array, noise_power: float) -> float:
@@ -88,12 +99,3 @@ def _strongest_line(log: Curves, turned_g: Array, axis: int) -> Peak | None:
     noise_g = np.array([across_g, across_g, log.noise_g[2]])
     found = [peak for peak in find_peaks(log.time_s[log.used], turned_g / noise_g, noise_g) if peak.axis == "xyz"[axis]]
     return max(found, key=lambda peak: peak.amplitude_g, default=None)
-
-
-def _swing_hz(log: Curves, rig_hz: float) -> float:
-    """Return the frequency of the strongest line across the rope near that of the rig; at the load, where none is, the rig's."""
-    frequency_hz, power = periodogram(log.time_s, log.measured_g / log.noise_g)
-    near = (frequency_hz > rig_hz / NEAR_RIG) & (frequency_hz < rig_hz * NEAR_RIG)
-    across = power[near, :2].sum(axis=1)
-    is_seen = bool(across.size) and across.max() > len(log.time_s) ** 0.5
-    return float(frequency_hz[near][np.argmax(across)]) if is_seen else rig_hz

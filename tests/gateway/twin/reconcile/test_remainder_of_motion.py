@@ -7,7 +7,11 @@ from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.output.result import Curves
 from gateway.twin.reconcile.output.serialisation import to_json
 from gateway.twin.reconcile.output.text import to_text
-from gateway.twin.reconcile.residual.remainder_of_motion import describe_remainder, multiple_of_swing
+from gateway.twin.reconcile.residual.remainder_of_motion import (
+    describe_remainder,
+    multiple_of_swing,
+    swing_frequency_hz,
+)
 from tests.gateway.twin.report.conftest import made
 
 SWING_HZ = 0.15
@@ -40,11 +44,13 @@ def recorded(swing_g: np.ndarray, left_g: np.ndarray) -> Curves:
     ("hz", "multiple"), [(0.15, 1), (0.302, 2), (0.445, 3), (0.6, 4), (0.75, None), (0.335, None), (0.05, None)]
 )
 def test_a_line_is_at_a_multiple_of_what_the_load_swings_at(rig: TwinRig, hz: float, multiple: int | None) -> None:
-    assert multiple_of_swing(hz, recorded(sine(SWING_HZ, 0.05) * ALONG, np.zeros(3)), rig) == multiple
+    log = recorded(sine(SWING_HZ, 0.05) * ALONG, np.zeros(3))
+    assert multiple_of_swing(hz, swing_frequency_hz(log, rig), log) == multiple
 
 
 def test_near_the_load_where_nothing_swings_across_the_rig_tells_the_frequency(rig: TwinRig) -> None:
-    assert multiple_of_swing(2 / rig.small_swing_period_s, recorded(0 * TIME_S[:, None] * UP, np.zeros(3)), rig) == 2
+    log = recorded(0 * TIME_S[:, None] * UP, np.zeros(3))
+    assert multiple_of_swing(2 / rig.small_swing_period_s, swing_frequency_hz(log, rig), log) == 2
 
 
 @pytest.mark.parametrize(
