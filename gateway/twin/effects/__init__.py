@@ -9,8 +9,7 @@ from gateway.twin.effects.driving import Impact, SteadyWind, TrolleyAcceleration
 from gateway.twin.effects.effect import Effect, ModelStructure
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext, Rigging, RopeGeometry
 from gateway.twin.effects.guess_context import EventWindow, GuessContext
-from gateway.twin.effects.housing import HousingPosition, HousingSpin, LeverArm, Slewing
-from gateway.twin.effects.housing_rocking import HousingRocking
+from gateway.twin.effects.housing import HousingPosition, HousingRocking, HousingSpin, LeverArm, Slewing
 from gateway.twin.effects.housing_torsion import HousingTorsion
 from gateway.twin.effects.load import LoadInertia
 from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Value, Values

@@ -1,5 +1,6 @@
-"""Coefficients of terms: constant, changing evenly with time, or periodic."""
+"""Coefficients of terms: constant, changing evenly with time, or periodic; and the terms that have no other parameters."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -11,13 +12,26 @@ from numpy.typing import NDArray
 from devices.pendulum.equations import Scalar
 from gateway.twin.effects.evaluation_context import EvaluationContext
 from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Value, Values
-from gateway.twin.effects.term import coefficient, number
+from gateway.twin.effects.term import Term, coefficient, number
 
 HIGHEST_FREQUENCY_HZ = 3.0
 LOWEST_FREQUENCY_HZ = 0.005
 STEPS_PER_PERIOD = 16
 """Integration steps in a period of a periodic coefficient. Basis: a choice; the integration of order six errs by far less than a
 sensor shows."""
+PHASORS = ("sine", "cosine")
+FREQUENCY = Parameter(
+    "frequency_hz",
+    "Hz",
+    "f",
+    lower=LOWEST_FREQUENCY_HZ,
+    upper=HIGHEST_FREQUENCY_HZ,
+    neutral=0.4,
+    scale=1e-3,
+    typical=0.4,
+    kind=ParameterKind.FREQUENCY,
+    step_limit=0.01,
+)
 
 
 class Coefficients(Protocol):
@@ -145,21 +159,6 @@ class PeriodicCoefficients:
         return f"{amplitude:.3g} {self.unit} {formula}, f = {hz:.4g} Hz"
 
 
-PHASORS = ("sine", "cosine")
-FREQUENCY = Parameter(
-    "frequency_hz",
-    "Hz",
-    "f",
-    lower=LOWEST_FREQUENCY_HZ,
-    upper=HIGHEST_FREQUENCY_HZ,
-    neutral=0.4,
-    scale=1e-3,
-    typical=0.4,
-    kind=ParameterKind.FREQUENCY,
-    step_limit=0.01,
-)
-
-
 def _each(found: Scalar, components: tuple[str, ...]) -> tuple[Scalar, ...]:
     return found if components else (found,)
 
@@ -171,3 +170,28 @@ def _phasor(values: Mapping[str, Value]) -> NDArray[np.complex128]:
 
 def _value(numbers: NDArray[np.float64]) -> Value:
     return tuple(numbers.tolist()) if numbers.ndim else float(numbers)
+
+
+class CoefficientTerm(Term):
+    """Base class of terms whose parameters are coefficients; a subclass says which quantity they act on."""
+
+    def __init__(
+        self, name: str, formula: str, course: Coefficients, *, says: tuple[str, str], extends: str = ""
+    ) -> None:
+        self.name, self.formula, self.says, self.extends = name, formula, says, extends
+        self.equation, self.explains = f"{self.quantity} = c {formula}", says[0]
+        self.course = course
+        self.parameters = course.parameters
+        self.steady_frequency = course.is_periodic
+
+    def longest_step_s(self, p: Symbols, length_m: float, gravity_m_s2: float) -> Scalar:
+        """Return a part of the period, where there is one."""
+        return 1 / (STEPS_PER_PERIOD * p["frequency_hz"]) if self.course.is_periodic else math.inf
+
+    def shift_start(self, values: Values, by_s: float) -> Values:
+        """Return the same term counted from a later first sample."""
+        return self.course.shift_start(values, by_s)
+
+    def law(self, values: Values) -> str:
+        """Return the right-hand side with numbers and units."""
+        return self.course.law(values, self.formula)

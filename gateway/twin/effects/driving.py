@@ -5,12 +5,11 @@ import numpy as np
 from devices.pendulum.equations import Scalar, Vector
 from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext
-from gateway.twin.effects.event_guesses import guess_gust, guess_trapezoid
+from gateway.twin.effects.event_guesses import SHARPEST, guess_gust, guess_trapezoid
 from gateway.twin.effects.experiments import RECORD_DRIVES, TURN_HOUSING
 from gateway.twin.effects.guess_context import GuessContext
 from gateway.twin.effects.parameter import Parameter, Symbols, Values
 from gateway.twin.effects.pulse import Pulse, PulseEffect, duration, ramp_fraction, start
-from gateway.twin.effects.pulse_shape import SHARPEST
 
 HORIZONTAL = ("x", "y")
 

@@ -6,7 +6,10 @@ import numpy as np
 
 from gateway.twin.effects.guess_context import EventWindow, GuessContext
 from gateway.twin.effects.parameter import Values
-from gateway.twin.effects.pulse_shape import SHARPEST
+
+SHARPEST = 0.01
+"""The smallest fraction of an event in which it rises and falls. Basis: edges this sharp lie between two samples."""
+
 
 GUST_WIDENING = 1.5
 """Duration of a gust over that of the window in which the scan finds it. Basis: the ramps are too weak to be found."""

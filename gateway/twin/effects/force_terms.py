@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 
 from devices.pendulum.equations import Vector, add, scale
-from gateway.twin.effects.coefficient_term import CoefficientTerm
 from gateway.twin.effects.coefficients import (
     ChangingCoefficients,
     Coefficients,
+    CoefficientTerm,
     ConstantCoefficients,
     PeriodicCoefficients,
 )

@@ -5,8 +5,7 @@ from dataclasses import replace
 import casadi as ca
 
 from devices.pendulum.equations import Scalar, Vector
-from gateway.twin.effects.coefficient_term import CoefficientTerm
-from gateway.twin.effects.coefficients import ConstantCoefficients, PeriodicCoefficients
+from gateway.twin.effects.coefficients import CoefficientTerm, ConstantCoefficients, PeriodicCoefficients
 from gateway.twin.effects.evaluation_context import EvaluationContext, RopeGeometry
 from gateway.twin.effects.parameter import Symbols
 from gateway.twin.effects.term import HORIZONTAL, Term

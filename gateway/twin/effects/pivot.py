@@ -1,11 +1,91 @@
-"""The structure that carries the pivot, as far as it yields."""
+"""The structure that carries the pivot, as far as it yields, and a guess of it from the shape of the swing's ellipse.
+
+The swing of x and y at one frequency is a polarised oscillation. Its shape is a point on a sphere, the normalised Stokes vector
+(Born and Wolf 1999, section 1.4). A rotation of the figure, whatever its cause, moves the point about the axis s₃; periods that
+differ between two directions move it about an axis in the plane of s₁ and s₂, and so turn an ellipse into a line and back.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
 
 from devices.pendulum.equations import Vector
+from devices.pendulum.small_swing import small_swing_rate_1_s
+from gateway.numerics.spectrum import find_strongest_line
 from gateway.twin.effects.effect import Effect, ModelStructure
 from gateway.twin.effects.experiments import SWING_BOTH_WAYS
 from gateway.twin.effects.guess_context import GuessContext
 from gateway.twin.effects.parameter import Parameter, Symbols, Values
-from gateway.twin.effects.polarisation_guesses import guess_pivot_compliance
+
+Array = NDArray[np.float64]
+TINY = 1e-30
+PERIODS_PER_WINDOW = 3.0
+"""Swings from which one shape is estimated."""
+MIN_WINDOWS = 4
+BAND = (0.6, 1.5)
+"""Range of the swing's frequency over that of the nominal rope."""
+MIN_TURN_RAD = 0.1
+"""Least turn of the Stokes vector in the recording beyond the model's. Basis: a compliance of 0.2 % of the rope in twenty
+swings."""
+MAX_UNEXPLAINED = 0.25
+"""Share of the departure from the model's shape that a constant difference of two periods may leave unexplained."""
+
+
+def guess_pivot_compliance(context: GuessContext) -> list[Values]:
+    """Return a compliance in one direction that turns the Stokes vector away from the model's as the recording does.
+
+    Nothing if the shape changes as the model says, or otherwise than by two constant periods.
+    """
+    frequency_hz = _swing_frequency_hz(context)
+    if frequency_hz is None:
+        return []
+    windows = int(context.duration_s * frequency_hz / PERIODS_PER_WINDOW)
+    if windows < MIN_WINDOWS:
+        return []
+    time_s, measured = _stokes_vectors(context, context.force_g, frequency_hz, windows)
+    _, modelled = _stokes_vectors(context, context.force_g - context.residual_g, frequency_hz, windows)
+    departure = measured - modelled
+    departure -= departure.mean(axis=0)
+    turned = [np.cross(axis, np.cumsum(modelled, axis=0)) * (time_s[1] - time_s[0]) for axis in np.eye(3)[:2]]
+    design = np.stack([(each - each.mean(axis=0)).ravel() for each in turned], axis=1)
+    rates, *_ = np.linalg.lstsq(design, departure.ravel(), rcond=None)
+    unexplained = float(np.sum((departure.ravel() - design @ rates) ** 2) / max(np.sum(departure**2), TINY))
+    difference_rad_s = float(np.hypot(*rates))
+    if not (difference_rad_s * context.duration_s > MIN_TURN_RAD and unexplained < MAX_UNEXPLAINED):
+        return []
+    rate_1_s = small_swing_rate_1_s(context.length_m, context.gravity_m_s2)
+    soft_m = 2 * context.length_m * difference_rad_s / rate_1_s  # ω² = g/(L + c)
+    cos, sin = rates / difference_rad_s
+    along_x_m, coupling_m, along_y_m = (float(soft_m * each / 2) for each in (1 + cos, sin, 1 - cos))
+    return [{"compliance_m": (along_x_m, along_y_m), "coupling_m": coupling_m}]
+
+
+def _swing_frequency_hz(context: GuessContext) -> float | None:
+    """Return the frequency of the strongest line across the rope near that of the nominal rope."""
+    nominal_hz = small_swing_rate_1_s(context.length_m, context.gravity_m_s2) / (2 * np.pi)
+    across = (context.force_g - context.force_g.mean(axis=0)) * [1.0, 1.0, 0.0] / context.noise_g
+    line = find_strongest_line(context.time_s, across, BAND[0] * nominal_hz, BAND[1] * nominal_hz)
+    return None if line is None else line.frequency_hz
+
+
+def _stokes_vectors(context: GuessContext, force_g: Array, frequency_hz: float, windows: int) -> tuple[Array, Array]:
+    """Return the middles of windows of a few swings and their normalised Stokes vectors, shape (windows, 3)."""
+    times_s, stokes = [], []
+    for rows in np.array_split(np.arange(len(force_g)), windows):
+        x, y = _phasors(context.time_s[rows], force_g[rows, :2], frequency_hz)
+        both = 2 * np.conj(x) * y
+        times_s.append(float(context.time_s[rows].mean()))
+        vector = np.array([abs(x) ** 2 - abs(y) ** 2, both.real, both.imag])
+        stokes.append(vector / (abs(x) ** 2 + abs(y) ** 2))
+    return np.array(times_s), np.array(stokes)
+
+
+def _phasors(time_s: Array, across_g: Array, frequency_hz: float) -> NDArray[np.complex128]:
+    """Return c of Re(c exp(2 pi i f t)) of both axes, a constant fitted beside them, shape (2,)."""
+    angle = 2 * np.pi * frequency_hz * time_s
+    design = np.stack([np.cos(angle), np.sin(angle), np.ones_like(angle)], axis=1)
+    cosine, sine, _ = np.linalg.lstsq(design, across_g, rcond=None)[0]
+    phasors: NDArray[np.complex128] = cosine - 1j * sine
+    return phasors
 
 
 class PivotCompliance(Effect):

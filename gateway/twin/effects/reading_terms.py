@@ -4,8 +4,7 @@ import casadi as ca
 import numpy as np
 
 from devices.pendulum.equations import Vector
-from gateway.twin.effects.coefficient_term import CoefficientTerm
-from gateway.twin.effects.coefficients import ChangingCoefficients, PeriodicCoefficients
+from gateway.twin.effects.coefficients import ChangingCoefficients, CoefficientTerm, PeriodicCoefficients
 from gateway.twin.effects.evaluation_context import EvaluationContext
 from gateway.twin.effects.parameter import Parameter, Symbols, Values
 from gateway.twin.effects.term import AXES, HORIZONTAL, Term, coefficient, number

@@ -7,11 +7,9 @@ from itertools import combinations
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.experiments import LARGER_SWING, TURN_HOUSING
-from gateway.twin.experiment_design.ambiguity_groups import ambiguity_groups
-from gateway.twin.experiment_design.candidates import CANDIDATES, FREE_SWING
-from gateway.twin.experiment_design.experiment import Experiment
+from gateway.twin.experiment_design.ambiguity_groups import Separation, ambiguity_groups, separation_of
+from gateway.twin.experiment_design.experiment import CANDIDATES, FREE_SWING, Experiment
 from gateway.twin.experiment_design.hypotheses import Group, Hypothesis
-from gateway.twin.experiment_design.separation import Separation, separation_of
 from gateway.twin.experiment_design.signatures import linearise_experiment
 from gateway.twin.model import EffectValues, TwinRig
 

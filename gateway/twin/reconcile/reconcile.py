@@ -10,7 +10,7 @@ import numpy as np
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.clock import SampleLoss
 from gateway.twin.model import Model
-from gateway.twin.reconcile.data.crane_inputs import NO_INPUTS, CraneInputs, registered
+from gateway.twin.reconcile.data.crane_inputs import NO_INPUTS, CraneInputs, KnownModel, registered
 from gateway.twin.reconcile.data.data_checks import CheckedRecording, find_lack_of_rest
 from gateway.twin.reconcile.data.recordings import Recordings, find_lack_of_test, split_recordings
 from gateway.twin.reconcile.data.sample_means import samples_per_mean, take_means
@@ -18,7 +18,6 @@ from gateway.twin.reconcile.decision.evidence import gather_evidence
 from gateway.twin.reconcile.decision.ranking import RankedCandidate, rank_candidates, rivals_of
 from gateway.twin.reconcile.decision.verdict import as_best_so_far, decide
 from gateway.twin.reconcile.equation.remainder import describe_result
-from gateway.twin.reconcile.known_model import KnownModel
 from gateway.twin.reconcile.output.result import AVERAGED, Reconciliation
 from gateway.twin.reconcile.output.result_builder import SearchOutcome, unusable_result
 from gateway.twin.reconcile.residual.isolability import indistinguishable_pairs

@@ -8,9 +8,8 @@ from gateway.documents.figures import AFTER, BEFORE, SHADE, Figure
 from gateway.documents.format import format_number
 from gateway.documents.plots import add_legend, add_panels, plot_curve, render_svg
 from gateway.twin.reconcile.output.result import Curves, Disagreement, Reconciliation
-from gateway.twin.report.data_parts import held_out_name
-from gateway.twin.report.formatting import AXES, AXIS_NAMES
-from gateway.twin.report.models import is_same_model, single_model_name
+from gateway.twin.report.gap_table import held_out_name
+from gateway.twin.report.wording import AXES, AXIS_NAMES, is_same_model, single_model_name
 
 Array = NDArray[np.float64]
 

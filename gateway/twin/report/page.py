@@ -5,16 +5,31 @@ from dataclasses import dataclass
 
 from gateway.documents.environment import render
 from gateway.twin.reconcile.output.result import Reconciliation
-from gateway.twin.report.confusable import angle_deg, has_same_signature, pairs_by_interest, twins_of_named
 from gateway.twin.report.disagreement import disagreement_figures
 from gateway.twin.report.effect_size import component_texts, unit_text
 from gateway.twin.report.gap import gap_content
-from gateway.twin.report.models import caution, final_model_name, is_same_model, model_value
 from gateway.twin.report.motion import motion_content
-from gateway.twin.report.provenance import COUNTED, REFITTED, rig_facts
-from gateway.twin.report.ranking import assessment, is_transient, ranked_candidates, relative_deficit
+from gateway.twin.report.ranking import (
+    angle_deg,
+    assessment,
+    has_same_signature,
+    is_transient,
+    pairs_by_interest,
+    ranked_candidates,
+    relative_deficit,
+    twins_of_named,
+)
 from gateway.twin.report.residual import residual_figures
 from gateway.twin.report.verdict import verdict_content
+from gateway.twin.report.wording import (
+    COUNTED,
+    REFITTED,
+    caution,
+    final_model_name,
+    is_same_model,
+    model_value,
+    rig_facts,
+)
 
 Content = Mapping[str, object]
 

@@ -16,7 +16,7 @@ from gateway.numerics.stats import true_runs
 from gateway.swing.rig import MountedHousing
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.crane_input import CraneInput, CraneMotion, MotionCorrection, SineSeries
-from gateway.twin.model import EffectValues, TwinRig
+from gateway.twin.model import EffectValues, Model, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 
 Array = NDArray[np.float64]
@@ -193,3 +193,23 @@ def _horizontal_m_s2(history: MotionHistory) -> Array:
     along: Array = (seen * lean).sum(axis=1, keepdims=True) * lean
     found: Array = seen + (1 / np.cos(angle_rad)[:, None] - 1) * along
     return found
+
+
+@dataclass(frozen=True, slots=True)
+class KnownModel:
+    """What is known before the search: the model of the rig, and what the crane did in each recording."""
+
+    model: Model
+    inputs: CraneInputs
+    held_out_inputs: CraneInputs
+    """The same as `inputs` where the held-out part is the end of the log."""
+
+    @property
+    def of_log(self) -> Model:
+        """The model on the log."""
+        return Model(self.model.rig, {**self.model.effects, **self.inputs.values})
+
+    @property
+    def held_out_effects(self) -> EffectValues:
+        """The effects that the model has on the held-out recording."""
+        return {**self.model.effects, **self.held_out_inputs.values}

@@ -9,7 +9,7 @@ from gateway.twin.reconcile.changepoints.changepoint_scan import exclude_unmodel
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.decision.ranking import RankedCandidate
 from gateway.twin.reconcile.fit.fit_result import Fit
-from gateway.twin.reconcile.residual.residual_tests import EXCESS_LINES, has_excess, has_lines
+from gateway.twin.reconcile.residual.whiteness import EXCESS_LINES, has_excess, has_lines
 from gateway.twin.reconcile.search.candidates import CandidateFit
 
 MIN_NECESSARY_RATIO = 7.0

@@ -12,7 +12,7 @@ from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.decision.evidence import Evidence
 from gateway.twin.reconcile.decision.ranking import RankedCandidate
 from gateway.twin.reconcile.output.result import Verdict
-from gateway.twin.reconcile.residual.residual_tests import has_lines, residual_lines
+from gateway.twin.reconcile.residual.whiteness import has_lines, residual_lines
 from gateway.twin.reconcile.search.candidates import CandidateFit
 
 PARTIAL = ("named_with_remainder", "unmodelled")

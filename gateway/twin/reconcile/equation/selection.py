@@ -15,8 +15,7 @@ from gateway.twin.effects.term_library import TERMS
 from gateway.twin.reconcile.decision.ranking import MIN_EVIDENCE_MARGIN, VALIDATED_MARGIN
 from gateway.twin.reconcile.equation.screening import ScreenedTerm, screen_terms
 from gateway.twin.reconcile.fit.validation import ValidationFit
-from gateway.twin.reconcile.residual.noise_inflation import noise_inflation_factor
-from gateway.twin.reconcile.residual.residual_tests import warrants_another_effect
+from gateway.twin.reconcile.residual.whiteness import noise_inflation_factor, warrants_another_effect
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable, Values
 from gateway.twin.reconcile.search.context import SearchContext
 from gateway.twin.reconcile.search.parallel_fits import FitRequest

@@ -8,14 +8,28 @@ discrete cosine transform, which slow noise does not leak out of (Müller 2007; 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
+from scipy.special import ndtr
 
+from gateway.numerics.stats import NORMAL_975
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_result import Fit
-from gateway.twin.reconcile.fit.noise_density import noise_density
 
 Array = NDArray[np.float64]
 MIN_SHARE = 1e-4
 """Share of the variance of a value, under white noise, below which the density at a frequency is not asked for."""
+REACH = 6
+"""Frequencies on either side (half a cycle in the recording apart) that tell of the density: the fewest that do not leave the
+intervals under white noise too wide; a disturbance at the frequency of the swing is as narrow."""
+EXPONENTS = (1, 2)
+"""Of the frequency: 1/f noise and a random walk; beside them the flat spectrum, with as much weight as each."""
+N_CORNERS = 8
+LONGEST_MEMORY = 1.0
+"""Memory of the slowest noise over the recording's duration: a slower one belongs to the mean of the recording."""
+LEVELS = 2.0 ** np.arange(21)
+"""Levels of noise that is not white, over the mean square of the residual: equally likely on a logarithmic scale."""
+WHITE_PROBABILITY = 0.5
+"""Of the mean square of the residual to hold at a frequency as everywhere, before the frequencies around are looked at."""
+BISECTIONS = 40
 
 
 def coloured_covariance(fit: Fit, observations: Observations) -> Array:
@@ -37,3 +51,60 @@ def coloured_covariance(fit: Fit, observations: Observations) -> Array:
         density[bins, axis] = noise_density(power[:, axis], left[:, axis], bins)
     covariance: Array = np.einsum("fa,fak,fal->kl", density, gains, gains)
     return covariance
+
+
+def noise_density(power: Array, left: Array, bins: NDArray[np.intp]) -> Array:
+    """Return the density at chosen frequencies of which 1.96 roots are the 95 % interval of the noise there, shape (m,).
+
+    `power` (n,) is that of the residual in sigma by the discrete cosine transform, `left` (n,) the share of the noise's power
+    that the fit leaves. The noise is no smaller than stated: the density is at least 1.
+    """
+    white = max(float(power.sum() / left.sum()), np.finfo(np.float64).tiny)
+    exponents, corners = _shapes()
+    k = np.arange(len(power))
+    log_shape = -exponents[:, None] / 2 * np.log1p((k / corners[:, None]) ** 2)
+    window = min(2 * REACH + 1, len(power))
+    first = np.clip(bins - REACH, 0, len(power) - window)
+
+    def around(values: Array) -> Array:
+        sums = np.cumsum(np.pad(values, ((0, 0), (1, 0))), axis=1)
+        found: Array = sums[:, first + window] - sums[:, first]
+        return found
+
+    here = log_shape[:, bins]
+    freedom = around(left[None])
+    log_determinant = around(left * log_shape) - freedom * here
+    chi2 = around(power / white * np.exp(-log_shape)) * np.exp(here)
+    levels = LEVELS[:, None, None]
+    log_posterior = -(log_determinant + freedom * np.log(levels) + chi2 / levels) / 2
+    log_posterior += np.log((1 - WHITE_PROBABILITY) / len(LEVELS) * _prior(exponents))[:, None]
+    log_white = -around(power[None] / white)[0] / 2 + np.log(WHITE_PROBABILITY)
+    largest = np.maximum(log_posterior.max(axis=(0, 1)), log_white)
+    probability = np.exp(log_posterior - largest).sum(axis=1)
+    probability[0] += np.exp(log_white - largest)
+    density: Array = white * (_interval(probability / probability.sum(axis=0)) / NORMAL_975) ** 2
+    return np.maximum(density, 1.0)
+
+
+def _shapes() -> tuple[Array, Array]:
+    """Return exponents and corner frequencies of the shapes, in steps of the cosine transform, each (m,)."""
+    corners = np.geomspace(1 / (np.pi * LONGEST_MEMORY), 2 * REACH, N_CORNERS)
+    exponents = np.repeat(EXPONENTS, N_CORNERS)
+    return np.append(0.0, exponents), np.append(1.0, np.tile(corners, len(EXPONENTS)))
+
+
+def _prior(exponents: Array) -> Array:
+    """Return the probabilities of shapes: each exponent is equally likely, and so is each of its corners."""
+    counts = np.array([np.count_nonzero(exponents == each) for each in exponents])
+    return 1 / (counts * (1 + len(EXPONENTS)))
+
+
+def _interval(probability: Array) -> Array:
+    """Return half the 95 % interval of mixtures of normal distributions with the variances LEVELS (levels, m), shape (m,)."""
+    sigma = np.sqrt(LEVELS)[:, None]
+    low, high = np.zeros(probability.shape[1]), np.full(probability.shape[1], 2 * NORMAL_975 * sigma[-1, 0])
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        is_too_small = ((2 * ndtr(middle / sigma) - 1) * probability).sum(axis=0) < 0.95
+        low, high = np.where(is_too_small, middle, low), np.where(is_too_small, high, middle)
+    return high

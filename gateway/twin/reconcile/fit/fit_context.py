@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.crane_input import CraneInput
+from gateway.twin.effects.event_guesses import SHARPEST
 from gateway.twin.effects.guess_context import EventWindow, GuessContext
 from gateway.twin.effects.parameter import ParameterKind
-from gateway.twin.effects.pulse_shape import SHARPEST
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations, slice_samples
 from gateway.twin.reconcile.fit.fit_result import Fit
@@ -19,12 +19,12 @@ from gateway.twin.reconcile.fit.initial_conditions import (
     reverse_swing,
     segment_initial_conditions,
 )
+from gateway.twin.reconcile.fit.large_swing_windows import window_bounds
 from gateway.twin.reconcile.fit.levenberg_marquardt import FIT_ITERATIONS
 from gateway.twin.reconcile.fit.multiple_shooting import SEGMENT_S, uniform_segments
 from gateway.twin.reconcile.fit.prior import prior_of_parts
 from gateway.twin.reconcile.fit.rigging_length import profile_rigging_length
 from gateway.twin.reconcile.fit.trajectory_fit import fit_trajectory
-from gateway.twin.reconcile.fit.window_bounds import window_bounds
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
 

@@ -16,7 +16,7 @@ from gateway.twin.reconcile.fit.condensing import CondensedSystem, condense
 from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.fit.levenberg_marquardt import FIT_ITERATIONS, NormalEquations
 from gateway.twin.reconcile.fit.prior import NormalPrior, no_prior
-from gateway.twin.reconcile.fit.reparameterised_simulator import (
+from gateway.twin.reconcile.fit.reparameterisation import (
     NO_LIMITS,
     Limits,
     ReparameterisedSimulator,

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.fit.initial_conditions import segment_initial_conditions
-from gateway.twin.reconcile.fit.modal_parameterisation import RIGGING_LENGTH, ModalParameterisation
+from gateway.twin.reconcile.fit.reparameterisation import RIGGING_LENGTH, ModalParameterisation
 from gateway.twin.reconcile.fit.trajectory_fit import fit_trajectory
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 from gateway.twin.simulator.simulator import Simulator

@@ -11,7 +11,7 @@ from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.fit.levenberg_marquardt import FIT_ITERATIONS
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
 from gateway.twin.reconcile.fit.prior import NormalPrior
-from gateway.twin.reconcile.fit.reparameterised_simulator import NO_LIMITS, Limits
+from gateway.twin.reconcile.fit.reparameterisation import NO_LIMITS, Limits
 from gateway.twin.reconcile.fit.windowed_fit import fit_windows
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING

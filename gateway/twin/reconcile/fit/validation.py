@@ -16,7 +16,7 @@ from gateway.twin.reconcile.fit.fit_context import is_world_directed, refitted_p
 from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.fit.initial_conditions import rotate_about_vertical, segment_initial_conditions
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
-from gateway.twin.reconcile.fit.reparameterised_simulator import NO_LIMITS, Limits
+from gateway.twin.reconcile.fit.reparameterisation import NO_LIMITS, Limits
 from gateway.twin.reconcile.fit.trajectory_fit import fit_trajectory
 from gateway.twin.reconcile.fit.windowed_fit import fit_windows
 from gateway.twin.simulator.simulator import Simulator

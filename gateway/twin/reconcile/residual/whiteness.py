@@ -1,4 +1,4 @@
-"""Whiteness of a residual: autocorrelation and spectral lines."""
+"""Whether a residual is noise: its autocorrelation, spectral lines and size, and how coloured the noise of a swing's band is."""
 
 import math
 from itertools import islice
@@ -9,6 +9,8 @@ from scipy.special import chdtrc
 
 from gateway.numerics.autocorrelation import autocorrelations
 from gateway.numerics.spectrum import ZERO_PADDING, periodogram
+from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.output.result import Peak, Residual, Spectrum
 
 Array = NDArray[np.float64]
@@ -26,6 +28,16 @@ MAX_PEAKS = 6
 """Number of peaks that are reported."""
 PLOTTED_BINS = 600
 """Number of frequencies of the spectrum in the report."""
+SWING_BAND_HZ = (0.02, 1.5)
+"""Band of the frequencies of swings and twice them; below it every fit removes the noise."""
+MIN_BAND_BINS = 4
+"""Fewest independent frequencies in the band that give a factor."""
+EXCESS_SIGNIFICANT = 0.03
+"""Excess of the reduced chi-square over 1 that is significant: a stated noise that is 1.5 % too small gives as much."""
+EXCESS_LINES = 0.01
+"""Excess from which spectral lines are sought: less is within the scatter of noise alone."""
+EXCESS_LARGE = 0.5
+"""Excess that no wrongly stated noise explains: it would have to be stated 22 % too small."""
 
 
 def ljung_box_p(residual: Array) -> float:
@@ -91,3 +103,43 @@ def decimated_spectrum(time_s: Array, before: Array, after: Array) -> Spectrum:
         return np.add.reduceat(values, edges[:-1], axis=0) / np.diff([*edges[:-1], len(values)])[:, None]
 
     return Spectrum(mean(frequency_hz[:, None])[:, 0], mean(power_before), mean(power_after))
+
+
+def noise_inflation_factor(time_s: Array, residual: Array) -> float:
+    """Return the spectral density of a residual (n, 3) in sigma in the band of swings, over that of white noise; at least 1.
+
+    A fit of k parameters lowers the sum of squares of noise alone by k times this factor, so evidence is divided by it.
+    """
+    frequency_hz, power = periodogram(time_s, residual)
+    lowest_hz = max(SWING_BAND_HZ[0], 2 / (time_s[-1] - time_s[0]))
+    band = (frequency_hz > lowest_hz) & (frequency_hz < SWING_BAND_HZ[1])
+    if band.sum() < MIN_BAND_BINS * ZERO_PADDING:
+        return 1.0
+    return max(1.0, float(power[band].mean()))
+
+
+def has_excess(observations: Observations, fit: Fit) -> bool:
+    """Return whether the residual is more than noise: significantly larger and with lines, or much larger."""
+    excess = observations.reduced_chi2(fit.force_g) - 1
+    return excess > EXCESS_LARGE or (excess > EXCESS_SIGNIFICANT and bool(residual_lines(observations, fit)))
+
+
+def has_lines(observations: Observations, fit: Fit) -> bool:
+    """Return whether the residual has spectral lines, even if it is hardly larger than noise."""
+    return observations.reduced_chi2(fit.force_g) > 1 + EXCESS_LINES and bool(residual_lines(observations, fit))
+
+
+def warrants_another_effect(observations: Observations, fit: Fit) -> bool:
+    """Return whether a search should continue: the residual is significantly larger than noise, or has lines."""
+    return observations.reduced_chi2(fit.force_g) > 1 + EXCESS_SIGNIFICANT or has_lines(observations, fit)
+
+
+def residual_lines(observations: Observations, fit: Fit) -> tuple[Peak, ...]:
+    """Return the spectral lines of the residual, strongest first."""
+    return find_peaks(observations.time_s, observations.residual_sigma(fit.force_g), observations.noise_g)
+
+
+def excess_chi2(observations: Observations, fit: Fit) -> float:
+    """Return the chi-square of the residual beyond the largest that noise gives, 0 or more."""
+    largest = (1 + EXCESS_SIGNIFICANT) * observations.n_values
+    return max(0.0, float((observations.residual_sigma(fit.force_g) ** 2).sum()) - largest)

@@ -7,7 +7,7 @@ from gateway.twin.effects.plausibility import implausibility
 from gateway.twin.reconcile.decision.identifiability import FittedRecording, indistinguishable_from
 from gateway.twin.reconcile.decision.ranking import MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE
 from gateway.twin.reconcile.fit.fit_context import is_world_directed
-from gateway.twin.reconcile.residual.residual_tests import excess_chi2
+from gateway.twin.reconcile.residual.whiteness import excess_chi2
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import SearchContext
 from gateway.twin.reconcile.search.score_test import scorable_effects

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from gateway.numerics.spectrum import find_machine_line
+from gateway.swing.detection.rope_length import rope_length_by_period
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Value
 from gateway.twin.effects.rope import RopeLength
@@ -18,9 +19,9 @@ from gateway.twin.reconcile.data.artefact_detectors import (
     noise_with_quantisation_g,
 )
 from gateway.twin.reconcile.data.recordings import Recordings
+from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.search.candidates import MIN_VARIANCE_SHARE, CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import SearchContext
-from gateway.twin.reconcile.search.length_guess import length_error_by_period
 from gateway.twin.reconcile.search.validation_cache import Validator
 
 Values = Mapping[str, Mapping[str, Value]]
@@ -102,3 +103,15 @@ def _add_machine_line(
     without, with_line = (validator.evaluate(each).reduced_chi2 for each in (base, found))
     is_repeated = without - with_line > MIN_REPEATED_GAIN * (base.reduced_chi2 - found.reduced_chi2)
     return table, context.with_baseline(found.values) if is_repeated else context
+
+
+def length_error_by_period(setting: FitContext) -> float | None:
+    """Return the relative error of the rope's length where the period, at its amplitude, contradicts the rig; else None."""
+    if RopeLength.name in setting.model_effects:
+        return None
+    rig, log = setting.rig, setting.log
+    by_period = rope_length_by_period(log.time_s, log.force_g, rig.gravity_m_s2)
+    if by_period is None:
+        return None
+    error = by_period.length_m / rig.length_m - 1
+    return error if abs(error) >= by_period.u_rel else None

@@ -14,9 +14,8 @@ from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.coloured_covariance import coloured_covariance
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.fit_result import Fit
-from gateway.twin.reconcile.fit.reparameterised_simulator import NO_LIMITS, Limits
-from gateway.twin.reconcile.residual.noise_inflation import noise_inflation_factor
-from gateway.twin.reconcile.residual.residual_tests import warrants_another_effect
+from gateway.twin.reconcile.fit.reparameterisation import NO_LIMITS, Limits
+from gateway.twin.reconcile.residual.whiteness import noise_inflation_factor, warrants_another_effect
 from gateway.twin.simulator.simulator import Simulator
 
 Values = Mapping[str, Mapping[str, Value]]

@@ -5,14 +5,14 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.effects import EFFECTS
+from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.effects.clock import ClockDrift
 from gateway.twin.effects.parameter import Value
-from gateway.twin.effects.rope import RopeLength
+from gateway.twin.effects.rope import DoublePendulum, RopeLength
 from gateway.twin.reconcile.residual.isolability import CONFUSABLE_COSINE, smallest_angle_cosine
+from gateway.twin.reconcile.search.baseline import length_error_by_period
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import SearchContext
-from gateway.twin.reconcile.search.length_guess import length_error_by_period
 from gateway.twin.reconcile.search.parallel_fits import FitRequest
 
 Array = NDArray[np.float64]
@@ -30,6 +30,8 @@ MAX_PARENTS = 2
 """Single effects beside which a second one is searched for."""
 MAX_PARENT_CHI2_RATIO = 100.0
 """Chi-square over that of the best of the same size: a parent with more lacks what the best one has."""
+MAX_REMAINDER_OF_SIMPLER = 0.5
+"""Share of the gap that the simpler of two effects with the same period may leave for the other one to be fitted."""
 
 
 def fit_persistent_effects(table: CandidateTable, context: SearchContext) -> CandidateTable:
@@ -163,3 +165,49 @@ def partners_of(context: SearchContext, base: CandidateFit, names: frozenset[str
         and name in columns
         and smallest_angle_cosine(columns[name], columns[other]) > CONFUSABLE_COSINE
     )
+
+
+def fit_guessed_effects(table: CandidateTable, context: SearchContext, parent: CandidateFit) -> CandidateTable:
+    """Fit the effects beside a parent that are guessed from its residual, until one explains the log."""
+    names = [name for name in EFFECTS.choose(is_guessed_from_residual=True) if table.get(parent.names | {name}) is None]
+    for several in ([name for name in names if name != DoublePendulum.name], [DoublePendulum.name]):
+        requests = [each for name in several for each in _requests(table, context, parent, name)]
+        table = context.fit_in_turn(table, requests, lambda now, _: not now.is_explained)
+    return table
+
+
+def fit_bodies(table: CandidateTable, context: SearchContext) -> CandidateTable:
+    """Fit a heavy rope, and a pivot that yields or holds before it slides, where the data show one: pairs imitate each."""
+    if context.setting.large_amplitude:
+        return table
+    for name in EFFECTS.choose(structure=ModelStructure.HEAVY_ROPE):
+        if not table.is_explained:
+            table = _fit_beyond_its_equivalent(table, context, name)
+    for structure in (ModelStructure.YIELDING_PIVOT, ModelStructure.PRESLIDING):
+        for name in EFFECTS.choose(structure=structure):
+            if not table.is_explained:
+                table = _fit_guessed(table, context, baseline_of(table, context), name)
+    return table
+
+
+def _fit_beyond_its_equivalent(table: CandidateTable, context: SearchContext, name: str) -> CandidateTable:
+    """Fit an effect that coincides with a simpler one where that closes most of the gap, or where the residual shows it."""
+    setting, effect, base = context.setting, EFFECTS[name], baseline_of(table, context)
+    of = effect.coincides_with or ""
+    simpler = table.get(base.names | {of})
+    nearest = base if simpler is None or simpler.fit.chi2 > base.fit.chi2 else simpler
+    guesses = list(effect.initial_guesses(setting.guess_context(setting.log.force_g - nearest.fit.force_g)))
+    if nearest is simpler and nearest.reduced_chi2 - 1 < MAX_REMAINDER_OF_SIMPLER * (base.reduced_chi2 - 1):
+        same = effect.equivalent_values(nearest.values[of], setting.rig.length_m)
+        guesses += [] if same is None else [same]
+    return context.fit_in_turn(table, context.requests(table, base.values, name, guesses))
+
+
+def _fit_guessed(table: CandidateTable, context: SearchContext, parent: CandidateFit, name: str) -> CandidateTable:
+    return context.fit_in_turn(table, _requests(table, context, parent, name))
+
+
+def _requests(table: CandidateTable, context: SearchContext, parent: CandidateFit, name: str) -> list[FitRequest]:
+    setting = context.setting
+    guesses = EFFECTS[name].initial_guesses(setting.guess_context(setting.log.force_g - parent.fit.force_g))
+    return context.requests(table, parent.values, name, guesses)

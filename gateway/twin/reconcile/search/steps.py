@@ -9,10 +9,11 @@ from gateway.twin.reconcile.search.events import fit_events_in_windows, refine
 from gateway.twin.reconcile.search.persistent import (
     baseline_of,
     fit_ambiguity_partners,
+    fit_bodies,
+    fit_guessed_effects,
     fit_persistent_effects,
     fit_persistent_pairs,
 )
-from gateway.twin.reconcile.search.residual_guesses import fit_bodies, fit_guessed_effects
 from gateway.twin.reconcile.search.stepwise_selection import try_swaps
 
 

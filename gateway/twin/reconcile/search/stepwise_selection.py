@@ -12,11 +12,11 @@ from gateway.twin.reconcile.search.persistent import (
     MAX_SCORED,
     baseline_of,
     fit_by_score,
+    fit_guessed_effects,
     parents,
     partners_of,
     requests_beside,
 )
-from gateway.twin.reconcile.search.residual_guesses import fit_guessed_effects
 
 MAX_EFFECTS = 3
 """Effects of one answer: recordings of ordinary length do not separate more."""

@@ -13,7 +13,7 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Values
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.coloured_covariance import coloured_covariance
-from gateway.twin.reconcile.residual.residual_tests import EXCESS_SIGNIFICANT
+from gateway.twin.reconcile.residual.whiteness import EXCESS_SIGNIFICANT
 from gateway.twin.reconcile.search.candidates import (
     MIN_SCORE_STATISTIC,
     SCORE_PENALTY_PER_PARAMETER,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.reparameterised_simulator import Limits
+from gateway.twin.reconcile.fit.reparameterisation import Limits
 from gateway.twin.reconcile.fit.validation import ValidationFit, block_bootstrap_gain, evaluate_on_validation
 from gateway.twin.reconcile.search.candidates import MIN_VARIANCE_SHARE, CandidateFit
 from gateway.twin.reconcile.search.parallel_fits import run_in_processes, values_key

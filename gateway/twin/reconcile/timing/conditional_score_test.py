@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from gateway.twin.effects import EFFECTS
 from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.fit.fit_context import FitContext
-from gateway.twin.reconcile.fit.reparameterised_simulator import reparameterise
-from gateway.twin.reconcile.residual.noise_inflation import noise_inflation_factor
+from gateway.twin.reconcile.fit.reparameterisation import reparameterise
+from gateway.twin.reconcile.residual.whiteness import noise_inflation_factor
 from gateway.twin.reconcile.search.candidates import MIN_SCORE_STATISTIC, MIN_VARIANCE_SHARE
 from gateway.twin.reconcile.search.score_test import scorable_effects
 from gateway.twin.reconcile.timing.time_warp import (

@@ -20,7 +20,7 @@ from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.fit.levenberg_marquardt import REFINEMENT_ITERATIONS
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
 from gateway.twin.reconcile.fit.validation import evaluate_on_validation
-from gateway.twin.reconcile.residual.residual_tests import EXCESS_SIGNIFICANT
+from gateway.twin.reconcile.residual.whiteness import EXCESS_SIGNIFICANT
 from gateway.twin.reconcile.search.candidates import CandidateFit
 from gateway.twin.reconcile.timing.conditional_score_test import (
     MAX_ADDITIONAL_EFFECTS,

@@ -15,7 +15,7 @@ from gateway.twin.effects.sensor_output import Quantization
 from gateway.twin.reconcile.data.artefact_detectors import quantised_mean, quantised_variance
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.levenberg_marquardt import SCREENING_ITERATIONS
-from gateway.twin.reconcile.fit.reparameterised_simulator import ReparameterisedSimulator, reparameterise
+from gateway.twin.reconcile.fit.reparameterisation import ReparameterisedSimulator, reparameterise
 from gateway.twin.reconcile.timing.time_warp_smoother import (
     KNOT_SPACING_SAMPLES,
     effective_degrees_of_freedom,

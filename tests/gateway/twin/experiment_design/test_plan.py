@@ -5,12 +5,15 @@ import json
 import pytest
 
 from gateway.errors import InputError
-from gateway.twin.experiment_design.ambiguity_groups import ambiguity_groups
-from gateway.twin.experiment_design.candidates import CANDIDATES, FREE_SWING
-from gateway.twin.experiment_design.experiment import Experiment, Run
+from gateway.twin.experiment_design.ambiguity_groups import (
+    MAX_COSINE,
+    MIN_SEPARATION_SIGMA,
+    Separation,
+    ambiguity_groups,
+)
+from gateway.twin.experiment_design.experiment import CANDIDATES, FREE_SWING, Experiment, Run
 from gateway.twin.experiment_design.hypotheses import Hypothesis, parse_hypotheses
 from gateway.twin.experiment_design.plan import GroupPlan, Plan, forecast, plan
-from gateway.twin.experiment_design.separation import MAX_COSINE, MIN_SEPARATION_SIGMA, Separation
 from gateway.twin.experiment_design.text import as_json, as_text
 from gateway.twin.model import TwinRig
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from gateway.twin.experiment_design.candidates import FREE_SWING
-from gateway.twin.experiment_design.experiment import Run
+from gateway.twin.experiment_design.experiment import FREE_SWING, Run
 from gateway.twin.experiment_design.hypotheses import parse_hypotheses
 from gateway.twin.experiment_design.plan import Pair, forecast, plan
 from gateway.twin.experiment_design.signatures import initial_state_of

@@ -16,7 +16,7 @@ from gateway.twin.reconcile.data.data_checks import find_fault
 from gateway.twin.reconcile.data.observations import Observations, make_observations
 from gateway.twin.reconcile.data.swing_amplitude import LARGE_AMPLITUDE_RAD
 from gateway.twin.reconcile.fit.fit_context import FitContext
-from gateway.twin.reconcile.fit.reparameterised_simulator import reparameterise
+from gateway.twin.reconcile.fit.reparameterisation import reparameterise
 from gateway.twin.simulator.simulator import Simulator
 from tests.gateway.twin.reconcile.conftest import RATE_HZ
 from tests.gateway.twin.swings import Array

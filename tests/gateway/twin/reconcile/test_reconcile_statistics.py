@@ -9,8 +9,7 @@ from gateway.numerics.spectrum import find_machine_line
 from gateway.twin.reconcile.fit.validation import block_bootstrap_gain
 from gateway.twin.reconcile.residual.isolability import confusable, smallest_angle_cosine
 from gateway.twin.reconcile.residual.localisation import localise_residual
-from gateway.twin.reconcile.residual.noise_inflation import noise_inflation_factor
-from gateway.twin.reconcile.residual.whiteness import find_peaks, ljung_box_p
+from gateway.twin.reconcile.residual.whiteness import find_peaks, ljung_box_p, noise_inflation_factor
 
 Array = NDArray[np.float64]
 RATE_HZ = 20.0
