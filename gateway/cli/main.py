@@ -112,8 +112,11 @@ COMMANDS: dict[str, str | CommandGroup] = {
 """The commands in the order of the help; of one without verbs, the folder of the module with its name."""
 
 
-def parser() -> argparse.ArgumentParser:
-    """Return the parser of the whole command line. Commands import what they need when they run, so that help is quick."""
+def parser(only: str | None = None) -> argparse.ArgumentParser:
+    """Return the parser of the whole command line, or of one command `only`, so that no other is imported.
+
+    Commands import what they need when they run, so that help is quick.
+    """
     top: argparse.ArgumentParser = Parser(
         prog="plumbline",
         description="Measure how far the load of a crane swings, and whether the reading can be trusted.",
@@ -121,7 +124,7 @@ def parser() -> argparse.ArgumentParser:
     )
     top.add_argument("--version", action="version", version=f"plumbline {__version__}")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name, place in COMMANDS.items():
+    for name, place in COMMANDS.items() if only is None else [(only, COMMANDS[only])]:
         if isinstance(place, CommandGroup):
             place.add_to(name, commands)
         else:
@@ -140,7 +143,8 @@ def join_axes(arguments: Sequence[str]) -> list[str]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; return 0: done, 1: the answer is no, 2: wrong usage or input, 3: done with losses."""
-    chosen = parser().parse_args(join_axes(sys.argv[1:] if arguments is None else arguments))
+    given = join_axes(sys.argv[1:] if arguments is None else arguments)
+    chosen = parser(given[0] if given and given[0] in COMMANDS else None).parse_args(given)
     try:
         code: int = chosen.run(chosen)
     except (PlumblineError, DeviceError) as error:
