@@ -24,9 +24,9 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the list, or one description."""
-    from gateway.cli.options.argument_types import require_twin
+    from gateway.cli.options.argument_types import require_extra
 
-    require_twin()
+    require_extra("twin")
     from gateway.errors import InputError
     from gateway.twin.effects import EFFECTS
 

@@ -61,9 +61,9 @@ def wants_plan(arguments: argparse.Namespace) -> bool:
 
 def run_plan(arguments: argparse.Namespace) -> int:
     """Print the plan; the exit code is 1 if no experiment separates anything."""
-    from gateway.cli.options.argument_types import require_twin
+    from gateway.cli.options.argument_types import require_extra
 
-    require_twin()
+    require_extra("twin")
     from gateway.cli.terminal.output import show
     from gateway.cli.terminal.progress import Progress
     from gateway.measurement.rig_file import read_rig
@@ -146,11 +146,11 @@ def run(arguments: argparse.Namespace) -> int:
     """Print the answer; the exit code is 1 if something unknown is missing, or the data cannot be used."""
     if wants_plan(arguments):
         return run_plan(arguments)
-    from gateway.cli.options.argument_types import require_twin
+    from gateway.cli.options.argument_types import require_extra
 
     # Before the library of linear algebra is loaded: its threads slow down small matrices, and take the cores of other processes.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    require_twin()
+    require_extra("twin")
     import time
 
     from gateway.cli.terminal.output import show, write_text

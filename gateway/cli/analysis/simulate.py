@@ -52,9 +52,9 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate and write the recording."""
-    from gateway.cli.options.argument_types import require_twin
+    from gateway.cli.options.argument_types import require_extra
 
-    require_twin()
+    require_extra("twin")
     from gateway.cli.terminal.output import write_text
     from gateway.errors import InputError
     from gateway.measurement.rig_file import read_rig

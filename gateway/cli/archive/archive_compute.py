@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from gateway.cli.archive.archive_options import add_source, add_table
-from gateway.cli.options.argument_types import above_zero, require_archive, require_cluster, require_twin, whole_number
+from gateway.cli.options.argument_types import above_zero, require_extra, whole_number
 from gateway.cli.terminal.output import add_json
 from gateway.errors import ANSWER_IS_NO
 
@@ -62,11 +62,11 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 
 def _run(kind: "TaskKind", arguments: argparse.Namespace) -> int:
-    require_archive()
+    require_extra("archive")
     if kind == "reconcile":
-        require_twin()
+        require_extra("twin")
     if arguments.cluster is not None:
-        require_cluster()
+        require_extra("cluster")
     from gateway.archive.compute import Workers, compute
     from gateway.archive.source import open_source
     from gateway.archive.tables import Archive

@@ -4,7 +4,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from gateway.cli.archive.archive_options import add_keys, add_source, add_table, keys
-from gateway.cli.options.argument_types import require_archive
+from gateway.cli.options.argument_types import require_extra
 from gateway.cli.terminal.output import add_json
 from gateway.errors import WITH_LOSSES
 
@@ -36,7 +36,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 def run(arguments: argparse.Namespace) -> int:
     """Index the recordings; return 3 where a file was refused."""
-    require_archive()
+    require_extra("archive")
     from gateway.archive.index import index
     from gateway.archive.source import open_source
     from gateway.archive.tables import Archive

@@ -5,7 +5,7 @@ from datetime import date, datetime
 from typing import TYPE_CHECKING, Any
 
 from gateway.cli.archive.archive_options import add_table
-from gateway.cli.options.argument_types import require_archive
+from gateway.cli.options.argument_types import require_extra
 from gateway.cli.terminal.output import add_json
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the answer."""
-    require_archive()
+    require_extra("archive")
     from gateway.archive.query import ask
     from gateway.archive.tables import Archive
     from gateway.cli.terminal.output import show

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from gateway.cli.archive.archive_options import add_table
-from gateway.cli.options.argument_types import above_zero, parsed_by, require_archive, require_plots
+from gateway.cli.options.argument_types import above_zero, parsed_by, require_extra, require_plots
 from gateway.cli.terminal.output import add_json
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the page."""
-    require_archive()
+    require_extra("archive")
     require_plots()
     from gateway.archive.report import ReportQuestion, make_report
     from gateway.archive.report_page import render_archive_report

@@ -8,7 +8,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.cli.options.argument_types import above_zero, parsed_by, require_archive
+from gateway.cli.options.argument_types import above_zero, parsed_by, require_extra
 from gateway.errors import ANSWER_IS_NO
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 def run(arguments: argparse.Namespace) -> int:
     """Send what is there, once or for ever."""
-    require_archive()
+    require_extra("archive")
     from gateway.archive.upload import Uploader, UploadLimits, open_destination
     from gateway.errors import InputError
 

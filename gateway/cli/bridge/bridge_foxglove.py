@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from gateway.cli.bridge.bridge_options import add_bridge_options, run_bridge
-from gateway.cli.options.argument_types import require_foxglove
+from gateway.cli.options.argument_types import require_extra
 
 if TYPE_CHECKING:
     from gateway.bridge.gateway_reader import GatewayReader
@@ -26,7 +26,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    require_foxglove()
+    require_extra("foxglove")
     from gateway.bridge.foxglove.live_messages import LIVE_TOPICS, LiveMessages
     from gateway.recording.format.encoding import encode_recorded, schema_bytes
 

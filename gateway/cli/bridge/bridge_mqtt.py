@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from gateway.cli.bridge.bridge_options import add_bridge_options, run_bridge
-from gateway.cli.options.argument_types import require_mqtt
+from gateway.cli.options.argument_types import require_extra
 
 if TYPE_CHECKING:
     from gateway.bridge.gateway_reader import GatewayReader
@@ -27,7 +27,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    require_mqtt()
+    require_extra("mqtt")
     return run_bridge(
         arguments, _serve, lambda settings: f"publishing to MQTT at {settings.mqtt.host}:{settings.mqtt.port}"
     )

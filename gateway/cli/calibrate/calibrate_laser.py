@@ -54,10 +54,10 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gateway.cli.options.argument_types import require_laser
+    from gateway.cli.options.argument_types import require_extra
     from gateway.errors import InputError
 
-    require_laser()
+    require_extra("laser")
     if arguments.dot_mm >= 0.8 * arguments.pitch_mm:
         raise InputError(
             f"--dot-mm {arguments.dot_mm:g} leaves no white between dots of --pitch-mm {arguments.pitch_mm:g}"

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from gateway.cli.fleet.fleet_options import add_expect, add_listen, expected_gateways, fleet_client, open_listener
-from gateway.cli.options.argument_types import require_http
+from gateway.cli.options.argument_types import require_extra
 from gateway.cli.options.bus_link import add_connect
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    require_http()
+    require_extra("page")
     import uvicorn
 
     from gateway.fleet.fleet_state import FleetState

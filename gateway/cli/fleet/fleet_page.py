@@ -3,7 +3,7 @@
 import argparse
 
 from gateway.cli.fleet.fleet_options import add_expect, add_listen, expected_gateways, fleet_client, open_listener
-from gateway.cli.options.argument_types import require_http
+from gateway.cli.options.argument_types import require_extra
 from gateway.cli.options.bus_link import add_connect
 from gateway.languages import LANGUAGES
 
@@ -36,7 +36,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    require_http()
+    require_extra("page")
     from gateway.cli.fleet.fleet_status import LiveFleet
     from gateway.fleet.fleet_page import FleetPage
     from gateway.fleet.fleet_state import FleetState

@@ -75,9 +75,9 @@ def _verb(
 
 
 def _init(arguments: argparse.Namespace) -> int:
-    from gateway.cli.options.argument_types import require_certificates
+    from gateway.cli.options.argument_types import require_extra
 
-    require_certificates()
+    require_extra("security")
     from gateway.pki.site_folder import SiteFolder, utc_now
 
     folder = SiteFolder.create(arguments.folder, _checked(arguments.site), arguments.days, utc_now())
@@ -131,9 +131,9 @@ def _list(arguments: argparse.Namespace) -> int:
 
 
 def _open(arguments: argparse.Namespace) -> "tuple[SiteFolder, datetime]":
-    from gateway.cli.options.argument_types import require_certificates
+    from gateway.cli.options.argument_types import require_extra
 
-    require_certificates()
+    require_extra("security")
     from gateway.pki.site_folder import SiteFolder, utc_now
 
     return SiteFolder(arguments.folder), utc_now()

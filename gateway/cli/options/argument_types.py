@@ -4,17 +4,29 @@ import argparse
 import importlib.util
 import math
 import re
-from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeVar
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 from gateway.errors import InputError
 
 if TYPE_CHECKING:
     from gateway.recording.reading.interval import RecordingTime
 
-
 Value = TypeVar("Value")
-OF_THE_TWIN = ("casadi", "matplotlib", "scipy")
+Extra = Literal["archive", "cluster", "foxglove", "laser", "mqtt", "opcua", "page", "parquet", "security", "twin"]
+LIBRARIES_OF_EXTRAS: dict[Extra, tuple[str, ...]] = {
+    "archive": ("cryptography", "deltalake", "duckdb", "obstore", "pyarrow"),
+    "cluster": ("distributed",),
+    "foxglove": ("foxglove",),
+    "laser": ("cv2", "fpdf"),
+    "mqtt": ("paho",),
+    "opcua": ("asyncua",),
+    "page": ("starlette", "uvicorn"),
+    "parquet": ("pyarrow",),
+    "security": ("cryptography",),
+    "twin": ("casadi", "matplotlib", "scipy"),
+}
+"""The modules that each extra of the distribution brings."""
 
 
 def above_zero(text: str) -> float:
@@ -105,62 +117,13 @@ def parse_address(text: str) -> tuple[str, int]:
     return host, int(port)
 
 
-def require_twin() -> None:
-    """Raise `InputError` where the twin's libraries are missing."""
-    _require(OF_THE_TWIN, "twin")
+def require_extra(extra: Extra, libraries: Sequence[str] = ()) -> None:
+    """Raise `InputError` where libraries of an extra are missing; of all of them, if none is named."""
+    missing = [name for name in libraries or LIBRARIES_OF_EXTRAS[extra] if importlib.util.find_spec(name) is None]
+    if missing:
+        raise InputError(f"{' and '.join(missing)} not installed; try pip install 'plumbline-gateway[{extra}]'")
 
 
 def require_plots() -> None:
     """Raise `InputError` where the library of the figures is missing."""
-    _require(("matplotlib",), "twin")
-
-
-def require_parquet() -> None:
-    """Raise `InputError` where the library for Parquet files is missing."""
-    _require(("pyarrow",), "parquet")
-
-
-def require_archive() -> None:
-    """Raise `InputError` where the libraries of the archive are missing."""
-    _require(("cryptography", "deltalake", "duckdb", "obstore", "pyarrow"), "archive")
-
-
-def require_cluster() -> None:
-    """Raise `InputError` where the client of a cluster is missing."""
-    _require(("distributed",), "cluster")
-
-
-def require_laser() -> None:
-    """Raise `InputError` where the libraries for photographs and the printable board are missing."""
-    _require(("cv2", "fpdf"), "laser")
-
-
-def require_http() -> None:
-    """Raise `InputError` where the HTTP server's libraries are missing."""
-    _require(("starlette", "uvicorn"), "page")
-
-
-def require_mqtt() -> None:
-    """Raise `InputError` where the client of MQTT is missing."""
-    _require(("paho",), "mqtt")
-
-
-def require_opcua() -> None:
-    """Raise `InputError` where the server of OPC UA is missing."""
-    _require(("asyncua",), "opcua")
-
-
-def require_foxglove() -> None:
-    """Raise `InputError` where the server for viewers is missing."""
-    _require(("foxglove",), "foxglove")
-
-
-def require_certificates() -> None:
-    """Raise `InputError` where the library for certificates is missing."""
-    _require(("cryptography",), "security")
-
-
-def _require(libraries: tuple[str, ...], extra: str) -> None:
-    missing = [name for name in libraries if importlib.util.find_spec(name) is None]
-    if missing:
-        raise InputError(f"{' and '.join(missing)} not installed; try pip install 'plumbline-gateway[{extra}]'")
+    require_extra("twin", ["matplotlib"])

@@ -59,9 +59,9 @@ def run(arguments: argparse.Namespace) -> int:
 
     target = next(path for path in (arguments.csv, arguments.parquet, arguments.mcap) if path is not None)
     if arguments.parquet is not None:
-        from gateway.cli.options.argument_types import require_parquet
+        from gateway.cli.options.argument_types import require_extra
 
-        require_parquet()
+        require_extra("parquet")
     timeline = open_timeline(arguments.paths)
     if target.resolve() in {segment.path.resolve() for segment in timeline.segments}:
         raise InputError(f"{target}: is one of the recordings; choose another name")

@@ -82,7 +82,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the report, or list the incidents."""
-    from gateway.cli.options.argument_types import require_plots, require_twin
+    from gateway.cli.options.argument_types import require_extra, require_plots
     from gateway.cli.terminal.progress import ProgressBar
     from gateway.incident.incident_selection import choose_window, read_incidents
     from gateway.recording.reading.catalogue import open_timeline
@@ -96,7 +96,7 @@ def run(arguments: argparse.Namespace) -> int:
     window = choose_window(timeline, incidents, choice, arguments.margin)
     require_plots()
     if arguments.reconcile:
-        require_twin()
+        require_extra("twin")
     return _write(arguments, timeline, window)
 
 

@@ -5,7 +5,7 @@ import asyncio
 import time
 from typing import TYPE_CHECKING
 
-from gateway.cli.options.argument_types import above_zero, require_foxglove
+from gateway.cli.options.argument_types import above_zero, require_extra
 from gateway.cli.options.bus_link import LOCAL_ENDPOINT
 from gateway.cli.options.recording_options import add_selection, interval
 
@@ -92,7 +92,7 @@ def _publish(timeline: "Timeline", selection: "Selection", arguments: argparse.N
 
 def _viewers_section(arguments: argparse.Namespace) -> "FoxgloveSection":
     """Return where to serve viewers. Raises `InputError`."""
-    require_foxglove()
+    require_extra("foxglove")
     from pydantic import ValidationError
 
     from gateway.bridge.settings import FoxgloveSection
