@@ -29,11 +29,14 @@ class Parser(argparse.ArgumentParser):
 
 @dataclass(frozen=True, slots=True)
 class CommandGroup:
-    """A command that has verbs: its texts, and the modules that add the verbs, in the order of the help."""
+    """A command that has verbs: its texts, and the modules that add the verbs, in the order of the help.
+
+    Without modules, the one that has the command's name adds all of them.
+    """
 
     help: str
     example: str
-    modules: tuple[str, ...]
+    modules: tuple[str, ...] = ()
     description: str | None = None
     """None: the help as a sentence."""
     part: str = "verb"
@@ -47,6 +50,8 @@ class CommandGroup:
         verbs = command.add_subparsers(dest=self.part, metavar=self.part.upper(), required=True)
         for module in self.modules:
             import_module(f"gateway.cli.{name}.{module}").add_to(verbs)
+        if not self.modules:
+            import_module(f"gateway.cli.{name}").add_to(verbs)
 
 
 COMMANDS: dict[str, str | CommandGroup] = {
@@ -92,7 +97,6 @@ COMMANDS: dict[str, str | CommandGroup] = {
     "bridge": CommandGroup(
         "give the values of a gateway to a plant by its own protocols",
         "bridge mqtt --gateway plumbline/v1/yard/crane-1/hook --settings bridge.toml",
-        ("bridge_mqtt", "bridge_modbus", "bridge_opcua", "bridge_foxglove"),
         part="protocol",
     ),
     "archive": CommandGroup(

@@ -1,0 +1,202 @@
+"""`plumbline bridge`: the values of a gateway for a plant, by one protocol for each process.
+
+All bridges have the same options and the same life: one gateway, the settings, and an end by a signal.
+"""
+
+import argparse
+import asyncio
+import logging
+import os
+import signal
+import sys
+from collections.abc import Callable, Coroutine
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gateway.cli.options.argument_types import require_extra
+from gateway.cli.options.bus_link import add_connect, client_credentials, connect_endpoint
+
+if TYPE_CHECKING:
+    from gateway.bridge.gateway_reader import GatewayReader
+    from gateway.bridge.settings import BridgeSettings
+    from gateway.service_state import ServiceNotifier
+
+ALIVE_S = 0.25
+"""Time between two signs of life to the service manager. Basis: a sixth of the unit's patience, `WatchdogSec`."""
+Serve = Callable[["BridgeSettings", "GatewayReader", Callable[[], None]], Coroutine[None, None, None]]
+"""Serves with settings and a reader until cancelled, and says when it has begun."""
+
+
+def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add a verb for each protocol."""
+    mqtt = verbs.add_parser(
+        "mqtt",
+        help="publish the values and the alerts to an MQTT broker",
+        description="Publish the values of one gateway as retained states to an MQTT broker, and each change of an alert once "
+        "and in order, until Ctrl-C.",
+        epilog="example: plumbline bridge mqtt --gateway plumbline/v1/yard/crane-1/hook --settings bridge.toml",
+    )
+    modbus = verbs.add_parser(
+        "modbus",
+        help="serve the values to programmable controllers by Modbus TCP",
+        description="Serve the values of one gateway as input registers of Modbus TCP, read-only, until Ctrl-C. "
+        "docs/reference/plant_values.md has the register map.",
+        epilog="example: plumbline bridge modbus --gateway plumbline/v1/yard/crane-1/hook --settings bridge.toml",
+    )
+    opcua = verbs.add_parser(
+        "opcua",
+        help="serve the values and the alerts to control systems by OPC UA",
+        description="Serve the values of one gateway as nodes of OPC UA, and its alerts as events, until Ctrl-C. Links are "
+        "encrypted, and nobody is served without a name.",
+        epilog="example: plumbline bridge opcua --gateway plumbline/v1/yard/crane-1/hook --settings bridge.toml",
+    )
+    foxglove = verbs.add_parser(
+        "foxglove",
+        help="serve the live topics to viewers by the Foxglove WebSocket protocol",
+        description="Serve the live topics of one gateway, with the names and schemas of its recordings, to Foxglove, Lichtblick "
+        "and other viewers on this machine, until Ctrl-C.",
+        epilog="example: plumbline bridge foxglove --gateway plumbline/v1/yard/crane-1/hook",
+    )
+    for verb, run in ((mqtt, _run_mqtt), (modbus, _run_modbus), (opcua, _run_opcua), (foxglove, _run_foxglove)):
+        verb.add_argument(
+            "--settings",
+            type=Path,
+            metavar="FILE",
+            help="settings of the bridges (TOML); config/bridge.toml is an example",
+        )
+        verb.add_argument(
+            "--gateway",
+            metavar="KEY",
+            help="plumbline/v1/<site>/<crane>/<sensor> (default: the gateway that is installed on this machine)",
+        )
+        add_connect(verb)
+        verb.set_defaults(run=run)
+
+
+def _run_mqtt(arguments: argparse.Namespace) -> int:
+    require_extra("mqtt")
+    return _run_bridge(
+        arguments, _serve_mqtt, lambda settings: f"publishing to MQTT at {settings.mqtt.host}:{settings.mqtt.port}"
+    )
+
+
+async def _serve_mqtt(settings: "BridgeSettings", reader: "GatewayReader", started: Callable[[], None]) -> None:
+    from gateway.bridge.mqtt.alert_delivery import AlertDelivery
+    from gateway.bridge.mqtt.mqtt_messages import MqttTopics
+    from gateway.bridge.mqtt.mqtt_publisher import MqttPublisher, read_position
+
+    section = settings.mqtt
+    alerts = AlertDelivery(reader.receive_alerts(read_position(section.position_file)))
+    publisher = MqttPublisher(section, MqttTopics(section.prefix, reader.key), reader.snapshot, alerts)
+    started()
+    try:
+        while True:
+            publisher.step()
+            await asyncio.sleep(0)  # the signals of the process are looked at
+    finally:
+        publisher.close()
+
+
+def _run_modbus(arguments: argparse.Namespace) -> int:
+    return _run_bridge(arguments, _serve_modbus, lambda settings: f"serving Modbus TCP at {settings.modbus.listen}")
+
+
+async def _serve_modbus(settings: "BridgeSettings", reader: "GatewayReader", started: Callable[[], None]) -> None:
+    from gateway.bridge.modbus.modbus_server import ModbusServer
+
+    await ModbusServer(settings.modbus, reader.snapshot).serve(started)
+
+
+def _run_opcua(arguments: argparse.Namespace) -> int:
+    require_extra("opcua")
+    return _run_bridge(arguments, _serve_opcua, lambda settings: f"serving OPC UA at {settings.opcua.listen}")
+
+
+async def _serve_opcua(settings: "BridgeSettings", reader: "GatewayReader", started: Callable[[], None]) -> None:
+    from gateway.bridge.opcua.opcua_server import OpcuaServer
+
+    for library in ("asyncua", "asyncuagds"):  # they log each connection, and a trace for each that is refused
+        logging.getLogger(library).setLevel(logging.CRITICAL)
+    alerts = reader.receive_alerts("{}")
+    await OpcuaServer(settings.opcua, reader.key, reader.snapshot, alerts).serve(started)
+
+
+def _run_foxglove(arguments: argparse.Namespace) -> int:
+    require_extra("foxglove")
+    from gateway.bridge.foxglove.live_messages import LIVE_TOPICS, LiveMessages
+    from gateway.recording.format.encoding import encode_recorded, schema_bytes
+
+    messages = LiveMessages(encode_recorded)
+
+    async def serve(settings: "BridgeSettings", reader: "GatewayReader", started: Callable[[], None]) -> None:
+        from gateway.bridge.foxglove.foxglove_server import FoxgloveServer
+
+        await FoxgloveServer(settings.foxglove, reader.key, schema_bytes, reader.snapshot, messages).serve(started)
+
+    return _run_bridge(
+        arguments,
+        serve,
+        lambda settings: f"serving Foxglove viewers at ws://{settings.foxglove.listen}",
+        inbox=messages,
+        topics=LIVE_TOPICS,
+    )
+
+
+def _gateway_key(arguments: argparse.Namespace) -> str:
+    """Return the key of the one gateway. Raises `InputError`."""
+    from gateway.bus.untrusted import GATEWAY_KEY
+    from gateway.configuration.loading import is_installed, load_installed
+    from gateway.errors import InputError
+
+    if arguments.gateway is None and not is_installed():
+        raise InputError("name the gateway: --gateway plumbline/v1/<site>/<crane>/<sensor>")
+    key = load_installed().gateway.key if arguments.gateway is None else str(arguments.gateway)
+    if GATEWAY_KEY.fullmatch(key) is None:
+        raise InputError(f"--gateway {key}: a bridge has one gateway, plumbline/v1/<site>/<crane>/<sensor>")
+    return key
+
+
+def _run_bridge(
+    arguments: argparse.Namespace, serve: Serve, description: Callable[["BridgeSettings"], str], **heard: Any
+) -> int:
+    """Serve until SIGINT or SIGTERM; print what is served when it has begun. `heard`: `inbox` and `topics` of the reader."""
+    from gateway.bridge.gateway_reader import GatewayReader
+    from gateway.bridge.heard_messages import HeardMessages
+    from gateway.bridge.settings import load_settings
+    from gateway.service_state import ServiceNotifier
+
+    logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
+    settings, key = load_settings(arguments.settings), _gateway_key(arguments)
+    messages = HeardMessages(key, demonstration=settings.demonstration, allow_unsigned=settings.allow_unsigned)
+    reader = GatewayReader(connect_endpoint(arguments), key, client_credentials(arguments), messages, **heard)
+    notifier = ServiceNotifier()
+    running: set[asyncio.Task[None]] = set()
+
+    def announce() -> None:
+        print(f"{description(settings)}, of {key}", flush=True)
+        notifier.send("READY=1")
+        running.add(asyncio.get_running_loop().create_task(_show_life(notifier)))
+
+    try:
+        asyncio.run(_until_signal(serve(settings, reader, announce)))
+    except BaseException:
+        reader.close()
+        raise
+    sys.stdout.flush()
+    os._exit(0)  # a thread of the bus that does not end would hold the process; there is nothing to save
+
+
+async def _until_signal(serving: Coroutine[None, None, None]) -> None:
+    task, loop = asyncio.ensure_future(serving), asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, task.cancel)
+    with suppress(asyncio.CancelledError):
+        await task
+
+
+async def _show_life(notifier: "ServiceNotifier") -> None:
+    """Tell the service manager again and again that the loop turns, in which all is served."""
+    while True:
+        notifier.send("WATCHDOG=1")
+        await asyncio.sleep(ALIVE_S)
