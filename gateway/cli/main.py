@@ -92,7 +92,7 @@ COMMANDS: dict[str, str | CommandGroup] = {
     "fleet": CommandGroup(
         "many sensors and gateways: their state, which to calibrate next, what several measure together",
         "fleet status --expect gateways.txt",
-        ("fleet_status", "fleet_page", "fleet_metrics", "fleet_router", "fleet_drift", "fleet_deflection"),
+        ("fleet_status", "fleet_servers", "fleet_router", "fleet_drift", "fleet_deflection"),
     ),
     "bridge": CommandGroup(
         "give the values of a gateway to a plant by its own protocols",

@@ -11,9 +11,8 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, TextIO
 
-from gateway.cli.fleet.fleet_options import add_expect, expected_gateways, fleet_client
 from gateway.cli.options.argument_types import above_zero, parsed_by, whole_number
-from gateway.cli.options.bus_link import add_connect
+from gateway.cli.options.bus_link import add_connect, add_expect, expected_gateways, fleet_client
 from gateway.cli.terminal.output import add_json
 
 if TYPE_CHECKING:

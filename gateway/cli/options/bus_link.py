@@ -1,4 +1,4 @@
-"""The options that name a gateway on the bus, shared by all commands that talk to one."""
+"""The options that name gateways on the bus, shared by all commands that talk to one or to many."""
 
 import argparse
 import os
@@ -13,6 +13,7 @@ from gateway.text import printable
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient
     from gateway.bus.credentials import Credentials
+    from gateway.bus.fleet_client import FleetClient
 
 CONNECT_VARIABLE = "PLUMBLINE_CONNECT"
 LOCAL_ENDPOINT = "tcp/127.0.0.1:7447"
@@ -48,6 +49,13 @@ def add_connect(verb: argparse.ArgumentParser) -> None:
     )
 
 
+def add_expect(verb: argparse.ArgumentParser) -> None:
+    """Add `--expect`."""
+    verb.add_argument(
+        "--expect", type=Path, metavar="FILE", help="gateways that must be there, one <site>/<crane>/<sensor> a line"
+    )
+
+
 def client_credentials(arguments: argparse.Namespace) -> "Credentials":
     """Return the credentials of the client. Raises `InputError` for a named folder without any."""
     from gateway.bus.credentials import load_credentials
@@ -68,6 +76,13 @@ def connect_endpoint(arguments: argparse.Namespace) -> str:
     return [*load_installed().bus.local_endpoints, LOCAL_ENDPOINT][0]
 
 
+def expected_gateways(arguments: argparse.Namespace) -> frozenset[str]:
+    """Return the keys of the gateways that `--expect` names. Raises `InputError`."""
+    from gateway.fleet.selection import read_expected
+
+    return frozenset() if arguments.expect is None else frozenset(read_expected(arguments.expect))
+
+
 @contextmanager
 def gateway_client(arguments: argparse.Namespace) -> "Iterator[GatewayClient]":
     """Join the bus that `--connect` names as a client of `--gateway`, and leave it at the end."""
@@ -78,5 +93,17 @@ def gateway_client(arguments: argparse.Namespace) -> "Iterator[GatewayClient]":
         yield client
         if client.doubt is not None:
             print(f"plumbline: {client.key}: {printable(str(client.doubt))}", file=sys.stderr)
+    finally:
+        client.close()
+
+
+@contextmanager
+def fleet_client(arguments: argparse.Namespace, key_pattern: str) -> "Iterator[FleetClient]":
+    """Join the bus that `--connect` names, and leave it at the end; `key_pattern`: the gateways to listen to."""
+    from gateway.bus.fleet_client import FleetClient
+
+    client = FleetClient(connect_endpoint(arguments), key_pattern, client_credentials(arguments))
+    try:
+        yield client
     finally:
         client.close()
