@@ -19,13 +19,12 @@ from gateway.daemon.commands.authorisation import make_authoriser, read_certific
 from gateway.daemon.commands.configuration_service import ConfigurationService
 from gateway.daemon.commands.dispatcher import RequestDispatcher
 from gateway.daemon.commands.handlers import AlertHistory, MarkService, make_handlers
-from gateway.daemon.commands.page_requests import PageRequests
+from gateway.daemon.commands.page_requests import PageRequests, SignInWatch
 from gateway.daemon.commands.recalibration_service import RecalibrationService
 from gateway.daemon.commands.rpc_server import RpcServer
 from gateway.daemon.commands.security_log import SECURITY_LOG_NAME, SecurityLog
-from gateway.daemon.commands.sign_in_watch import SignInWatch
 from gateway.daemon.commands.worker import CommandWorker
-from gateway.daemon.health import HealthReporter
+from gateway.daemon.health import HealthReporter, SampleCounters
 from gateway.daemon.outputs.alert_sender import AlertSender
 from gateway.daemon.outputs.bus_connection import BusConnection
 from gateway.daemon.outputs.duplicate_watch import DuplicateWatch
@@ -35,12 +34,10 @@ from gateway.daemon.outputs.publisher import Publisher
 from gateway.daemon.outputs.relay_worker import RelayWorker, make_relay
 from gateway.daemon.outputs.silent_connections import SilentConnections
 from gateway.daemon.processor import Processor
-from gateway.daemon.runtime.bounded_queue import BoundedQueue
 from gateway.daemon.runtime.faults import FaultRegister
 from gateway.daemon.runtime.logs import LineWriter
 from gateway.daemon.runtime.wall_clock import WallClockMonitor
-from gateway.daemon.runtime.worker import Worker
-from gateway.daemon.sampling.counters import SampleCounters
+from gateway.daemon.runtime.worker import BoundedQueue, Worker
 from gateway.daemon.sampling.sampler import Sampler, SamplerItem
 from gateway.daemon.sampling.simulated_rigger import make_rigger
 from gateway.daemon.storage.calibration_provider import CalibrationProvider

@@ -191,7 +191,7 @@ def show_deflection(
     """Show the deflection with each tilt until Ctrl-C, or `count` of them; wait while a link is lost."""
     from gateway.bench.girder.live_deflection import Side
     from gateway.cli.terminal.output import StatusLine
-    from gateway.daemon.runtime.bounded_queue import BoundedQueue
+    from gateway.daemon.runtime.worker import BoundedQueue
     from gateway.topics import adapter
 
     sides: tuple[Side, Side] = ("left", "right")

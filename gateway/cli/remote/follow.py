@@ -6,7 +6,7 @@ from typing import Any, TextIO
 from gateway.bus.client import GatewayClient
 from gateway.calibration.pose_method import PoseMethod
 from gateway.cli.terminal.output import StatusLine
-from gateway.daemon.runtime.bounded_queue import BoundedQueue
+from gateway.daemon.runtime.worker import BoundedQueue
 
 MAX_STALE_ANSWERS = 4
 """A gateway that has just accepted a session may still report the time before, at most this often. Basis: two seconds of

@@ -133,7 +133,7 @@ class TiltFeed:
 
     def __init__(self, client: "GatewayClient", line: "StatusLine") -> None:
         """`line` says when no tilt comes."""
-        from gateway.daemon.runtime.bounded_queue import BoundedQueue
+        from gateway.daemon.runtime.worker import BoundedQueue
 
         self._client = client
         self._line = line

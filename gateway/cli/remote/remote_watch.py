@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from gateway.bus.alert_event import AlertEvent
     from gateway.bus.alert_receiver import AlertReceiver
     from gateway.bus.authenticity import Authenticity, Doubt
-    from gateway.daemon.runtime.bounded_queue import BoundedQueue
+    from gateway.daemon.runtime.worker import BoundedQueue
 
     Arrival = tuple[zenoh.Sample, float]
     """A message, and when it came on the monotonic clock."""
@@ -66,7 +66,7 @@ def _watch(arguments: argparse.Namespace) -> int:
     from gateway.bus.alert_receiver import AlertReceiver
     from gateway.bus.authenticity import Authenticity
     from gateway.bus.client import open_client_session, query_status
-    from gateway.daemon.runtime.bounded_queue import BoundedQueue
+    from gateway.daemon.runtime.worker import BoundedQueue
     from gateway.errors import InputError
     from gateway.topics import TOPICS
 

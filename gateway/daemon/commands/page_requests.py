@@ -1,7 +1,8 @@
-"""The requests that people make on the page, and their answers."""
+"""What people do on the page: their requests with the answers, and the wrong PINs that they enter."""
 
 import queue
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -9,11 +10,15 @@ from pydantic_core import to_json
 
 from gateway.authorization.caller import Caller, NotAuthorised, Role, require_role
 from gateway.daemon.commands.requests import RemoteRequest, RequestHandler
+from gateway.daemon.commands.security_log import Refusal, SecurityLog
+from gateway.daemon.runtime.faults import FaultRegister
+from gateway.page.sign_in_report import SignInReport
 from gateway.recalibration.requests import RequestError, parse_payload
 from gateway.verbs import VERBS
 
 PATIENCE_S = 4.0
 """Longest wait for an answer. Basis: a choice; below the 6 s for which the page waits (`gateway.page.gateway_requests`)."""
+PIN_GUESSED = "pin_guessed"
 
 
 class PageRequest(BaseModel):
@@ -66,3 +71,34 @@ def _admit(request: PageRequest, answers: "queue.SimpleQueue[tuple[bool, str]]")
         answers.put((accepted, str(content.get("text" if accepted else "reason", ""))))
 
     return RemoteRequest(verb.name, parse_payload(verb.request, request.payload.encode()), caller, reply)
+
+
+class SignInWatch:
+    """Takes the reports of the page; used by the thread of the remote calls alone."""
+
+    def __init__(
+        self, security_log: SecurityLog, faults: FaultRegister, pin_file: Path, now_ns: Callable[[], int]
+    ) -> None:
+        self._security_log = security_log
+        self._faults = faults
+        self._pin_file = pin_file
+        self._now_ns = now_ns
+
+    def take(self, payload: bytes) -> None:
+        """Count what a report says. The fault stands until somebody signs in with the new PIN."""
+        try:
+            report = SignInReport.model_validate_json(payload)
+        except ValidationError:
+            return
+        if report.wrong:
+            refusal = Refusal("page/sign-in", "wrong_pin", None, "a PIN was entered that is not that of this gateway")
+            self._security_log.add(refusal, lambda: report.address, self._now_ns(), report.wrong)
+        match report.pin:
+            case "replaced":
+                text = f"the PIN of the page is void after too many wrong ones: somebody guesses; {self._pin_file} has a new one"
+                self._faults.set(PIN_GUESSED, text)
+            case "void":
+                text = f"{self._pin_file}: the PIN is void after too many wrong ones, and no new one can be written"
+                self._faults.set(PIN_GUESSED, text)
+            case "good":
+                self._faults.clear(PIN_GUESSED)

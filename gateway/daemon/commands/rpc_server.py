@@ -17,10 +17,9 @@ from gateway.authorization.authoriser import SignedRequest
 from gateway.authorization.message_signature import MessageSigner, Question, join_signature
 from gateway.bus.origin import describe_links
 from gateway.daemon.commands.dispatcher import RequestDispatcher
+from gateway.daemon.commands.page_requests import SignInWatch
 from gateway.daemon.commands.recalibration_service import RecalibrationService
-from gateway.daemon.commands.sign_in_watch import SignInWatch
-from gateway.daemon.runtime.bounded_queue import BoundedQueue
-from gateway.daemon.runtime.worker import Worker
+from gateway.daemon.runtime.worker import BoundedQueue, Worker
 from gateway.recalibration.requests import LoadSignal, RequestError, parse_payload
 
 log = logging.getLogger("plumbline.rpc")

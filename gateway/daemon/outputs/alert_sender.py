@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 import zenoh
 
 from gateway.authorization.message_signature import MessageSigner
-from gateway.daemon.runtime.bounded_queue import BoundedQueue
-from gateway.daemon.runtime.worker import Worker
+from gateway.daemon.runtime.worker import BoundedQueue, Worker
 from gateway.daemon.storage.outbox_writer import OutboxWriter
 from gateway.messages import Alert
 from gateway.outbox.change import StoredChange

@@ -5,8 +5,7 @@ import logging
 import zenoh
 
 from gateway.authorization.message_signature import MessageSigner
-from gateway.daemon.runtime.bounded_queue import BoundedQueue
-from gateway.daemon.runtime.worker import Worker
+from gateway.daemon.runtime.worker import BoundedQueue, Worker
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.topics import TOPICS
 

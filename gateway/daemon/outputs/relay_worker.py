@@ -9,9 +9,8 @@ from collections.abc import Mapping
 from contextlib import suppress
 
 from gateway.configuration.relay_section import CommandRelay, GpioRelay, NoRelay
-from gateway.daemon.runtime.bounded_queue import BoundedQueue
 from gateway.daemon.runtime.faults import Backoff, FaultRegister
-from gateway.daemon.runtime.worker import Worker
+from gateway.daemon.runtime.worker import BoundedQueue, Worker
 from gateway.messages import Alert
 from gateway.relay.decision import RelayDecision, RelayLogic
 from gateway.relay.protocol import ENERGISE, RELEASE, STATES_BY_LINE, RelayParameters, RelayState

@@ -6,8 +6,7 @@ import sys
 import threading
 from collections.abc import Callable
 
-from gateway.daemon.runtime.bounded_queue import BoundedQueue
-from gateway.daemon.runtime.worker import END_POLL_S
+from gateway.daemon.runtime.worker import END_POLL_S, BoundedQueue
 from gateway.messages import FoxgloveTime, Log
 
 MAX_WAITING_LINES = 1024

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from devices.block import DeviceInfo, SampleBlock
 from devices.device import Device, EndOfRecording
 from devices.errors import DeviceError
-from gateway.daemon.runtime.bounded_queue import BoundedQueue
 from gateway.daemon.runtime.faults import Backoff, FaultRegister
+from gateway.daemon.runtime.worker import BoundedQueue
 
 log = logging.getLogger("plumbline.device")
 PART = "device"

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from devices.errors import RecordingError
-from gateway.daemon.runtime.bounded_queue import BoundedQueue
-from gateway.daemon.runtime.worker import Worker
+from gateway.daemon.runtime.worker import BoundedQueue, Worker
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.format.salvage import SalvageReport, describe_losses
 from gateway.recording.segments.compaction import CompactionError

@@ -11,11 +11,10 @@ from devices.block import DeviceInfo
 from gateway import __version__
 from gateway.configuration.model import Configuration
 from gateway.configuration.render import to_toml
-from gateway.daemon.runtime.bounded_queue import BoundedQueue
 from gateway.daemon.runtime.faults import FaultRegister
 from gateway.daemon.runtime.instance import FolderError, InstanceError
 from gateway.daemon.runtime.resources import DISK_RETRY_S, disk_free_mb
-from gateway.daemon.runtime.worker import Worker
+from gateway.daemon.runtime.worker import BoundedQueue, Worker
 from gateway.daemon.storage.compaction_worker import RewriteRequest
 from gateway.messages import NewestStatement, Samples
 from gateway.pipeline.outgoing_message import EncodedMessage

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from gateway.daemon.commands.page_requests import PIN_GUESSED, SignInWatch
 from gateway.daemon.commands.security_log import SecurityLog
-from gateway.daemon.commands.sign_in_watch import PIN_GUESSED, SignInWatch
 from gateway.daemon.runtime.faults import FaultRegister
 
 

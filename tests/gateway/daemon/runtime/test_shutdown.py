@@ -5,10 +5,9 @@ import time
 
 import pytest
 
-from gateway.daemon.runtime import shutdown as shutdown_module
-from gateway.daemon.runtime.bounded_queue import BoundedQueue
-from gateway.daemon.runtime.shutdown import STOP_S, Shutdown
-from gateway.daemon.runtime.worker import Worker
+from gateway.daemon.runtime import supervision
+from gateway.daemon.runtime.supervision import STOP_S, Shutdown
+from gateway.daemon.runtime.worker import BoundedQueue, Worker
 from tests.waiting import PATIENCE_S
 
 STEP_S = 0.05
@@ -57,7 +56,7 @@ def test_a_thread_that_hangs_is_named() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("delay_s", [0.0, 0.3])
 def test_a_signal_leaves_time_for_the_threads_after(delay_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(shutdown_module, "STOP_S", PATIENCE_S)
+    monkeypatch.setattr(supervision, "STOP_S", PATIENCE_S)
     worker, signalled = Steps(*[STEP_S] * 600), threading.Event()
     threading.Timer(delay_s, signalled.set).start()
     shutdown = Shutdown(signalled)

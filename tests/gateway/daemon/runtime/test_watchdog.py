@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.daemon.runtime.bounded_queue import BoundedQueue
 from gateway.daemon.runtime.faults import FaultRegister
-from gateway.daemon.runtime.watchdog import Watchdog
-from gateway.daemon.runtime.worker import Worker
+from gateway.daemon.runtime.supervision import Watchdog
+from gateway.daemon.runtime.worker import BoundedQueue, Worker
 from gateway.service_state import ServiceNotifier
 from tests.waiting import wait_until
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from devices.block import RadioStatus, SampleBlock
-from gateway.daemon.sampling.counters import MAX_REPORT_AGE_S, RadioMonitor, SampleCounters
+from gateway.daemon.health import MAX_REPORT_AGE_S, RadioMonitor, SampleCounters
 
 
 class SetTime:
