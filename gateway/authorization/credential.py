@@ -1,23 +1,28 @@
-"""The credential of a request: what travels in the attachment of its Zenoh query, and the statement that it proves.
+"""The credential of a request: what travels in the attachment of its Zenoh query, the statement that it proves, and the token.
 
 The gateway issues a challenge (`rpc/challenge`): its boot id and its own time. The caller proves a statement about the request
-and that challenge, so that a credential is worth nothing for another request, gateway or boot, or later.
+and that challenge, so that a credential is worth nothing for another request, gateway or boot, or later. The token is a secret
+that only the service's group can read, on a gateway that listens on loopback alone; the other scheme are certificates.
 """
 
 import hashlib
+import hmac
 import json
 from dataclasses import astuple, dataclass
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from gateway.authorization.caller import NotAuthorised
+from gateway.authorization.caller import Caller, NotAuthorised, Role
 
 MAX_CREDENTIAL_BYTES = 8192
 """Largest credential. Basis: a choice; a certificate and a signature have a few kilobytes, and a flood stays cheap."""
 BootId = Annotated[str, Field(pattern=r"^[0-9a-f]{12}$")]
 KeyId = Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]
 TimeNs = Annotated[int, Field(ge=0, lt=2**63)]
+TOKEN_NAME = "command-token"
+TOKEN_BYTES = 32
+"""Basis: 256 random bits cannot be guessed."""
 
 
 class Challenge(BaseModel):
@@ -99,3 +104,38 @@ def parse_credential(attachment: bytes | None) -> Credential:
         raise NotAuthorised(
             "malformed_credential", "the credential is not in the form that docs/reference/requests.md describes"
         ) from error
+
+
+def parse_token(text: str) -> bytes | None:
+    """Return the secret in the content of a token file; None where it is not one."""
+    try:
+        secret = bytes.fromhex(text.strip())
+    except ValueError:
+        return None
+    return secret if len(secret) == TOKEN_BYTES else None
+
+
+def token_id(secret: bytes) -> str:
+    """Return the public id of a token, from which the secret cannot be computed."""
+    return hashlib.sha256(b"plumbline-token-id" + secret).hexdigest()[:16]
+
+
+def prove_by_token(secret: bytes, key_expr: str, payload: bytes, challenge: Challenge) -> TokenCredential:
+    """Return the credential of a request."""
+    mac = _mac(secret, make_statement(key_expr, payload, challenge))
+    return TokenCredential(boot_id=challenge.boot_id, time_ns=challenge.time_ns, token_id=token_id(secret), mac=mac)
+
+
+def authenticate_token(secret: bytes, credential: TokenCredential, statement: RequestStatement) -> Caller:
+    """Return the caller, who may do everything; the request states the name. Raises `NotAuthorised`."""
+    if not hmac.compare_digest(credential.mac, _mac(secret, statement)):
+        raise NotAuthorised(
+            "wrong_token",
+            "the token is not that of this gateway, or the request was altered; "
+            "name the folder of the gateway's command-token by --credentials",
+        )
+    return Caller(None, Role.SERVICE, "token")
+
+
+def _mac(secret: bytes, statement: RequestStatement) -> str:
+    return hmac.new(secret, statement.encode(), hashlib.sha256).hexdigest()

@@ -19,15 +19,15 @@ def access_control(bus: BusSection, key: str) -> dict[str, Any]:
     access, forwarded = bus.access, [part for prefix in bus.forward for part in (prefix, f"{prefix}/**")]
     publications = [f"{key}/**", *forwarded]
     rules = [
-        _rule("send", WRITE, "egress", publications if not access.routers else [*publications, EVERY_GATEWAY]),
-        _rule("ask_others", READ, "egress", [EVERYTHING]),
-        _rule("read", READ, "ingress", [EVERYTHING]),
-        _rule("load_signal", ("put",), "ingress", [f"{key}/load"]),
-        _rule("boot", ("liveliness_token",), "ingress", [f"{key}/alive/**"]),
-        _rule("route", WRITE, "ingress", [EVERY_GATEWAY]),
+        access_rule("send", WRITE, "egress", publications if not access.routers else [*publications, EVERY_GATEWAY]),
+        access_rule("ask_others", READ, "egress", [EVERYTHING]),
+        access_rule("read", READ, "ingress", [EVERYTHING]),
+        access_rule("load_signal", ("put",), "ingress", [f"{key}/load"]),
+        access_rule("boot", ("liveliness_token",), "ingress", [f"{key}/alive/**"]),
+        access_rule("route", WRITE, "ingress", [EVERY_GATEWAY]),
     ]
     if forwarded:
-        rules.append(_rule("forward", WRITE, "ingress", forwarded))
+        rules.append(access_rule("forward", WRITE, "ingress", forwarded))
     subjects, policies = _policies(bus, ["forward"] if forwarded else [])
     return {
         "enabled": True,
@@ -61,7 +61,8 @@ def _policies(bus: BusSection, forward: list[str]) -> tuple[list[dict[str, Any]]
     return subjects, policies
 
 
-def _rule(name: str, messages: Sequence[str], flow: str, key_expressions: list[str]) -> dict[str, Any]:
+def access_rule(name: str, messages: Sequence[str], flow: str, key_expressions: list[str]) -> dict[str, Any]:
+    """Return a rule that allows messages of these kinds, in one direction of flow, within these key expressions."""
     return {
         "id": name,
         "messages": list(messages),

@@ -19,8 +19,7 @@ from pydantic import ValidationError
 
 from gateway.atomic_io import write_durably
 from gateway.authorization.message_signature import Question
-from gateway.bus.alert_event import AlertEvent, events_of
-from gateway.bus.alert_sequence import AlertPage, AlertRequest, AlertSequence, SequenceState
+from gateway.bus.alert_sequence import AlertEvent, AlertPage, AlertRequest, AlertSequence, SequenceState, events_of
 from gateway.bus.authenticity import UNANSWERED, Authenticity, Doubt
 from gateway.bus.client import open_client_session
 from gateway.bus.credentials import Credentials, load_credentials

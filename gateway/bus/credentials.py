@@ -7,8 +7,7 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-from gateway.authorization.credential import Challenge
-from gateway.authorization.token import TOKEN_NAME, parse_token, prove_by_token, token_id
+from gateway.authorization.credential import TOKEN_NAME, Challenge, parse_token, prove_by_token, token_id
 from gateway.bus.known_gateways import NO_SIGNERS, Signers
 from gateway.bus.session import TlsFiles
 from gateway.configuration.known_data_folders import known_data_folders

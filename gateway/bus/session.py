@@ -41,6 +41,8 @@ before. Basis: a choice; half of the usual limit of open files. The library's de
 ACCEPT_MS = 3000
 """A connection that has not opened a link by then is closed. Basis: a choice; longer than a client tries (`CLIENT_CONNECT_MS`).
 The library's default is 10 s, for which silent connections keep their places."""
+MOST_NAMED = 4
+"""Basis: a choice; one line of a terminal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,3 +191,18 @@ def _explain(text: str) -> str:
             "whose certificate its CA has issued"
         )
     return text.split(" at ", 1)[0].strip().rstrip(".")
+
+
+def describe_links(session: zenoh.Session) -> str:
+    """Return the far ends of a session's links: common name where TLS has authenticated one, and address.
+
+    A query does not carry its sender, so that with several links it came from one of them.
+    """
+    try:
+        links = session.info.links()
+    except zenoh.ZError:
+        return "a link that is down"
+    ends = sorted({f"{link.auth_identifier}, {link.dst}" if link.auth_identifier else str(link.dst) for link in links})
+    more = f" and {len(ends) - MOST_NAMED} more" if len(ends) > MOST_NAMED else ""
+    listed = " or ".join(ends[:MOST_NAMED]) + more
+    return listed or "a link that is closed"

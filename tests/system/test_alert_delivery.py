@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from gateway.bus.alert_event import AlertEvent
 from gateway.bus.alert_receiver import AlertReceiver
+from gateway.bus.alert_sequence import AlertEvent
 from gateway.gateway_state import GatewayState
 from gateway.outbox.outbox import AlertOutbox
 from gateway.outbox.position import Position

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from gateway.bus.router_settings import router_configuration, with_storage
+from gateway.bus.router import router_configuration, with_storage
 from gateway.bus.session import TlsFiles, open_session
 from gateway.topics import STATE_TOPICS
 from tests.ports import unused_port

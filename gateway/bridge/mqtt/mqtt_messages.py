@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from gateway.bridge.plant_snapshot import PlantSnapshot
 from gateway.bridge.plant_state import UNHEARD
 from gateway.bridge.plant_values import PLANT_VALUES
-from gateway.bus.alert_event import AlertEvent
+from gateway.bus.alert_sequence import AlertEvent
 from gateway.topics import encode
 
 DIGITS = 4

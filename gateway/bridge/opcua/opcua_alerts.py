@@ -9,7 +9,7 @@ from asyncua.server.event_generator import EventGenerator
 
 from gateway.bridge.opcua.opcua_values import STATUS
 from gateway.bridge.plant_state import STATED, UNHEARD
-from gateway.bus.alert_event import AlertEvent
+from gateway.bus.alert_sequence import AlertEvent
 from gateway.bus.authenticity import Doubt
 from gateway.messages import Alert, Level
 from gateway.pipeline.alert_rules import RULE_NAMES

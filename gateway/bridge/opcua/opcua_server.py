@@ -16,8 +16,8 @@ from gateway.bridge.plant_snapshot import BRIDGE_GONE, PlantSnapshot
 from gateway.bridge.plant_state import PlantState
 from gateway.bridge.plant_values import PLANT_VALUES, PlantValue
 from gateway.bridge.settings import OpcuaSection, host_and_port, read_password
-from gateway.bus.alert_event import AlertEvent
 from gateway.bus.alert_receiver import AlertReceiver
+from gateway.bus.alert_sequence import AlertEvent
 from gateway.errors import InputError
 
 STEP_S = 0.1

@@ -13,7 +13,7 @@ from gateway.cli.options.bus_link import LOCAL_ENDPOINT
 if TYPE_CHECKING:
     import zenoh
 
-    from gateway.bus.latest_states import LatestStates
+    from gateway.bus.router import LatestStates
     from gateway.bus.session import TlsFiles
 
 LINK_POLL_S = 0.5
@@ -76,7 +76,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gateway.bus.router_settings import router_configuration, with_storage
+    from gateway.bus.router import router_configuration, with_storage
     from gateway.fleet.selection import read_expected
 
     listen = arguments.listen or [LOCAL_ENDPOINT]
@@ -93,7 +93,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def _serve(configuration: dict[str, Any], listen: str, *, encrypted: bool) -> NoReturn:
     import zenoh
 
-    from gateway.bus.latest_states import LatestStates
+    from gateway.bus.router import LatestStates
     from gateway.errors import InputError
 
     stopping = threading.Event()

@@ -15,8 +15,8 @@ from gateway.text import printable
 if TYPE_CHECKING:
     import zenoh
 
-    from gateway.bus.alert_event import AlertEvent
     from gateway.bus.alert_receiver import AlertReceiver
+    from gateway.bus.alert_sequence import AlertEvent
     from gateway.bus.authenticity import Authenticity, Doubt
     from gateway.daemon.runtime.worker import BoundedQueue
 

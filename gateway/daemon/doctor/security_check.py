@@ -4,7 +4,7 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
-from gateway.authorization.token import TOKEN_NAME
+from gateway.authorization.credential import TOKEN_NAME
 from gateway.bus.credentials import VARIABLE
 from gateway.configuration.bus_section import BusSection, is_encrypted, is_loopback
 from gateway.configuration.commissioned_limits import describe_changes

@@ -9,7 +9,7 @@ import pytest
 from gateway.authorization.authoriser import Authoriser, SignedRequest
 from gateway.authorization.caller import Caller, NotAuthorised, Role
 from gateway.authorization.certificates import CertificateVerifier
-from gateway.authorization.token import prove_by_token
+from gateway.authorization.credential import prove_by_token
 from gateway.bus.credentials import load_credentials
 from gateway.pki.inspect import CertificateError, parse_authorities, revoked_serials
 from gateway.pki.issue import Holder

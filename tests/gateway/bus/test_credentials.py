@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.authorization.token import TOKEN_NAME
+from gateway.authorization.credential import TOKEN_NAME
 from gateway.bus.credentials import load_credentials
 from gateway.errors import InputError
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 import pytest
 import zenoh
 
-from gateway.bus import latest_states
+from gateway.bus import router
 from gateway.bus.alert_receiver import MOST_GATEWAYS, AlertReceiver
-from gateway.bus.latest_states import LatestStates
+from gateway.bus.router import LatestStates
 from gateway.messages import Alert
 from gateway.topics import encode
 from tests.ports import unused_port
@@ -62,7 +62,7 @@ def test_a_gateway_that_comes_after_many_invented_ones_is_heard(bus: zenoh.Sessi
 
 @pytest.mark.slow
 def test_a_router_keeps_a_bounded_number_of_bytes(bus: zenoh.Session, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(latest_states, "MOST_BYTES", 1000)
+    monkeypatch.setattr(router, "MOST_BYTES", 1000)
     kept = LatestStates(bus)
     for number in range(20):
         bus.put(f"plumbline/v1/a/b/invented-{number}/alert", b"x" * 100)

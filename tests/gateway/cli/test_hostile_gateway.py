@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.atomic_io import write_private
-from gateway.authorization.token import TOKEN_NAME, token_id
+from gateway.authorization.credential import TOKEN_NAME, token_id
 from gateway.bus.client import RpcReply
 from gateway.bus.session import open_session
 from gateway.bus.untrusted import parse_message, parse_status
