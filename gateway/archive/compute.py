@@ -15,9 +15,8 @@ from typing import Any
 import pyarrow as pa
 
 from gateway import __version__
-from gateway.archive.row_table import partition_of, table_of
 from gateway.archive.rows import RECORDINGS, RESULTS, ResultRow
-from gateway.archive.tables import Archive, row_places, select
+from gateway.archive.tables import Archive, partition_of, row_places, select, table_of
 from gateway.archive.task_run import PROCESSES, TaskLimits, TaskOutcome, run_task
 from gateway.archive.tasks import Task, TaskKind, plan_tasks
 from gateway.errors import InputError

@@ -12,10 +12,19 @@ from functools import cache
 import pyarrow as pa
 
 from gateway.archive.admission import Admission, KeyOf, admit
-from gateway.archive.row_table import partition_of, recordings_table, table_of
 from gateway.archive.rows import RECORDINGS, TABLES, RecordingRow, schema_of
 from gateway.archive.source import RecordingSource, StoredFile
-from gateway.archive.tables import MAX_ATTEMPTS, NO_GATEWAY, Archive, ArchiveError, row_places, select
+from gateway.archive.tables import (
+    MAX_ATTEMPTS,
+    NO_GATEWAY,
+    Archive,
+    ArchiveError,
+    partition_of,
+    recordings_table,
+    row_places,
+    select,
+    table_of,
+)
 from gateway.archive.versions import IndexedFile, judge_files
 from gateway.recording.reading.timeline import ReportProgress, ignore_progress
 

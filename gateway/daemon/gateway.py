@@ -35,7 +35,7 @@ from gateway.daemon.runtime.supervision import HUNG_S, SLOW_DISK_S, STOP_S, Shut
 from gateway.daemon.sampling.device_factory import make_device
 from gateway.daemon.storage.recording_worker import describe_key, load_key
 from gateway.messages import Log
-from gateway.page.pin import PIN_NAME
+from gateway.page.sign_in import PIN_NAME
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.service_state import ServiceNotifier

@@ -4,6 +4,7 @@ import asyncio
 import logging
 import secrets
 import time
+from collections.abc import Callable
 from typing import Annotated, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -14,9 +15,7 @@ from starlette.routing import Route
 
 from gateway.page.gateway_requests import GatewayRequests
 from gateway.page.guard import BodyError, read_body
-from gateway.page.pin import read_pin, replace_pin
-from gateway.page.sign_in import EXPIRY_S, SignedInPerson, SignIn
-from gateway.page.sign_in_report import SignInReporter
+from gateway.page.sign_in import EXPIRY_S, PinState, SignedInPerson, SignIn, SignInReport, read_pin, replace_pin
 from gateway.page.state import PageState
 
 log = logging.getLogger("page")
@@ -25,6 +24,9 @@ Name = Annotated[
 ]
 REPLACING_PAUSE_S = 5.0
 """Pause between two attempts to write a new PIN. Basis: a choice; a disk that is mended is used within what a person waits."""
+REPORT_INTERVAL_S = 1.0
+"""Shortest time between two reports, so that a flood of wrong PINs costs the gateway nothing. Basis: a choice; the gateway's
+health comes as often."""
 Content = TypeVar("Content", bound=BaseModel)
 
 
@@ -147,3 +149,38 @@ async def _read(request: Request, model: type[Content]) -> Content | Response:
 
 def _answer(status: int, **content: object) -> Response:
     return Response(to_json(content), status, media_type="application/json")
+
+
+class SignInReporter:
+    """Merges what happens within a second into one report; used by the page's one thread."""
+
+    def __init__(self, send: Callable[[bytes], bool]) -> None:
+        """`send` returns False where the gateway does not take the report now."""
+        self._send = send
+        self._wrong, self._address = 0, ""
+        self._pin: PinState | None = None
+        self._timer: asyncio.TimerHandle | None = None
+
+    def note_wrong(self, address: str) -> None:
+        """Note a wrong PIN."""
+        self._wrong += 1
+        self._address = address
+        self._report_soon()
+
+    def note_pin(self, pin: PinState) -> None:
+        """Note what became of the PIN."""
+        self._pin = pin
+        self._report_soon()
+
+    def _report_soon(self) -> None:
+        if self._timer is None:
+            self._report()
+
+    def _report(self) -> None:
+        self._timer = None
+        if self._wrong == 0 and self._pin is None:
+            return
+        report = SignInReport(wrong=self._wrong, address=self._address, pin=self._pin)
+        if self._send(to_json(report)):
+            self._wrong, self._pin = 0, None
+        self._timer = asyncio.get_running_loop().call_later(REPORT_INTERVAL_S, self._report)

@@ -5,8 +5,7 @@ from typing import Any
 from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
 from gateway.recalibration.journal import Audit
-from gateway.recalibration.request_answers import RequestAnswer
-from gateway.recalibration.requests import Fetch
+from gateway.recalibration.requests import Fetch, RequestAnswer
 from gateway.recalibration.session import Session
 
 LISTED_FIELDS = {"id", "method", "created_utc", "by", "parent"}

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from gateway.atomic_io import append_durably, append_line, write_durably
 from gateway.errors import describe_problems
 from gateway.file_input import parse_json, read_bounded
-from gateway.recalibration.request_answers import AnsweredRequests, RequestAnswer
+from gateway.recalibration.requests import AnsweredRequests, RequestAnswer
 from gateway.recalibration.session import Session
 
 MAX_ANSWERS = 64

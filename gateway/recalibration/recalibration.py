@@ -24,8 +24,7 @@ from gateway.recalibration.commands import CommandHandler, CommandResult
 from gateway.recalibration.fetch_handler import answer_fetch
 from gateway.recalibration.interlock import LoadInterlock
 from gateway.recalibration.journal import MAX_ANSWERS, Audit, Journal
-from gateway.recalibration.request_answers import RequestAnswer
-from gateway.recalibration.requests import Fetch, Recalibrate, Request, Zero
+from gateway.recalibration.requests import Fetch, Recalibrate, Request, RequestAnswer, Zero
 from gateway.recalibration.sample_buffer import RecentSamples
 from gateway.recalibration.session import Session, Timestamp, abandoned_session, committed_text
 

@@ -18,8 +18,7 @@ from devices.simulated.accelerometer import Accelerometer, typical_errors
 from gateway.calibration.store import CalibrationStore
 from gateway.messages import Verdict
 from gateway.recalibration.recalibration import Recalibration
-from gateway.recalibration.request_answers import RequestAnswer
-from gateway.recalibration.requests import VERBS
+from gateway.recalibration.requests import VERBS, RequestAnswer
 from gateway.recalibration.session import Timestamp
 from tests.benchmarks.faulty_disk import FaultyDisk
 from tests.values import present

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from gateway.page.pin import most_wrong_attempts
+from gateway.page.sign_in import most_wrong_attempts
 from tests.system.conftest import ROOT, BusPeer, JoinBus, RunningGateway, StartGateway
 from tests.waiting import PATIENCE_S, wait_until
 

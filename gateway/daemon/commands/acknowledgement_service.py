@@ -4,8 +4,7 @@ from collections.abc import Callable
 
 from gateway.daemon.commands.requests import RequestQueue
 from gateway.pipeline.incidents import Acknowledgement, IncidentRegister
-from gateway.recalibration.request_answers import AnsweredRequests, RequestAnswer
-from gateway.recalibration.requests import Acknowledge
+from gateway.recalibration.requests import Acknowledge, AnsweredRequests, RequestAnswer
 
 WAITING = 16
 """Requests that may wait. Basis: a choice; a person acknowledges alerts one by one, and more of them are refused at once."""

@@ -15,8 +15,7 @@ from gateway.daemon.storage.outbox_writer import OutboxWriter
 from gateway.messages import Mark
 from gateway.outbox.position import Position
 from gateway.pipeline.outgoing_message import EncodedMessage, HeaderMaker, MessageTime, encode_message
-from gateway.recalibration.request_answers import AnsweredRequests, RequestAnswer
-from gateway.recalibration.requests import FetchAlerts, FetchSchema, SetMark
+from gateway.recalibration.requests import AnsweredRequests, FetchAlerts, FetchSchema, RequestAnswer, SetMark
 from gateway.topics import TOPICS, json_schema
 from gateway.verbs import VERBS as TABLE
 

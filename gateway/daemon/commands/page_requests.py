@@ -12,7 +12,7 @@ from gateway.authorization.caller import Caller, NotAuthorised, Role, require_ro
 from gateway.daemon.commands.requests import RemoteRequest, RequestHandler
 from gateway.daemon.commands.security_log import Refusal, SecurityLog
 from gateway.daemon.runtime.faults import FaultRegister
-from gateway.page.sign_in_report import SignInReport
+from gateway.page.sign_in import SignInReport
 from gateway.recalibration.requests import RequestError, parse_payload
 from gateway.verbs import VERBS
 

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel
 
 from gateway.authorization.caller import Caller
-from gateway.recalibration.request_answers import RequestAnswer
+from gateway.recalibration.requests import RequestAnswer
 
 Model = TypeVar("Model", bound=BaseModel)
 Reply = Callable[[bool, Mapping[str, Any]], object]

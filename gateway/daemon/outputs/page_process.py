@@ -12,7 +12,7 @@ from gateway.daemon.runtime.faults import RETRYING, Backoff, FaultRegister
 from gateway.errors import PlumblineError
 from gateway.page import launch
 from gateway.page.parameters import CraneDirections, Parameters
-from gateway.page.pin import PIN_NAME, make_pin
+from gateway.page.sign_in import PIN_NAME, make_pin
 
 PAGE_MODULES = ("starlette", "uvicorn")
 MIN_PAGE_START_PAUSE_S = 1.0

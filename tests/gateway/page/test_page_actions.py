@@ -13,7 +13,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from gateway.atomic_io import partial_of
 from gateway.daemon.outputs.page_channel import PageChannel
-from gateway.page.pin import most_wrong_attempts
+from gateway.page.sign_in import most_wrong_attempts
 from tests.gateway.page.conftest import PIN, FakeGateway, PageUnderTest, Services
 from tests.values import present
 from tests.waiting import PATIENCE_S, wait_until

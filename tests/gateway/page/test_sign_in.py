@@ -8,8 +8,17 @@ import pytest
 
 from gateway.page.guard import AllowedHosts, is_same_origin
 from gateway.page.http_server import LOG_INTERVAL_S, MAX_LINES_PER_INTERVAL, LogRateLimiter
-from gateway.page.pin import PIN_DIGITS, make_pin, most_wrong_attempts, read_pin, replace_pin, successor_of
-from gateway.page.sign_in import EXPIRY_S, MAX_SESSIONS, SignIn
+from gateway.page.sign_in import (
+    EXPIRY_S,
+    MAX_SESSIONS,
+    PIN_DIGITS,
+    SignIn,
+    make_pin,
+    most_wrong_attempts,
+    read_pin,
+    replace_pin,
+    successor_of,
+)
 from tests.values import present
 
 PIN = "12345678"

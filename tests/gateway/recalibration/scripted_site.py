@@ -15,8 +15,7 @@ from gateway.calibration.poses.pose import Pose, RawReadings
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.store import CalibrationStore
 from gateway.recalibration.recalibration import Recalibration
-from gateway.recalibration.request_answers import RequestAnswer
-from gateway.recalibration.requests import VERBS, Fetch, parse_payload
+from gateway.recalibration.requests import VERBS, Fetch, RequestAnswer, parse_payload
 from gateway.recalibration.session import Phase, Session, Timestamp
 
 START_NS = 1_767_225_600_000_000_000
