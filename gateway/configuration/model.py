@@ -77,8 +77,8 @@ PLACED_FROM_LOAD: frozenset[MountedOn] = frozenset({"converging_ropes", "spreade
 """Where a housing has its place from the load alone: the distance from the pivot along a rope says nothing there."""
 
 
-class HousingSection(Section):
-    """Position of the housing on the rope, by one of the two keys."""
+class HousingPlace(Section):
+    """Position of the housing on the rope, by one of the two keys, and what carries it."""
 
     position_m: float | None = Field(None, ge=0, description="from the pivot, along the rope")
     above_load_m: float | None = Field(None, ge=0, description="distance to the load's centre; constant while hoisting")
@@ -86,13 +86,6 @@ class HousingSection(Section):
         None,
         description="rope, converging_ropes (one of several that come together above a spreader) or spreader; "
         "not stated: found from the readings near the load, a rope elsewhere",
-    )
-    mount_u_deg: float = Field(
-        ALIGNED_MOUNT_U_DEG,
-        ge=0,
-        le=10,
-        description="standard uncertainty of the angle between the housing's z axis and the rope: 0.06 after zeroing "
-        "in place, 0.57 if clamped by eye without zeroing",
     )
 
     @model_validator(mode="after")
@@ -102,6 +95,18 @@ class HousingSection(Section):
         if self.mounted_on in PLACED_FROM_LOAD and self.above_load_m is None:
             raise ValueError(f"mounted_on = {self.mounted_on} wants above_load_m, the distance to the load's centre")
         return self
+
+
+class HousingSection(HousingPlace):
+    """Position and mount of the housing."""
+
+    mount_u_deg: float = Field(
+        ALIGNED_MOUNT_U_DEG,
+        ge=0,
+        le=10,
+        description="standard uncertainty of the angle between the housing's z axis and the rope: 0.06 after zeroing "
+        "in place, 0.57 if clamped by eye without zeroing",
+    )
 
 
 class SiteSection(Section):

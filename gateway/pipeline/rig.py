@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from gateway.calibration.correction import Correction
-from gateway.configuration.model import PLACED_FROM_LOAD, Configuration, MountedOn
+from gateway.configuration.model import Configuration, HousingPlace
+from gateway.configuration.section import Section
 from gateway.numerics.array import Array
 from gateway.swing.model.mount import rotation
 from gateway.swing.rig import NOMINAL_LENGTH_U_REL, MountedHousing
@@ -56,68 +57,55 @@ UNCALIBRATED = DefaultUncertainty(
 sheets of parts in phones and radio boards."""
 
 
-class RigTable(BaseModel):
-    """A table of the file."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class RigRope(RigTable):
+class RigRope(Section):
     """The rope."""
 
     length_m: Positive
     length_u_rel: Annotated[float, Field(gt=0, lt=1)] = NOMINAL_LENGTH_U_REL
 
 
-class RigHousing(RigTable):
+class RigHousing(HousingPlace):
     """The position of the housing on the rope, from the pivot or above the load, and how it is mounted."""
 
-    position_m: NotNegative | None = None
-    above_load_m: NotNegative | None = None
-    mounted_on: MountedOn | None = None
     position_u_m: NotNegative | None = None
     beside_u_m: NotNegative = BESIDE_U_M
-    mount_deg: Annotated[list[MountAngle], Field(min_length=2, max_length=2)] = [0.0, 0.0]
+    mount_deg: list[MountAngle] = Field([0.0, 0.0], min_length=2, max_length=2)
     mount_u_deg: NotNegative | None = None
 
 
-class RigSensor(RigTable):
+class RigSensor(Section):
     """The sensor in the housing."""
 
     sample_rate_hz: Positive | None = None
     noise_g: Positive | Annotated[list[Positive], Field(min_length=3, max_length=3)] | None = None
     full_scale_g: Positive | None = None
     bandwidth_hz: Positive | None = None
-    offset_mg: Annotated[list[float], Field(min_length=3, max_length=3)] = [0.0, 0.0, 0.0]
+    offset_mg: list[float] = Field([0.0, 0.0, 0.0], min_length=3, max_length=3)
     offset_u_mg: NotNegative | PerAxis | None = None
     scale: Positive | Annotated[list[Positive], Field(min_length=3, max_length=3)] = 1.0
     scale_u: NotNegative | PerAxis | None = None
 
 
-class RigSite(RigTable):
+class RigSite(Section):
     """The site of the crane."""
 
     gravity_m_s2: Annotated[float, Field(gt=9.7, lt=9.9)] = STANDARD_GRAVITY_M_S2
 
 
-class Rig(RigTable):
+class Rig(Section):
     """A rig as stated: the content of a `rig.toml`."""
 
     rope: RigRope
     housing: RigHousing
     sensor: RigSensor = RigSensor()
     site: RigSite = RigSite()
-    model: dict[str, dict[str, Any]] = {}
+    model: dict[str, dict[str, Any]] = Field({})
 
     @model_validator(mode="after")
     def _check_position(self) -> "Rig":
         position_m, length_m = self.housing.position_m, self.rope.length_m
-        if (position_m is None) == (self.housing.above_load_m is None):
+        if position_m is None and self.housing.above_load_m is None:
             raise ValueError("[housing] wants either position_m or above_load_m")
-        if self.housing.mounted_on in PLACED_FROM_LOAD and position_m is not None:
-            raise ValueError(
-                f"[housing] mounted_on = {self.housing.mounted_on} wants above_load_m in place of position_m"
-            )
         # The nominal length may be outdated by hoisting, whereas the position of the housing was measured.
         longest_m = length_m * (1 + MAX_LENGTH_SIGMA * self.rope.length_u_rel)
         if position_m is not None and position_m > longest_m:
