@@ -84,3 +84,14 @@ def parse_toml(text: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except RecursionError:
         raise ValueError("is nested too deeply") from None
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return the content of a TOML file. Raises `OSError`, and `ValueError`, which says that the file is none, and why."""
+    content = read_bounded(path, MAX_TOML_BYTES)
+    try:
+        return parse_toml(content.decode())
+    except UnicodeDecodeError:
+        raise ValueError("is not UTF-8 text; a TOML file is needed") from None
+    except ValueError as error:
+        raise ValueError(f"is not TOML: {error}") from error

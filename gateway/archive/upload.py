@@ -5,7 +5,6 @@ nothing in it. What is there already is not sent again, so that an upload that w
 """
 
 import hashlib
-import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import datetime
@@ -20,7 +19,7 @@ from gateway.archive.source import SUFFIX, open_object_store, reason_of_store
 from gateway.archive.time_window import TimeWindow
 from gateway.bus.untrusted import GATEWAY_KEY
 from gateway.errors import InputError
-from gateway.file_input import parse_toml, read_bounded
+from gateway.file_input import read_toml
 from gateway.fleet.selection import KEY_PREFIX
 from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.segments.events import UNCOMPACTED
@@ -69,13 +68,12 @@ def open_destination(name: str, credentials: Path | None) -> ObjectStore:
 
 def _read_credentials(path: Path) -> dict[str, str]:
     try:
-        if path.stat().st_mode & 0o077:
-            raise InputError(f"--credentials {path}: others may read it; chmod 600 {path}")
-        content = parse_toml(read_bounded(path).decode())
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
+        is_private = not path.stat().st_mode & 0o077
+        content = read_toml(path) if is_private else {}
+    except (OSError, ValueError) as error:
         raise InputError(f"--credentials {path}: cannot be read ({error}); give a TOML file") from error
+    if not is_private:
+        raise InputError(f"--credentials {path}: others may read it; chmod 600 {path}")
     if not all(isinstance(value, str) for value in content.values()):
         raise InputError(f'--credentials {path}: has more than texts; write lines such as aws_region = "eu-central-1"')
     return content

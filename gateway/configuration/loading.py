@@ -15,7 +15,7 @@ from gateway.configuration.device_plugins import PluginError, load_plugin, plugi
 from gateway.configuration.device_sections import DEVICE_SECTIONS, ReplayDevice
 from gateway.configuration.model import Configuration
 from gateway.errors import InputError
-from gateway.file_input import MAX_TOML_BYTES, parse_toml, read_bounded
+from gateway.file_input import parse_toml, read_toml
 
 ENVIRONMENT_PREFIX = "PLUMBLINE_"
 SETTINGS = Path("/etc/plumbline/plumbline.toml")
@@ -83,15 +83,13 @@ def load_text(text: str, where: str, environment: Mapping[str, str] = os.environ
 def read_table(path: Path) -> dict[str, Any]:
     """Return the content of a TOML file. Raises `ConfigurationError`."""
     try:
-        return parse_toml(read_bounded(path, MAX_TOML_BYTES).decode())
+        return read_toml(path)
     except FileNotFoundError as error:
         raise ConfigurationError(f"{path}: no such file; `plumbline config show` prints one to start from") from error
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read ({error.strerror})") from error
-    except UnicodeDecodeError as error:
-        raise ConfigurationError(f"{path}: is not UTF-8 text; a TOML file is needed") from error
     except ValueError as error:
-        raise ConfigurationError(f"{path}: is not TOML: {error}") from error
+        raise ConfigurationError(f"{path}: {error}") from error
 
 
 def _override(table: dict[str, Any], environment: Mapping[str, str]) -> list[str]:

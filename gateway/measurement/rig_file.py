@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from devices.tables.foreign import NOTHING_STATED, TableOptions
 from gateway.errors import InputError, describe_problems
-from gateway.file_input import MAX_TOML_BYTES, parse_toml, read_bounded
+from gateway.file_input import read_toml
 from gateway.measurement.source import Source, read_source
 from gateway.pipeline.rig import Rig
 from gateway.recording.reading.interval import WHOLE_RECORDING, RecordingInterval
@@ -26,7 +26,7 @@ def rig_without_length(path: Path) -> float | None:
     Raises `InputError` where another value is wrong.
     """
     try:
-        rope = parse_toml(read_bounded(path, MAX_TOML_BYTES).decode()).get("rope", {})
+        rope = read_toml(path).get("rope", {})
     except (OSError, ValueError):
         return None
     if not isinstance(rope, dict) or "length_m" in rope:
@@ -37,7 +37,7 @@ def rig_without_length(path: Path) -> float | None:
 def read_rig(path: Path, rope: Mapping[str, float] | None = None) -> Rig:
     """Return the rig of a file, with values of the rope where the file states none. Raises `InputError` with the remedy."""
     try:
-        table = parse_toml(read_bounded(path, MAX_TOML_BYTES).decode())
+        table = read_toml(path)
         if rope is not None:
             table = table | {"rope": dict(rope) | table.get("rope", {})}
         return Rig.model_validate(table)
@@ -48,7 +48,7 @@ def read_rig(path: Path, rope: Mapping[str, float] | None = None) -> Rig:
         remedy = "; needed are [rope] length_m and [housing] position_m" if is_missing else ""
         raise InputError(f"{path}: {describe_problems(error, 'rig')[0]}{remedy}") from error
     except ValueError as error:
-        raise InputError(f"{path}: is not TOML: {error}") from error
+        raise InputError(f"{path}: {error}") from error
 
 
 NOMINAL_RATIO, MAX_LENGTH_U_REL = 3.0, 0.2

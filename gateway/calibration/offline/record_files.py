@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -39,21 +40,20 @@ def read_records(paths: Sequence[Path]) -> tuple[list[CalibrationRecord], tuple[
 def read_record(path: Path) -> CalibrationRecord:
     """Return the record of a file. Raises `InputError` where it is none."""
     try:
-        return CalibrationRecord.model_validate(parse_json(read_bounded(path)))
+        return CalibrationRecord.model_validate(_read_content(path))
     except ValidationError as error:
         raise InputError(f"{path}: is no calibration record: {describe_problems(error)[0]}") from error
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"{path}: cannot be read as a calibration record ({reason_of(error)}); name another file"
-        ) from error
 
 
 def read_parent(path: Path, device_id: str) -> CalibrationRecord:
     """Return the parent record. Raises `InputError` if the file contains no record, or one of another device."""
+    return parse_record(_read_content(path), device_id, str(path))
+
+
+def _read_content(path: Path) -> Any:
     try:
-        content = parse_json(read_bounded(path))
+        return parse_json(read_bounded(path))
     except (OSError, ValueError) as error:
         raise InputError(
             f"{path}: cannot be read as a calibration record ({reason_of(error)}); name another file"
         ) from error
-    return parse_record(content, device_id, str(path))
