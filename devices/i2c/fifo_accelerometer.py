@@ -20,7 +20,7 @@ from devices.i2c.accelerometer_chip import (
     SampleRun,
 )
 from devices.i2c.bus import BusOpener, I2cPart
-from devices.i2c.identity import identify
+from devices.i2c.chips import identify
 from devices.sample_clock import SampleClock
 from devices.saturation import mark_saturated
 

@@ -15,9 +15,8 @@ from devices.sample_sequence import SampleSequence
 from devices.saturation import mark_saturated
 from devices.serial.aspp_frames import MIN_PACKET_BYTES, AsppDecoder, AsppPacket
 from devices.serial.aspp_payloads import CALIBRATED, Diagnostic, Sweeps, read_diagnostic, read_sweeps
-from devices.serial.receiver_nodes import HeardNodes
 from devices.serial_port import SerialPort
-from devices.serial_sensor import SerialSensor, check_settings
+from devices.serial_sensor import HeardNodes, SerialSensor, check_settings
 from devices.usb_ports import SYSTEM_FOLDERS, PortFolders
 
 TICK_BITS = 16

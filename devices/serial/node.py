@@ -16,9 +16,8 @@ from devices.serial.node_frames import (
     NodeFrame,
     NodeFrameDecoder,
 )
-from devices.serial.receiver_nodes import HeardNodes
 from devices.serial_port import SerialPort
-from devices.serial_sensor import SerialSensor, check_settings
+from devices.serial_sensor import HeardNodes, SerialSensor, check_settings
 from devices.tick_clock import TickClock
 from devices.usb_ports import SYSTEM_FOLDERS, PortFolders
 

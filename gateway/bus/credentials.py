@@ -10,8 +10,8 @@ from pathlib import Path
 from gateway.authorization.credential import TOKEN_NAME, Challenge, parse_token, prove_by_token, token_id
 from gateway.bus.known_gateways import NO_SIGNERS, Signers
 from gateway.bus.session import TlsFiles
-from gateway.configuration.known_data_folders import known_data_folders
 from gateway.configuration.loading import is_installed, load, load_installed
+from gateway.configuration.user_state import known_data_folders
 from gateway.errors import InputError, PlumblineError
 from gateway.file_input import read_bounded
 from gateway.pki.signing_key import KEY_NAME, PUBLIC_SUFFIX, KeyFileError, read_public_key

@@ -1,11 +1,28 @@
-"""The pose procedure: it collects resting poses for a plan and fits them at the end."""
+"""The pose procedure: it collects resting poses for the plan of a method, and fits them at the end.
 
-from dataclasses import dataclass
+A plan requires six faces in any order, or directions all round."""
+
+from dataclasses import dataclass, replace
 from typing import Protocol
 
+import numpy as np
+
 from gateway.calibration.methods.calibration_fit import CalibrationFit
+from gateway.calibration.methods.experiment_design import MAX_CONDITION_NUMBER, condition_number, next_direction
+from gateway.calibration.methods.norm_fit import FRAME_U_DEG, N_PARAMETERS, fit_norm
+from gateway.calibration.methods.six_position import PLACEMENT_U_DEG, fit_six_positions, missing_faces
+from gateway.calibration.pose_method import PoseMethod
+from gateway.calibration.poses.faces import (
+    FACE_DIRECTIONS,
+    FACES,
+    angle_to_face_deg,
+    describe_direction,
+    find_face,
+    without_tilted_poses,
+)
 from gateway.calibration.poses.pose import Face, NominalSensitivity, Pose, RawReadings
 from gateway.calibration.poses.pose_finder import PoseFinder
+from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.numerics.array import Array
 
 MAX_POSES = 200
@@ -13,6 +30,11 @@ MAX_POSES = 200
 session, and a bound of memory and of the time of the fit."""
 
 Poses = tuple[Pose, ...]
+MIN_DIFFERENCE_G = 0.25
+"""Least difference between the readings of two poses of a norm fit, g: 15 degrees. Basis: a choice; 15 degrees, which a hand
+makes without a tool; closer poses tell the fit little new."""
+NORM_FIT_POSES = N_PARAMETERS + 3
+"""Number of poses that the norm fit asks for. Basis: three more than unknowns, so that the fit is checked."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,3 +159,89 @@ class PoseProcedure:
                 f"; {len(self._poses) - len(still)} earlier pose was not still by the noise seen since: take it again"
             )
             self._poses = still
+
+
+class SixPositionPlan:
+    """Every face up at least once; repeats of a face are averaged."""
+
+    n_poses = len(FACES)
+
+    def __init__(self, placement_u_deg: float) -> None:
+        self._placement_u_deg = placement_u_deg
+
+    def accept(self, pose: Pose, earlier: Poses) -> tuple[Pose | None, str]:
+        """Accept every pose; one on no face is marked as not used."""
+        if pose.face is None:
+            off_deg = angle_to_face_deg(np.array(pose.mean))
+            return replace(pose, used=False), f"{off_deg:.0f} deg off the nearest face: not used; lay it on a face"
+        count = 1 + sum(one.face == pose.face for one in earlier)
+        return pose, f"{pose.face} taken" + (f" again: {count} are averaged" if count > 1 else "")
+
+    def request_next(self, poses: Poses) -> RequestedPose:
+        """Request the first missing face; a pose that the others show to be tilted counts for none."""
+        missing = missing_faces(without_tilted_poses(poses))
+        if not missing:
+            return RequestedPose(None, None, "all six faces are taken")
+        return RequestedPose(
+            missing[0], FACE_DIRECTIONS[missing[0]], f"next: {missing[0]} up; missing: {', '.join(missing)}"
+        )
+
+    def fit(self, poses: Poses) -> CalibrationFit:
+        """Return the fit of `fit_six_positions`."""
+        return fit_six_positions(poses, self._placement_u_deg)
+
+
+class NormFitPlan:
+    """Poses in all directions. A pose near an earlier one counts, but not as one of those that the fit asks for."""
+
+    n_poses = NORM_FIT_POSES
+
+    def __init__(self, nominal: NominalSensitivity, frame_u_deg: float, parent: CalibrationRecord | None) -> None:
+        self._nominal = nominal
+        self._frame_u_deg = frame_u_deg
+        self._parent = parent
+
+    def accept(self, pose: Pose, earlier: Poses) -> tuple[Pose | None, str]:
+        """Accept every pose, and say so of one within 15 degrees of an earlier one."""
+        near = next((number for number, one in enumerate(earlier, start=1) if self._is_near(pose, one)), None)
+        hint = "" if near is None else f", near pose {near}: it adds little; turn it further"
+        return pose, f"pose {len(earlier) + 1} taken{hint}"
+
+    def _is_near(self, pose: Pose, other: Pose) -> bool:
+        """Return whether two poses are within 15 degrees; zero-g offsets cancel in the difference of two readings."""
+        return bool(np.linalg.norm(np.subtract(pose.mean, other.mean)) < MIN_DIFFERENCE_G * self._nominal.units_per_g)
+
+    def request_next(self, poses: Poses) -> RequestedPose:
+        """Request the direction that determines the parameters best."""
+        apart = [pose for place, pose in enumerate(poses) if not any(self._is_near(pose, one) for one in poses[:place])]
+        readings = np.array([self._nominal.in_g(pose.mean) for pose in apart]).reshape(-1, 3)
+        up = readings / np.linalg.norm(readings, axis=1, keepdims=True)
+        if len(up) >= NORM_FIT_POSES and condition_number(up) <= MAX_CONDITION_NUMBER:
+            return RequestedPose(None, None, "the poses are enough")
+        direction = next_direction(up)
+        return RequestedPose(find_face(direction), direction, f"helps most: {describe_direction(direction)}")
+
+    def fit(self, poses: Poses) -> CalibrationFit:
+        """Return the fit of `fit_norm`."""
+        return fit_norm(poses, self._nominal.units_per_g, self._frame_u_deg, self._parent)
+
+
+def make_procedure(
+    method: str,
+    nominal: NominalSensitivity,
+    *,
+    placement_u_deg: float = PLACEMENT_U_DEG,
+    frame_u_deg: float = FRAME_U_DEG,
+    parent: CalibrationRecord | None = None,
+) -> PoseProcedure:
+    """Return a new procedure; the standard uncertainties are those of `fit_six_positions` and `fit_norm`.
+
+    `parent` is the record in force, whose reference frame a norm fit keeps. Raises `CalibrationError` for an unknown method.
+    """
+    match method:
+        case PoseMethod.SIX_POSITION:
+            return PoseProcedure(SixPositionPlan(placement_u_deg), nominal)
+        case PoseMethod.NORM_FIT:
+            return PoseProcedure(NormFitPlan(nominal, frame_u_deg, parent), nominal)
+        case _:
+            raise CalibrationError(f"no method {method}; there are {', '.join(PoseMethod)}")

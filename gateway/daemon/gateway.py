@@ -24,8 +24,8 @@ from devices.host_clock import HostClock
 from gateway import __version__
 from gateway.bus.session import gateway_settings
 from gateway.calibration.correction import Correction
-from gateway.configuration.known_data_folders import remember_data_folder
 from gateway.configuration.model import Configuration
+from gateway.configuration.user_state import remember_data_folder
 from gateway.daemon.commands.configuration_service import ConfigurationService, TrialSupervisor
 from gateway.daemon.parts import compose
 from gateway.daemon.runtime.faults import FaultRegister

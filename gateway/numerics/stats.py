@@ -1,7 +1,8 @@
-"""Statistics: quantiles, means by group, estimates that a few outliers do not change, runs of samples, steps of readings."""
+"""Statistics: quantiles, means by group, estimates that a few outliers do not change, runs and steps, autocorrelation."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import islice
 from statistics import NormalDist
 
 import numpy as np
@@ -80,3 +81,25 @@ def means_by_group(group: Array, values: Array) -> tuple[Array, Array]:
     means = np.column_stack([np.bincount(place, column) / count for column in values.T])
     freedom = max(len(values) - len(count), 1)
     return means, np.sqrt(((values - means[place]) ** 2).sum(axis=0) / freedom)
+
+
+def autocorrelations(values: Array) -> Iterator[float]:
+    """Yield the autocorrelation of a series (n,) at lags 1, 2, ... n - 1; nothing for a constant series."""
+    centred = values - values.mean()
+    power = float(centred @ centred)
+    if power > 0.0:
+        for lag in range(1, len(values)):
+            yield float(centred[lag:] @ centred[:-lag]) / power
+
+
+def correlation_sum(values: Array) -> float:
+    """Return 1 + 2 sum of the autocorrelation, the factor by which correlation multiplies the variance of a mean (Sokal 1997).
+
+    The sum ends where the autocorrelation first falls below twice its own standard uncertainty, at the latest at n/4.
+    """
+    total, limit = 1.0, 2 / math.sqrt(len(values))
+    for correlation in islice(autocorrelations(values), max(1, len(values) // 4 - 1)):
+        if correlation < limit:
+            break
+        total += 2 * correlation
+    return total

@@ -14,8 +14,7 @@ from devices.axes_map import AxesMap
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.acceptance import judge
 from gateway.calibration.methods.zeroing import MIN_UNBROKEN_REST_S
-from gateway.calibration.pose_plans import make_procedure
-from gateway.calibration.pose_procedure import PoseProcedure, PoseProgress
+from gateway.calibration.pose_procedure import PoseProcedure, PoseProgress, make_procedure
 from gateway.calibration.poses.pose import NominalSensitivity
 from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gateway.calibration.methods.calibration_fit import CalibrationFit
 from gateway.calibration.methods.norm_fit import fit_norm
 from gateway.calibration.methods.six_position import fit_six_positions
-from gateway.calibration.pose_plans import make_procedure
+from gateway.calibration.pose_procedure import make_procedure
 from gateway.calibration.poses.faces import find_face
 from gateway.calibration.poses.pose import NominalSensitivity, Pose
 from gateway.numerics.array import Array

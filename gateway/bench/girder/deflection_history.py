@@ -22,7 +22,7 @@ from gateway.documents.format import format_fixed, format_with_uncertainty
 from gateway.errors import InputError
 from gateway.measurement.source import Source
 from gateway.numerics.array import Array
-from gateway.numerics.autocorrelation import correlation_sum
+from gateway.numerics.stats import correlation_sum
 
 MIN_ZERO_BINS = 5
 """Least number of averages of the zero. Basis: their scatter is known."""

@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from gateway.bench.thermal.ramp import Ramp
+from gateway.bench.thermal.ramp import Ramp, element_c, fit_lag
 from gateway.bench.thermal.slow_noise import (
     NoiseRatios,
     RecordingCoefficients,
@@ -22,7 +22,6 @@ from gateway.bench.thermal.slow_noise import (
     block_means,
     estimate_noise,
 )
-from gateway.bench.thermal.thermal_lag import element_c, fit_lag
 from gateway.calibration.poses.faces import FACES
 from gateway.numerics.array import Array
 from gateway.numerics.stats import student_quantile

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gateway.bench.thermal.ramp import AVERAGE_S, element_c, fit_lag
 from gateway.bench.thermal.slow_noise import (
     NoiseRatios,
     RecordingCoefficients,
@@ -17,7 +18,6 @@ from gateway.bench.thermal.slow_noise import (
     block_means,
     estimate_noise,
 )
-from gateway.bench.thermal.thermal_lag import AVERAGE_S, element_c, fit_lag
 from gateway.calibration.correction import ZERO_G_OFFSET_LIMIT_G_PER_K
 from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind
 from gateway.calibration.offline.calibrate_files import FED_READINGS

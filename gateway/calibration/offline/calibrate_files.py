@@ -12,8 +12,7 @@ from gateway.calibration.methods.calibration_fit import CalibrationFit
 from gateway.calibration.methods.norm_fit import FRAME_U_DEG
 from gateway.calibration.methods.six_position import PLACEMENT_U_DEG
 from gateway.calibration.offline.readings_file import FileReadings
-from gateway.calibration.pose_plans import make_procedure
-from gateway.calibration.pose_procedure import PoseProcedure
+from gateway.calibration.pose_procedure import PoseProcedure, make_procedure
 from gateway.calibration.poses.pose import NominalSensitivity, RawReadings
 from gateway.calibration.poses.pose_finder import NORM_TOLERANCE, READINGS_PER_POSE
 from gateway.calibration.record import CalibrationRecord, NotDeterminedError

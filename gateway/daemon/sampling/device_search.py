@@ -10,8 +10,7 @@ from smbus2 import SMBus
 from devices.clock import Clock
 from devices.errors import DeviceError
 from devices.i2c.bus import BusOpener
-from devices.i2c.chips import CHIPS
-from devices.i2c.identity import probe_bus
+from devices.i2c.chips import CHIPS, probe_bus
 
 DEV = Path("/dev")
 KINDS = {

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gateway.numerics.array import Array
-from gateway.numerics.autocorrelation import correlation_sum
-from gateway.numerics.stats import student_quantile
+from gateway.numerics.stats import correlation_sum, student_quantile
 from gateway.swing.fit.gauss_newton import SwingFit, information_matrix, weighted_square
 from gateway.swing.model.motion import LN_LENGTH, N_STATES
 from gateway.swing.model.sensor_lowpass import angle_u_rel

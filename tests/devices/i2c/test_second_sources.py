@@ -9,7 +9,7 @@ from types import ModuleType
 import pytest
 
 from devices.i2c import ads1115, adxl345, adxl355, lis2dw12, lis3dh, mpu9250
-from devices.i2c.identity import IDENTITIES
+from devices.i2c.chips import IDENTITIES
 
 CONSTANTS: list[tuple[ModuleType, dict[str, int]]] = [
     (

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from gateway.bench.thermal.ramp import element_c
 from gateway.bench.thermal.slow_noise import NoiseRatios, RecordingNoise, block_means, estimate_noise
-from gateway.bench.thermal.thermal_lag import element_c
 from gateway.numerics.array import Array
 
 PLACE = (np.arange(40) + 0.5) / 40 - 0.5

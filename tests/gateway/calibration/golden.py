@@ -16,7 +16,7 @@ from gateway.calibration.methods.calibration_fit import CalibrationFit
 from gateway.calibration.methods.norm_fit import fit_norm
 from gateway.calibration.methods.six_position import fit_six_positions
 from gateway.calibration.methods.zeroing import zero_in_place
-from gateway.calibration.pose_plans import make_procedure
+from gateway.calibration.pose_procedure import make_procedure
 from gateway.calibration.poses.faces import candidate_directions, find_face
 from gateway.calibration.poses.pose import NominalSensitivity, Pose, RawReadings
 from gateway.calibration.record import CalibrationRecord

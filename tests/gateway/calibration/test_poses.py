@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.calibration.pose_plans import make_procedure
-from gateway.calibration.pose_procedure import PoseProcedure
+from gateway.calibration.pose_procedure import PoseProcedure, make_procedure
 from gateway.calibration.poses.faces import FACE_DIRECTIONS
 from gateway.calibration.poses.pose import Face, NominalSensitivity, RawReadings, correlation_factor, quantisation_u
 from gateway.calibration.poses.pose_finder import READINGS_PER_POSE, PoseFinder

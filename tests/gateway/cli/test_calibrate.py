@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from devices.block import DeviceInfo
-from gateway.calibration.pose_plans import make_procedure
+from gateway.calibration.pose_procedure import make_procedure
 from gateway.calibration.poses.pose import NominalSensitivity
 from gateway.calibration.record import CalibrationRecord
 from gateway.cli.main import main

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.configuration.known_data_folders import MAX_FOLDERS, known_data_folders, remember_data_folder
+from gateway.configuration.user_state import MAX_FOLDERS, known_data_folders, remember_data_folder
 
 
 def test_folders_are_remembered_newest_first_and_forgotten_when_they_are_gone(tmp_path: Path) -> None:

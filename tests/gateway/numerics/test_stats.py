@@ -3,8 +3,15 @@
 import numpy as np
 import pytest
 
-from gateway.numerics.autocorrelation import autocorrelations, correlation_sum
-from gateway.numerics.stats import chi_square_quantile, normal_quantile, robust_sigma, student_quantile, true_runs
+from gateway.numerics.stats import (
+    autocorrelations,
+    chi_square_quantile,
+    correlation_sum,
+    normal_quantile,
+    robust_sigma,
+    student_quantile,
+    true_runs,
+)
 
 GUM_TABLE_G2_95_PERCENT = {1: 12.71, 2: 4.30, 3: 3.18, 4: 2.78, 5: 2.57, 10: 2.23, 20: 2.09, 50: 2.01, 100: 1.984}
 

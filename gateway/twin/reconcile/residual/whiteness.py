@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from gateway.numerics.autocorrelation import autocorrelations
 from gateway.numerics.spectrum import ZERO_PADDING, periodogram
+from gateway.numerics.stats import autocorrelations
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.output.result import Peak, Residual, Spectrum
