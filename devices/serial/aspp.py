@@ -17,7 +17,6 @@ from devices.serial.aspp_frames import MIN_PACKET_BYTES, AsppDecoder, AsppPacket
 from devices.serial.aspp_payloads import CALIBRATED, Diagnostic, Sweeps, read_diagnostic, read_sweeps
 from devices.serial_port import SerialPort
 from devices.serial_sensor import HeardNodes, SerialSensor, check_settings
-from devices.usb_ports import SYSTEM_FOLDERS, PortFolders
 
 TICK_BITS = 16
 """Definition: of a sweep's number."""
@@ -41,14 +40,13 @@ def open_aspp(
     units_per_g: float = 1.0,
     block_samples: int = 8,
     serial: str | None = None,
-    folders: PortFolders = SYSTEM_FOLDERS,
 ) -> SerialSensor:
     """Return the node behind a base, not yet opened; see `AsppPart` and `SerialPort`. Raises `ValueError`."""
     check_settings(odr_hz, block_samples)
     part = AsppPart(
         node=node, odr_hz=odr_hz, range_g=range_g, channels=channels, units_per_g=units_per_g, serial=serial
     )
-    return SerialSensor(part, SerialPort(port, baud, folders), clock=clock, odr_hz=odr_hz, block_samples=block_samples)
+    return SerialSensor(part, SerialPort(port, baud), clock=clock, odr_hz=odr_hz, block_samples=block_samples)
 
 
 class AsppPart:

@@ -19,7 +19,6 @@ from devices.serial.node_frames import (
 from devices.serial_port import SerialPort
 from devices.serial_sensor import HeardNodes, SerialSensor, check_settings
 from devices.tick_clock import TickClock
-from devices.usb_ports import SYSTEM_FOLDERS, PortFolders
 
 G_PER_SCALE = 1e-9
 """Definition: the scale is in ng (docs/guides/integrator/node.md)."""
@@ -35,12 +34,11 @@ def open_node(
     range_g: float | None = None,
     block_samples: int = 8,
     serial: str | None = None,
-    folders: PortFolders = SYSTEM_FOLDERS,
 ) -> SerialSensor:
     """Return the node on a port, not yet opened; see `NodePart` and `SerialPort`. Raises `ValueError`."""
     check_settings(odr_hz, block_samples)
     part = NodePart(node=node, odr_hz=odr_hz, range_g=range_g, serial=serial)
-    return SerialSensor(part, SerialPort(port, baud, folders), clock=clock, odr_hz=odr_hz, block_samples=block_samples)
+    return SerialSensor(part, SerialPort(port, baud), clock=clock, odr_hz=odr_hz, block_samples=block_samples)
 
 
 class NodePart:

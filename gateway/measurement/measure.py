@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.configuration.model import MAX_CUTOFF_SHARE
+from gateway.configuration.model import MAX_CUTOFF_SHARE, FilterSection
 from gateway.measurement.conditions import ConditionSummary, summarise_conditions
 from gateway.measurement.motion import (
     RecordingMotion,
@@ -25,6 +25,8 @@ from gateway.swing.detection.free_swing import FreeSwing
 from gateway.swing.estimate import FormulaAngles, SwingEstimate
 from gateway.swing.formulas import LowpassGain, as_published, corrected, extremes
 
+FILTER = FilterSection()
+"""The low-pass of a gateway without other settings."""
 NO_ANGLES = FormulaAngles(arccos_min_az=None, arcsin_max_axy=None, arctan_max_axy_min_az=None, arccos_max_az=None)
 
 
@@ -97,7 +99,7 @@ class Measurement:
     """None: the crane does not work in the recording, or nothing can be said."""
 
 
-def measure(source: Source, *, cutoff_hz: float = 1.0, order: int = 2, with_motion: bool = False) -> Measurement:
+def measure(source: Source, *, with_motion: bool = False) -> Measurement:
     """Return the results of a recording; without a position of the housing the swing is not known.
 
     What was held or moved by hand is not judged. `with_motion`: smooth the motion of a free swing too.
@@ -105,7 +107,7 @@ def measure(source: Source, *, cutoff_hz: float = 1.0, order: int = 2, with_moti
     cut = cut_to_free_swing(source)
     source = cut.source
     rate_hz = source.recording.rate_hz
-    lowpass = LowPass(min(cutoff_hz, MAX_CUTOFF_SHARE * rate_hz), order, rate_hz)
+    lowpass = LowPass(min(FILTER.cutoff_hz, MAX_CUTOFF_SHARE * rate_hz), FILTER.order, rate_hz)
     lowpassed_g = lowpass.apply(source.force_g)
     mean_g = lowpassed_g.mean(axis=0)
     swing = estimate_source_swing(source)

@@ -15,7 +15,7 @@ from gateway.bench.thermal.datasheet_limits import (
 from gateway.bench.thermal.ramp import Ramp, read_ramp
 from gateway.bench.thermal.ramp_regression import AxisRegression, RampRegression, fit_ramps
 from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind
-from gateway.calibration.methods.six_position import PLACEMENT_U_DEG, fit_six_positions
+from gateway.calibration.methods.six_position import fit_six_positions
 from gateway.calibration.offline.calibrate_files import estimate_sensitivity
 from gateway.calibration.offline.readings_file import FileReadings
 from gateway.calibration.pose_method import THERMAL
@@ -77,7 +77,6 @@ def calibrate_ramps(
     *,
     units_per_g: float | None = None,
     reference_c: float | None = None,
-    placement_u_deg: float = PLACEMENT_U_DEG,
     limits: DatasheetLimits | None = None,
 ) -> ThermalCalibration:
     """Fit ramps, one recording per attitude, all six faces among them.
@@ -107,7 +106,7 @@ def calibrate_ramps(
     )
     poses = tuple(ramp.pose_at(reference_c, regression.lag_s) for ramp in ramps)
     fit = replace(
-        fit_six_positions(poses, placement_u_deg),
+        fit_six_positions(poses),
         method=THERMAL,
         thermal=model.model_dump(mode="json"),
         temperature_c={"mean": reference_c, "min": low_c, "max": high_c},

@@ -67,7 +67,6 @@ def advise(
     u_rad: float,
     still: bool,
     screws: ScrewMechanics | None = None,
-    tolerance_rad: float = TOLERANCE_RAD,
 ) -> ScrewAdvice:
     """Return what to do at these angles of the hanging housing, each with the standard uncertainty `u_rad`."""
     screws = screws or ScrewMechanics()
@@ -75,11 +74,11 @@ def advise(
         return wait("wait: the housing moves")
     screw: Screw = "pitch" if abs(pitch_rad) >= abs(roll_rad) else "roll"
     angle_rad = pitch_rad if screw == "pitch" else roll_rad
-    if abs(angle_rad) <= tolerance_rad:
-        if K_ALIGNED * u_rad > tolerance_rad:
+    if abs(angle_rad) <= TOLERANCE_RAD:
+        if K_ALIGNED * u_rad > TOLERANCE_RAD:
             text = f"wait: the angle's standard uncertainty is still {np.degrees(u_rad):.3f} deg"
             return ScrewAdvice("too_noisy", None, None, 0.0, text)
-        return ScrewAdvice("aligned", None, None, 0.0, f"aligned: within {np.degrees(tolerance_rad):.3f} deg")
+        return ScrewAdvice("aligned", None, None, 0.0, f"aligned: within {np.degrees(TOLERANCE_RAD):.3f} deg")
     sign = screws.pitch_sign if screw == "pitch" else screws.roll_sign
     direction: Literal["in", "out"] = "out" if sign * angle_rad > 0 else "in"
     turns = float(np.tan(abs(angle_rad)) * screws.lever_m / screws.lead_m)

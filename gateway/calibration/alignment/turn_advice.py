@@ -160,7 +160,6 @@ def advise_after_turn(
     before: Turn | None = None,
     unit: AligningUnit | None = None,
     *,
-    tolerance_rad: float = TOLERANCE_RAD,
     housing_deviation_rad: float = HOUSING_DEVIATION_RAD,
 ) -> TurnAdvice:
     """Return what to do; `before` is the turn before, which shows whether the last adjustment went the wrong way."""
@@ -176,8 +175,8 @@ def advise_after_turn(
         return TurnAdvice("converged", None, None, 0.0, precision_rad, total_rad, text)
     screw = max(allowed, key=lambda axis: abs(allowed[axis]))
     angle_rad = allowed[screw]
-    if abs(angle_rad) + K_ALIGNED * turn.u_rad <= tolerance_rad:
-        return _finished(turn, allowed, needed, tolerance_rad, precision_rad, total_rad)
+    if abs(angle_rad) + K_ALIGNED * turn.u_rad <= TOLERANCE_RAD:
+        return _finished(turn, allowed, needed, precision_rad, total_rad)
     if abs(angle_rad) <= K_SHOWN * turn.u_rad:
         text = f"at the floor: no tilt beyond u = {math.degrees(turn.u_rad):.3f} deg shows; average longer, or turn more slowly"
         return TurnAdvice("at_floor", None, None, 0.0, precision_rad, total_rad, text)
@@ -208,14 +207,13 @@ def _finished(
     turn: Turn,
     allowed: dict[str, float],
     needed: dict[str, float],
-    tolerance_rad: float,
     precision_rad: float,
     total_rad: float,
 ) -> TurnAdvice:
     """Return that the screws have nothing left to do, with what no screw of this axis corrects."""
     rest_rad = max((abs(angle) for axis, angle in needed.items() if axis not in allowed), default=0.0)
-    if rest_rad + K_ALIGNED * turn.u_rad <= tolerance_rad:
-        text = f"aligned within {math.degrees(tolerance_rad):.3f} deg"
+    if rest_rad + K_ALIGNED * turn.u_rad <= TOLERANCE_RAD:
+        text = f"aligned within {math.degrees(TOLERANCE_RAD):.3f} deg"
         return TurnAdvice("aligned", None, None, 0.0, precision_rad, total_rad, text)
     text = (
         f"converged: {math.degrees(rest_rad):.3f} deg remain that no screw of {AXES[turn.axis]} corrects; "

@@ -96,12 +96,11 @@ class DriftReport:
 def analyse_drift(
     records: Sequence[CalibrationRecord],
     limit_deg: float = DEFAULT_LIMIT_DEG,
-    random_walk_g_per_sqrt_day: float | None = None,
 ) -> DriftReport:
     """Return the trends over the records of one device, in any order; records that do not measure offset and scale are skipped.
 
-    `random_walk_g_per_sqrt_day` is a known random walk of the offset and of the scale; None: estimated from the records. Raises
-    `CalibrationError` for fewer than two measuring records, two devices or units, records without uncertainties, or equal times.
+    Raises `CalibrationError` for fewer than two measuring records, two devices or units, records without uncertainties, or equal
+    times.
     """
     measuring = sorted((record for record in records if record.method in MEASURING_METHODS), key=created_at)
     if len(measuring) < 2:
@@ -119,13 +118,11 @@ def analyse_drift(
                 day,
                 np.array([change.offset_g[axis] for change in changes]),
                 np.array([change.u_offset_g[axis] for change in changes]),
-                random_walk_g_per_sqrt_day,
             ),
             scale=fit_measurements(
                 day,
                 np.array([change.scale[axis] for change in changes]),
                 np.array([change.u_scale[axis] for change in changes]),
-                random_walk_g_per_sqrt_day,
             ),
             last_offset_g=float(changes[-1].offset_g[axis]),
             last_scale=float(changes[-1].scale[axis]),

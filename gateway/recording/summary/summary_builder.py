@@ -282,12 +282,12 @@ def _recorded(period: AlertPeriod[AlertState]) -> RecordedAlert | None:
     )
 
 
-def unknown_s(segments: Iterable[SegmentSummary], rule: str = "swing") -> float:
-    """Return for how many seconds no statement on a rule was possible."""
+def unknown_s(segments: Iterable[SegmentSummary]) -> float:
+    """Return for how many seconds no statement on the swing was possible."""
     total_ns = 0
     for summary in segments:
         ends_ns = [state.log_time_ns for state in summary.alerts[1:]] + [summary.to_ns]
         for state, end_ns in zip(summary.alerts, ends_ns, strict=False):
-            if any(alert.rule == rule and alert.level == "unknown" for alert in state.active):
+            if any(alert.rule == "swing" and alert.level == "unknown" for alert in state.active):
                 total_ns += max(end_ns - state.log_time_ns, 0)
     return total_ns / 1e9
