@@ -14,9 +14,8 @@ from devices.sample_loss import UncountedLoss
 from devices.saturation import code_limits, mark_saturated
 from devices.serial.witmotion_frames import FrameDecoder, Readings
 from devices.serial.witmotion_radio_frames import RAD_S_PER_UNIT, RadioFrameDecoder
-from devices.serial_port import SerialPort
+from devices.serial_port import SYSTEM_FOLDERS, PortFolders, SerialPort
 from devices.serial_sensor import SerialSensor, check_settings
-from devices.usb_ports import SYSTEM_FOLDERS, PortFolders
 
 FULL_SCALE_G = 16.0
 """Definition: of the protocol."""

@@ -1,6 +1,7 @@
 """The pose procedure: it collects resting poses for the plan of a method, and fits them at the end.
 
-A plan requires six faces in any order, or directions all round."""
+A plan requires six faces in any order, or directions all round.
+"""
 
 from dataclasses import dataclass, replace
 from typing import Protocol

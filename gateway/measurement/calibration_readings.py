@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from devices.tables.foreign import NOTHING_STATED, TableOptions
-from gateway.calibration.offline.readings_file import FileReadings, read_file
+from gateway.calibration.offline.input_files import FileReadings, read_file
 from gateway.errors import InputError
 from gateway.recording.reading.catalogue import list_recordings
 from gateway.recording.reading.samples import read_samples

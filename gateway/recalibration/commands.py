@@ -1,7 +1,8 @@
-"""Commands: what each request would do, or why it is refused; decided before anything is written."""
+"""Commands: what each request would do, or why it is refused, decided before anything is written; and what is fetched."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -16,11 +17,14 @@ from gateway.calibration.record_factory import make_record
 from gateway.calibration.store import CalibrationStore
 from gateway.errors import PlumblineError, describe_problems
 from gateway.recalibration.interlock import LoadInterlock
-from gateway.recalibration.requests import Cancel, Commit, Recalibrate, Request, Rollback, Zero
+from gateway.recalibration.journal import Audit
+from gateway.recalibration.requests import Cancel, Commit, Fetch, Recalibrate, Request, RequestAnswer, Rollback, Zero
 from gateway.recalibration.sample_buffer import RecentSamples
 from gateway.recalibration.session import Session, Timestamp, committed_text
 
 ALERTS_RESUMED = "alerts are on again: the housing must hang on the rope"
+LISTED_FIELDS = {"id", "method", "created_utc", "by", "parent"}
+"""Fields of a record in the list."""
 
 
 class Refused(PlumblineError):  # noqa: N818  (not an error: the answer is no, and the text states why)
@@ -205,3 +209,37 @@ class CommandHandler:
     def _change_in_force(self, record_id: str | None, request: Request, now: Timestamp) -> None:
         """Raises `OSError` if nothing has changed."""
         self.store.put_in_force(record_id, by=request.by, reason=request.reason, request=request.id, time_utc=now.utc)
+
+
+def answer_fetch(fetch: Fetch, store: CalibrationStore, audit: Audit, session: Session | None) -> RequestAnswer:
+    """Return the answer to a fetch request for what is stored or in review."""
+    reviewed = session if session is not None and session.phase == "review" else None
+    try:
+        if fetch.what == "audit":
+            content: dict[str, Any] = {"audit": audit.newest(fetch.lines)}
+        elif fetch.what == "record":
+            content = {"record": _find_record(fetch.record or "", store, reviewed)}
+        else:
+            content = _list_records(store) | {"review": None if reviewed is None else reviewed.record_id}
+    except (CalibrationError, OSError) as error:
+        return RequestAnswer(id="", request="", accepted=False, text=str(error))
+    return RequestAnswer(id="", request="", accepted=True, text=fetch.what, content=content)
+
+
+def _find_record(record_id: str, store: CalibrationStore, reviewed: Session | None) -> dict[str, Any]:
+    if reviewed is not None and reviewed.candidate is not None and reviewed.record_id == record_id:
+        return reviewed.candidate
+    return store.record(record_id).model_dump(mode="json")
+
+
+def _list_records(store: CalibrationStore) -> dict[str, Any]:
+    """Return an entry for each record; the entry of an unreadable record states the error."""
+    records: list[dict[str, Any]] = []
+    for record_id in store.ids():
+        try:
+            records.append(store.record(record_id).model_dump(mode="json", include=LISTED_FIELDS))
+        except CalibrationError as error:
+            records.append({"id": record_id, "error": str(error)})
+    state = store.state()
+    history = [change.model_dump(mode="json", by_alias=True) for change in state.history]
+    return {"device_id": store.device_id, "in_force": state.in_force, "history": history, "records": records}

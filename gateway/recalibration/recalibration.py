@@ -19,8 +19,7 @@ from gateway.calibration.poses.pose import NominalSensitivity
 from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
 from gateway.errors import PlumblineError
-from gateway.recalibration.commands import CommandHandler, CommandResult
-from gateway.recalibration.fetch_handler import answer_fetch
+from gateway.recalibration.commands import CommandHandler, CommandResult, answer_fetch
 from gateway.recalibration.interlock import LoadInterlock
 from gateway.recalibration.journal import MAX_ANSWERS, Audit, Journal
 from gateway.recalibration.requests import Fetch, Recalibrate, Request, RequestAnswer, Zero

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from devices.errors import DeviceError, DeviceNotFoundError, TransferError
-from devices.serial_port import SerialPort
-from devices.usb_ports import find_usb_port, find_usb_ports
+from devices.serial_port import SerialPort, find_usb_port, find_usb_ports
 from tests.devices.usb_tree import UsbTree
 
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from devices.usb_ports import PortFolders
+from devices.serial_port import PortFolders
 
 
 class UsbTree:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from gateway.bench.thermal.slow_noise import RecordingCoefficients
-from gateway.calibration.offline.readings_file import FileReadings
+from gateway.calibration.offline.input_files import FileReadings
 from gateway.calibration.poses.faces import find_face
 from gateway.calibration.poses.pose import Face, NominalSensitivity, Pose
 from gateway.calibration.record import NotDeterminedError

@@ -17,7 +17,7 @@ from gateway.bench.thermal.ramp_regression import AxisRegression, RampRegression
 from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind
 from gateway.calibration.methods.six_position import fit_six_positions
 from gateway.calibration.offline.calibrate_files import estimate_sensitivity
-from gateway.calibration.offline.readings_file import FileReadings
+from gateway.calibration.offline.input_files import FileReadings
 from gateway.calibration.pose_method import THERMAL
 from gateway.calibration.poses.faces import FACES
 from gateway.calibration.record import NotDeterminedError

@@ -21,7 +21,7 @@ from gateway.bench.thermal.slow_noise import (
 from gateway.calibration.correction import ZERO_G_OFFSET_LIMIT_G_PER_K
 from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind
 from gateway.calibration.offline.calibrate_files import FED_READINGS
-from gateway.calibration.offline.readings_file import FileReadings
+from gateway.calibration.offline.input_files import FileReadings
 from gateway.calibration.pose_method import THERMAL_REST
 from gateway.calibration.poses.pose import RawReadings
 from gateway.calibration.poses.windows import STILL_RATIO, StillnessGate, Window, WindowSplitter

@@ -11,7 +11,7 @@ import numpy as np
 from gateway.calibration.methods.calibration_fit import CalibrationFit
 from gateway.calibration.methods.norm_fit import FRAME_U_DEG
 from gateway.calibration.methods.six_position import PLACEMENT_U_DEG
-from gateway.calibration.offline.readings_file import FileReadings
+from gateway.calibration.offline.input_files import FileReadings
 from gateway.calibration.pose_procedure import PoseProcedure, make_procedure
 from gateway.calibration.poses.pose import NominalSensitivity, RawReadings
 from gateway.calibration.poses.pose_finder import NORM_TOLERANCE, READINGS_PER_POSE

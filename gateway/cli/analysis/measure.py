@@ -4,8 +4,7 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-from gateway.cli.options.recording_options import add_interval, interval
-from gateway.cli.options.table_options import add_table_options, table_options
+from gateway.cli.options.recording_options import add_interval, add_table_options, interval, table_options
 from gateway.cli.terminal.output import add_json
 
 EXAMPLE = """examples:

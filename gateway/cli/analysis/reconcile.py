@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 from gateway.cli.analysis.effects import add_effects_from, load_user_effects
 from gateway.cli.analysis.reconcile_files import check_outputs, output_texts
 from gateway.cli.options.argument_types import duration_s, whole_number
-from gateway.cli.options.recording_options import add_interval, interval
-from gateway.cli.options.table_options import add_table_options, table_options
+from gateway.cli.options.recording_options import add_interval, add_table_options, interval, table_options
 from gateway.cli.terminal.output import add_json
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from gateway.cli.options.alignment_unit import add_unit_arguments, aligning_unit
 from gateway.cli.options.argument_types import above_zero
-from gateway.cli.options.table_options import add_table_options, table_options
+from gateway.cli.options.recording_options import add_table_options, table_options
 from gateway.cli.terminal.output import add_json
 
 if TYPE_CHECKING:

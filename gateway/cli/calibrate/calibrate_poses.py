@@ -11,7 +11,7 @@ from gateway.cli.calibrate.calibrate_record import (
     use_recorded_device,
 )
 from gateway.cli.options.argument_types import above_zero
-from gateway.cli.options.table_options import add_table_options, table_options
+from gateway.cli.options.recording_options import add_table_options, table_options
 
 
 def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

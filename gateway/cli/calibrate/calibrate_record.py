@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from gateway.calibration.methods.calibration_fit import CalibrationFit
-    from gateway.calibration.offline.readings_file import FileReadings
+    from gateway.calibration.offline.input_files import FileReadings
     from gateway.calibration.record import CalibrationRecord
 
 UNIDENTIFIED = "unidentified"
@@ -58,7 +58,7 @@ def use_recorded_device(arguments: argparse.Namespace, files: "Sequence[FileRead
 
 def read_parent_record(arguments: argparse.Namespace) -> "CalibrationRecord | None":
     """Return the record of `--parent`, None without it. Raises `InputError` for a file that is no record of this device."""
-    from gateway.calibration.offline.record_files import read_parent
+    from gateway.calibration.offline.input_files import read_parent
 
     return None if arguments.parent is None else read_parent(arguments.parent, arguments.device_id)
 

@@ -11,13 +11,13 @@ from gateway.cli.calibrate.calibrate_record import (
     use_recorded_device,
 )
 from gateway.cli.options.argument_types import above_zero
-from gateway.cli.options.table_options import add_table_options, table_options
+from gateway.cli.options.recording_options import add_table_options, table_options
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from gateway.bench.thermal.datasheet_limits import DatasheetLimits
-    from gateway.calibration.offline.readings_file import FileReadings
+    from gateway.calibration.offline.input_files import FileReadings
     from gateway.calibration.record import CalibrationRecord
 
 

@@ -16,8 +16,8 @@ from devices.errors import DeviceAccessError, DeviceError, DeviceNotFoundError, 
 from devices.host_clock import HostClock
 from devices.serial.witmotion import open_witmotion
 from devices.serial.witmotion_frames import FRAME_BYTES
+from devices.serial_port import PortFolders
 from devices.serial_sensor import SerialSensor
-from devices.usb_ports import PortFolders
 from tests.devices.serial.serial_peer import Peer, SetClock
 from tests.devices.serial.witmotion_wire import NOISE, frame, sample, stream
 from tests.values import present

@@ -19,7 +19,7 @@ from gateway.calibration.correction import correction_for
 from gateway.calibration.drift.change import change_between
 from gateway.calibration.methods.six_position import fit_six_positions
 from gateway.calibration.methods.zeroing import zero_in_place
-from gateway.calibration.offline.readings_file import FileReadings
+from gateway.calibration.offline.input_files import FileReadings
 from gateway.calibration.poses.faces import FACE_DIRECTIONS
 from gateway.calibration.poses.pose import Pose, RawReadings
 from gateway.calibration.record import CalibrationError, CalibrationRecord, NotDeterminedError

@@ -9,7 +9,7 @@ import pytest
 from gateway.bench.thermal.ramp_calibration import calibrate_ramps
 from gateway.bench.thermal.rest_calibration import learn_at_rest
 from gateway.calibration.methods.six_position import fit_six_positions
-from gateway.calibration.offline.readings_file import FileReadings
+from gateway.calibration.offline.input_files import FileReadings
 from gateway.calibration.poses.faces import FACES
 from gateway.calibration.poses.pose import Pose
 from gateway.calibration.record import CalibrationRecord

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from gateway.calibration.offline.readings_file import FileReadings
+from gateway.calibration.offline.input_files import FileReadings
 from gateway.calibration.poses.faces import FACE_DIRECTIONS
 from gateway.numerics.array import Array
 

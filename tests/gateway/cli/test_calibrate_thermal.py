@@ -9,7 +9,7 @@ import pytest
 
 from devices.block import DeviceInfo
 from gateway.bench.thermal.ramp_calibration import calibrate_ramps
-from gateway.calibration.offline.readings_file import FileReadings
+from gateway.calibration.offline.input_files import FileReadings
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.record_factory import make_record
 from gateway.cli.main import main
