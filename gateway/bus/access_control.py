@@ -29,13 +29,7 @@ def access_control(bus: BusSection, key: str) -> dict[str, Any]:
     if forwarded:
         rules.append(access_rule("forward", WRITE, "ingress", forwarded))
     subjects, policies = _policies(bus, ["forward"] if forwarded else [])
-    return {
-        "enabled": True,
-        "default_permission": "deny",
-        "rules": rules,
-        "subjects": subjects,
-        "policies": policies,
-    }
+    return deny_all_but(rules, subjects, policies)
 
 
 def _policies(bus: BusSection, forward: list[str]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
@@ -59,6 +53,14 @@ def _policies(bus: BusSection, forward: list[str]) -> tuple[list[dict[str, Any]]
             subjects.append({"id": subject, "cert_common_names": list(names)})
             policies.append({"subjects": [subject], "rules": rules})
     return subjects, policies
+
+
+def deny_all_but(
+    rules: list[dict[str, Any]], subjects: list[dict[str, Any]], policies: list[dict[str, Any]]
+) -> dict[str, Any]:
+    """Return the access control that denies what the rules do not allow to the subjects of their policies."""
+    access = {"rules": rules, "subjects": subjects, "policies": policies}
+    return {"enabled": True, "default_permission": "deny", **access}
 
 
 def access_rule(name: str, messages: Sequence[str], flow: str, key_expressions: list[str]) -> dict[str, Any]:

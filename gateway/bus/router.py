@@ -10,7 +10,7 @@ from typing import Any
 
 import zenoh
 
-from gateway.bus.access_control import EVERY_GATEWAY, READ, WRITE, access_rule
+from gateway.bus.access_control import EVERY_GATEWAY, READ, WRITE, access_rule, deny_all_but
 from gateway.bus.fleet_inbox import LARGEST_PAYLOAD, MOST_GATEWAYS
 from gateway.bus.questions import read_attachment
 from gateway.bus.session import ACCEPT_MS, LARGEST_ANSWER, LEASE_MS, LONGEST_BLOCKED_US, MOST_PENDING, TlsFiles
@@ -91,7 +91,7 @@ def _access(gateways: Mapping[str, str], readers: Sequence[str], load_signals: S
         rules.append(access_rule(f"write {place}", [*WRITE, *READ], "ingress", [f"{key}/**"]))
         subjects.append({"id": place, "cert_common_names": [name]})
         policies.append({"subjects": [place], "rules": [f"write {place}"]})
-    return {"enabled": True, "default_permission": "deny", "rules": rules, "subjects": subjects, "policies": policies}
+    return deny_all_but(rules, subjects, policies)
 
 
 class LatestStates:

@@ -5,7 +5,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -30,7 +30,7 @@ from gateway.daemon.sampling.sampler import Sampler
 from gateway.daemon.storage.drift_state_store import DriftStateStore
 from gateway.daemon.storage.recording_worker import RecordingWorker
 from gateway.daemon.storage.time_stamper import PART as TIME_STAMPS
-from gateway.messages import Health
+from gateway.messages import Health, HealthState
 from gateway.pipeline.alert_rules import SWING
 from gateway.pipeline.outgoing_message import Header
 
@@ -193,7 +193,7 @@ class HealthReporter:
         standing = [text for part, text in self.faults.standing.items() if part not in CAUSED_BY_ANYBODY]
         return next(iter(standing), None) or unable_to_alert(self.publisher.latest().get("alert"))
 
-    def _state(self) -> Literal["running", "recovering", "stopping"]:
+    def _state(self) -> HealthState:
         if self.stopping:
             return "stopping"
         return "recovering" if self.sampler.recovering else "running"

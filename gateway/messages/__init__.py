@@ -5,7 +5,7 @@ out reads as null. The JSON Schemas in recordings and in the output of `plumblin
 classes. `docs/reference/messages.md` states the rules for their versions.
 """
 
-from gateway.messages.alert import CALIBRATION_RULE, LEVEL_RANK, ActiveAlert, Alert, Level, Validity
+from gateway.messages.alert import CALIBRATION_RULE, LEVEL_RANK, ActiveAlert, Alert, AlertEventKind, Level, Validity
 from gateway.messages.calibration import NO_SESSION, Calibration, CalibrationSession, SessionPhase, SessionPose
 from gateway.messages.condition import Cause, Condition, Verdict
 from gateway.messages.header import (
@@ -18,7 +18,7 @@ from gateway.messages.header import (
     Seconds,
     Vector,
 )
-from gateway.messages.health import Health, NewestStatement
+from gateway.messages.health import Health, HealthState, NewestStatement
 from gateway.messages.log import FoxgloveTime, Log, Mark
 from gateway.messages.motion import Formulas, HorizontalVector, Motion, MotionProbabilities, MotionState, Swing, Tilt
 from gateway.messages.samples import Acceleration, ClockOffset, Readings, Samples
@@ -31,6 +31,7 @@ __all__ = [
     "Acceleration",
     "ActiveAlert",
     "Alert",
+    "AlertEventKind",
     "Calibration",
     "CalibrationSession",
     "CalibrationStatus",
@@ -42,6 +43,7 @@ __all__ = [
     "Formulas",
     "FoxgloveTime",
     "Health",
+    "HealthState",
     "HorizontalVector",
     "Interval",
     "Level",

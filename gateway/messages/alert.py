@@ -12,6 +12,9 @@ CALIBRATION_RULE = "calibration"
 """The rule of the drift monitor, the only one without a measured value; it has its own hold time."""
 LEVEL_RANK: dict[Level, int] = {"normal": 0, "unknown": 1, "warn": 2, "trip": 3}
 """Unknown is worse than normal: nobody sees what happens. Definition: the order of the levels."""
+AlertEventKind = Literal["raised", "changed", "corrected", "cleared", "acknowledged", "standing"]
+"""corrected: the first value of an alert was an upper bound, and the angle stayed below the limit. acknowledged: by a person.
+standing: nothing has changed, a heartbeat."""
 Validity = Literal["valid", "no_samples", "suspended", "uncalibrated", "not_known"]
 
 
@@ -70,7 +73,7 @@ class Alert(Message):
         ),
     ] = None
     event: Annotated[
-        Literal["raised", "changed", "corrected", "cleared", "acknowledged", "standing"],
+        AlertEventKind,
         Field(
             description="corrected: the first value was an upper bound, and the limit was not reached; standing: a heartbeat"
         ),

@@ -20,11 +20,14 @@ class NewestStatement:
     ]
 
 
+HealthState = Literal["starting", "running", "recovering", "stopping"]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Health(Message):
     """The state of the gateway itself."""
 
-    state: Literal["starting", "running", "recovering", "stopping"]
+    state: HealthState
     device_id: str | None = None
     device_kind: str
     boot_id: str

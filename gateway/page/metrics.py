@@ -6,7 +6,7 @@ from itertools import chain
 from math import inf
 from typing import Any, get_args
 
-from gateway.messages import Alert, Calibration, CalibrationStatus, Condition, Health, Level, Motion, Swing
+from gateway.messages import Alert, Calibration, CalibrationStatus, Condition, Health, HealthState, Level, Motion, Swing
 from gateway.messages.calibration import created_utc
 from gateway.page.exposition import (
     Family,
@@ -22,8 +22,6 @@ from gateway.page.exposition import (
 from gateway.page.verdict import STYLES, PageEvidence, is_fresh, verdict
 from gateway.pipeline.alert_rules import RULE_NAMES
 from gateway.units import BYTES_PER_MB, DAY_S
-
-HEALTH_STATES = ("starting", "running", "recovering", "stopping")
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +156,7 @@ def _identity_families(health: Health) -> Iterator[Family]:
     identity = {"version": health.software, "device_kind": health.device_kind, "device_id": health.device_id or ""}
     yield info_gauge("gateway", "Software and sensor of the gateway.", identity)
     yield gauge("gateway_uptime_seconds", "Time since the gateway's start.", health.uptime_s)
-    states = {state: state == health.state for state in HEALTH_STATES}
+    states = {state: state == health.state for state in get_args(HealthState)}
     yield labelled_gauge("gateway_state", "state", "1 at the state of the gateway.", states)
 
 

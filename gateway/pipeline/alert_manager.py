@@ -5,11 +5,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from gateway.configuration.model import AlertsSection
-from gateway.messages import CALIBRATION_RULE, ActiveAlert, CalibrationStatus, Level, Validity
+from gateway.messages import CALIBRATION_RULE, ActiveAlert, AlertEventKind, CalibrationStatus, Level, Validity
 from gateway.pipeline.alert_rules import ALERT_RULES, AlertRule
 from gateway.pipeline.alert_text import acknowledged_text, change_text, limits_text, reading_text, refuted_text
 from gateway.pipeline.incidents import Acknowledgement, Incident, IncidentRegister
-from gateway.stages.alerts import Event, Reading, RuleState, ends_in_s, event_between, judge, judge_alarm, overall_level
+from gateway.stages.alerts import Reading, RuleState, ends_in_s, event_between, judge, judge_alarm, overall_level
 from gateway.stages.conditions.verdict import ConditionResult
 from gateway.units import degrees
 
@@ -44,7 +44,7 @@ class AlertChange:
     """The change of a rule, or a heartbeat where `rule` is None, with the state of all rules at that time."""
 
     rule: str | None
-    event: Event
+    event: AlertEventKind
     level: Level
     active: list[ActiveAlert]
     text: str
@@ -141,7 +141,7 @@ class AlertManager:
 
     def _changes(self, before: Mapping[str, RuleState], time_s: float) -> Iterator[AlertChange]:
         """Yield the changes, after all rules are judged: each states the levels of all of them."""
-        found: list[tuple[str, Event, Incident | None]] = []
+        found: list[tuple[str, AlertEventKind, Incident | None]] = []
         for rule, state in self._states.items():
             event = event_between(before[rule], state)
             limit_rad, _clear_rad = self._levels_rad(rule)
@@ -153,7 +153,7 @@ class AlertManager:
         for rule, event, incident in found:
             yield self._change(rule, event, incident, time_s)
 
-    def _change(self, rule: str, event: Event, incident: Incident | None, time_s: float) -> AlertChange:
+    def _change(self, rule: str, event: AlertEventKind, incident: Incident | None, time_s: float) -> AlertChange:
         """Return the change of one rule."""
         limit_rad, clear_rad = self._levels_rad(rule)
         largest_deg, largest_upper_deg = _largest_deg(incident)
@@ -169,7 +169,7 @@ class AlertManager:
             line=change_text(rule, event, self._states[rule].level, self._reason(rule), incident, time_s),
         )
 
-    def _summary(self, rule: str | None, event: Event) -> AlertChange:
+    def _summary(self, rule: str | None, event: AlertEventKind) -> AlertChange:
         active = [self._active(name) for name, state in self._states.items() if state.level != "normal"]
         level = overall_level([state.level for state in self._states.values()])
         text = "; ".join(alert.text for alert in active) or "all normal"

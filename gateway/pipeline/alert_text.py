@@ -2,9 +2,9 @@
 
 import math
 
-from gateway.messages import Level
+from gateway.messages import AlertEventKind, Level
 from gateway.pipeline.incidents import Acknowledgement, Incident
-from gateway.stages.alerts import Event, Reading
+from gateway.stages.alerts import Reading
 from gateway.units import degrees
 
 MIN_LEAD_S = 0.05
@@ -43,7 +43,7 @@ def largest_text(incident: Incident) -> str:
 
 
 def change_text(
-    rule: str, event: Event, level: Level, description: str, incident: Incident | None, time_s: float
+    rule: str, event: AlertEventKind, level: Level, description: str, incident: Incident | None, time_s: float
 ) -> str:
     """Return the line of one change; `description` is what the present reading or its reason says, with the limits."""
     match event:

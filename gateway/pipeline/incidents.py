@@ -5,8 +5,8 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from gateway.messages import Level
-from gateway.stages.alerts import GRACE_S, Event, Reading
+from gateway.messages import AlertEventKind, Level
+from gateway.stages.alerts import GRACE_S, Reading
 
 CHECK_S = 2.0
 """Time after the expected peak until a bound is refuted. Basis: a third of the period of a rope of 9 m."""
@@ -106,8 +106,8 @@ class IncidentRegister:
         return self._open.get(rule)
 
     def update(
-        self, rule: str, event: Event, level: Level, reading: Reading | None, limit_rad: float, time_s: float
-    ) -> tuple[Event, Incident | None]:
+        self, rule: str, event: AlertEventKind, level: Level, reading: Reading | None, limit_rad: float, time_s: float
+    ) -> tuple[AlertEventKind, Incident | None]:
         """Take the event of a rule and its reading; return the event as it is reported, and its incident.
 
         A rule that returns to normal clears its incident, also from unknown. `limit_rad` is that of the present level.

@@ -12,10 +12,9 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter
 from gateway.calibration.acceptance import Acceptance
 from gateway.calibration.pose_procedure import PoseProgress
 from gateway.calibration.poses.pose import Pose
-from gateway.messages import NO_SESSION, CalibrationSession
+from gateway.messages import NO_SESSION, CalibrationSession, SessionPhase
 
-Phase = Literal["idle", "collecting", "review", "committed", "rejected"]
-ACTIVE_PHASES: tuple[Phase, ...] = ("collecting", "review")
+ACTIVE_PHASES: tuple[SessionPhase, ...] = ("collecting", "review")
 CONFIRM = "confirm with plumbline remote cancel that the housing hangs on the rope again"
 MAX_IDLE_S = 300.0
 """Longest time without a pose, s; then the session counts as abandoned. Basis: a choice; a housing is turned in seconds, and a
@@ -57,7 +56,7 @@ class Session(BaseModel):
 
     id: str
     """Id of the request that started the session."""
-    phase: Phase
+    phase: SessionPhase
     method: str
     by: str
     device_id: str

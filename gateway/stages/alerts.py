@@ -2,13 +2,9 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal
 
-from gateway.messages import LEVEL_RANK, Level
+from gateway.messages import LEVEL_RANK, AlertEventKind, Level
 from gateway.numerics.stats import NORMAL_975
-
-Event = Literal["raised", "changed", "corrected", "cleared", "acknowledged", "standing"]
-"""corrected: the first value of an alert was an upper bound, and the angle stayed below the limit. acknowledged: by a person."""
 
 STEP_DOWN_SHARE = 0.9
 """Share of the trip level below which a trip steps down to a warning after the hold time; unit 1. Basis: on simulated cranes a
@@ -178,7 +174,7 @@ def overall_level(levels: list[Level]) -> Level:
     return max(levels, key=lambda level: LEVEL_RANK[level], default="unknown")
 
 
-def event_between(before: RuleState, after: RuleState) -> Event:
+def event_between(before: RuleState, after: RuleState) -> AlertEventKind:
     """Return the event between two states: raised, cleared, or changed (a step down, or between known and unknown)."""
     if before.level == after.level:
         return "standing"

@@ -7,13 +7,14 @@ faces, so it is found and removed.
 """
 
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 
 from gateway.calibration.poses.pose import Face, Pose
 from gateway.numerics.array import Array
 
-FACES: tuple[Face, ...] = ("+x", "-x", "+y", "-y", "+z", "-z")
+FACES: tuple[Face, ...] = get_args(Face)
 FACE_DIRECTIONS: dict[Face, Array] = {
     face: sign * np.eye(3)[axis]
     for axis, pair in enumerate((FACES[:2], FACES[2:4], FACES[4:]))

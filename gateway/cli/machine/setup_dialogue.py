@@ -7,7 +7,7 @@ from typing import Any, get_args
 from devices.host_clock import HostClock
 from gateway.configuration.answers import Answers
 from gateway.configuration.device_sections import DEVICE_SECTIONS
-from gateway.configuration.loading import ConfigurationError
+from gateway.configuration.loading import WITHOUT_SENSOR, ConfigurationError
 from gateway.configuration.model import MountedOn
 from gateway.daemon.sampling.device_search import FoundSensor, SearchProblem, search_sensors
 from gateway.errors import InputError
@@ -73,7 +73,7 @@ def _ask_kind(answers: Answers, settings: dict[str, Any]) -> None:
     """Ask for the kind of a sensor that does not identify itself, and for what it needs besides."""
     serial = "port" in settings
     possible = [kind for kind, section in DEVICE_SECTIONS.items() if ("port" in section.model_fields) or not serial]
-    possible = [kind for kind in possible if kind not in ("simulated", "replay")]
+    possible = [kind for kind in possible if kind not in WITHOUT_SENSOR]
 
     def take(kind: str) -> None:
         if kind not in possible:

@@ -1,12 +1,9 @@
 """Incidents from the messages of alerts: with ids, without them, and raised before the recordings begin."""
 
 from dataclasses import replace
-from typing import Literal
 
 from gateway.incident.alert_incidents import STANDING, find_incidents
-from gateway.messages import ActiveAlert, Alert, Level
-
-Event = Literal["raised", "changed", "corrected", "cleared", "acknowledged", "standing"]
+from gateway.messages import ActiveAlert, Alert, AlertEventKind, Level
 
 
 def active(rule: str, level: Level, incident: str | None) -> ActiveAlert:
@@ -22,7 +19,7 @@ def active(rule: str, level: Level, incident: str | None) -> ActiveAlert:
     )
 
 
-def alert(event: Event, rule: str | None, *standing: ActiveAlert, incident: str | None = None) -> Alert:
+def alert(event: AlertEventKind, rule: str | None, *standing: ActiveAlert, incident: str | None = None) -> Alert:
     return Alert(
         time_ns=0,
         clock="synchronised",

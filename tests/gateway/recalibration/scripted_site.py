@@ -14,9 +14,10 @@ from gateway.calibration.pose_procedure import PoseProgress
 from gateway.calibration.poses.pose import Pose, RawReadings
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.store import CalibrationStore
+from gateway.messages import SessionPhase
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.requests import VERBS, Fetch, RequestAnswer, parse_payload
-from gateway.recalibration.session import Phase, Session, Timestamp
+from gateway.recalibration.session import Session, Timestamp
 
 START_NS = 1_767_225_600_000_000_000
 DEVICE = DeviceInfo(kind="test", device_id="part-7", unit="counts", odr_hz=100.0, units_per_g=1000.0)
@@ -122,7 +123,7 @@ class Site:
         assert self.recalibration.session is not None
         return self.recalibration.session
 
-    def phase(self) -> Phase:
+    def phase(self) -> SessionPhase:
         """Return the phase of the session; a method, because the type checker takes a property to be constant."""
         return self.session.phase
 
