@@ -36,7 +36,7 @@ class Parameters:
     warn_deg: Positive
     trip_deg: Positive
     fd: Annotated[int, Field(ge=0)] = 0
-    """Number of the inherited listening socket; `launch.start` fills it in."""
+    """Number of the inherited listening socket; it is filled in at the start."""
     stale_s: Positive = 1.0
     """A value older than this, beyond the usual interval of its topic, is stale."""
     lean_trip_deg: Positive | None = None

@@ -3,15 +3,18 @@
 import importlib.util
 import socket
 import subprocess
+import sys
 import threading
 import time
+from collections.abc import Callable
+from dataclasses import replace
 
 from gateway.configuration.model import Configuration
 from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.daemon.runtime.faults import RETRYING, Backoff, FaultRegister
 from gateway.errors import PlumblineError
-from gateway.page import launch
-from gateway.page.parameters import CraneDirections, Parameters
+from gateway.page.channel import PARAMETERS, Frame
+from gateway.page.parameters import CraneDirections, Parameters, encode
 from gateway.page.sign_in import PIN_NAME, make_pin
 
 PAGE_MODULES = ("starlette", "uvicorn")
@@ -22,6 +25,8 @@ MAX_PAGE_START_PAUSE_S = 60.0
 """Longest of these pauses. Basis: a choice; who mends the cause waits no longer than a minute."""
 BIND_PAUSE_S = 2.0
 """Pause between two attempts to take the address. Basis: a choice; a page that ends frees its address within seconds."""
+MAX_START_S = 2.0
+"""Longest wait for the start. Basis: a choice; an interpreter starts in less on a small board that is idle."""
 PART = "page"
 PIN = "page_pin"
 
@@ -52,7 +57,7 @@ class PageProcess:
             self._faults.clear(PART)
             return
         if self._process is not None:
-            code, self._process = launch.stop(self._process), None
+            code, self._process = stop_process(self._process), None
             self._faults.set(PART, f"page: its process has ended with code {code} and is started again")
             self._backoff.increase()
         try:
@@ -74,7 +79,7 @@ class PageProcess:
             self._socket = _bind(*self._address)
         threading.Thread(target=self._make_pin, name="page-pin", daemon=True).start()  # the disk may not answer
         try:
-            return launch.start(self._parameters, self._socket, self._channel.open)
+            return start_process(self._parameters, self._socket, self._channel.open)
         except OSError as error:
             raise PageError(f"page: its process cannot be started ({error.strerror})") from error
 
@@ -92,10 +97,38 @@ class PageProcess:
     def stop(self) -> None:
         """End the process and release the address."""
         if self._process is not None:
-            launch.stop(self._process)
+            stop_process(self._process)
         self._channel.close()
         if self._socket is not None:
             self._socket.close()
+
+
+def start_process(
+    parameters: Parameters, listener: socket.socket, open_channel: Callable[[Frame], socket.socket]
+) -> subprocess.Popen[bytes]:
+    """Start the page on a bound socket, which the caller keeps for a later restart.
+
+    `open_channel` takes the first frame and returns the page's end of the channel. The page has its own process group and does
+    not receive the terminal's Ctrl-C: the parent decides when it ends.
+    """
+    line = encode(replace(parameters, fd=listener.fileno()))
+    with open_channel(Frame(PARAMETERS, time.monotonic(), line)) as channel:
+        return subprocess.Popen(
+            [sys.executable, "-m", "gateway.page"],
+            stdin=channel.fileno(),
+            pass_fds=[listener.fileno()],
+            process_group=0,
+        )
+
+
+def stop_process(process: subprocess.Popen[bytes]) -> int:
+    """End the page, or clean up after one that has ended, and return its exit code. It is killed if it does not end in time."""
+    process.terminate()
+    try:
+        return process.wait(MAX_START_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return process.wait()
 
 
 def page_parameters(configuration: Configuration) -> Parameters:

@@ -15,6 +15,7 @@ import pytest
 from gateway.daemon.commands.page_requests import PageRequests
 from gateway.daemon.commands.requests import RemoteRequest
 from gateway.daemon.outputs.page_channel import PageChannel
+from gateway.daemon.outputs.page_process import start_process, stop_process
 from gateway.messages import (
     NO_SESSION,
     ActiveAlert,
@@ -32,7 +33,6 @@ from gateway.messages import (
     Tilt,
     Verdict,
 )
-from gateway.page import launch
 from gateway.page.parameters import Parameters
 from gateway.recalibration.requests import Acknowledge
 from gateway.topics import TOPIC_OF, encode
@@ -290,7 +290,7 @@ class PageUnderTest:
         self._parameters = Parameters(
             key=KEY, warn_deg=4.0, trip_deg=6.0, lean_trip_deg=3.0, title="Crane 3", **changes
         )
-        self.process = launch.start(self._parameters, self.listener, self._channel.open)
+        self.process = start_process(self._parameters, self.listener, self._channel.open)
 
     def get(self, path: str) -> tuple[int, str]:
         try:
@@ -308,11 +308,11 @@ class PageUnderTest:
 
     def start_again(self) -> None:
         """As the daemon does when the page process has died: on the same socket."""
-        launch.stop(self.process)
-        self.process = launch.start(self._parameters, self.listener, self._channel.open)
+        stop_process(self.process)
+        self.process = start_process(self._parameters, self.listener, self._channel.open)
 
     def close(self) -> int:
-        code = launch.stop(self.process)
+        code = stop_process(self.process)
         self.listener.close()
         return code
 
