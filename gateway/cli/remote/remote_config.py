@@ -3,16 +3,17 @@
 import argparse
 import sys
 import time
-import uuid
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gateway.cli.options.bus_link import MAX_ANSWER_WAIT_S, add_address, gateway_client
+from gateway.cli.options.bus_link import add_address, gateway_client
+from gateway.cli.remote.remote_session import ask, new_request
 from gateway.errors import ANSWER_IS_NO
 
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient, RpcReply
 
+AGAIN = "; try again"
 TRIAL_S = 240.0
 """Longest wait for the end of a trial: some starts of a gateway that does not become healthy. Basis: a trial has three starts of
 60 s."""
@@ -94,8 +95,8 @@ def _propose(arguments: argparse.Namespace) -> int:
 
 def _apply(arguments: argparse.Namespace) -> int:
     with gateway_client(arguments) as client:
-        request = _request(arguments, {"proposal": arguments.proposal})
-        reply = _send(client, "config_apply", request)
+        request = new_request(arguments, {"proposal": arguments.proposal})
+        reply = ask(client, "config_apply", request, AGAIN)
         if not reply.accepted:
             return _refused(reply)
         print(f"{reply.text}; the gateway starts again ...", flush=True)
@@ -107,7 +108,7 @@ def _wait_for_end(client: "GatewayClient", arguments: argparse.Namespace, reques
     end_s = time.monotonic() + TRIAL_S
     while time.monotonic() < end_s:
         time.sleep(TRIAL_POLL_S)
-        reply = client.ask("config_get", _request(arguments, {}), 0.0)
+        reply = client.ask("config_get", new_request(arguments, {}), 0.0)
         if reply is None:
             client.reconnect()
             continue
@@ -124,20 +125,7 @@ def _wait_for_end(client: "GatewayClient", arguments: argparse.Namespace, reques
 
 def _ask(arguments: argparse.Namespace, verb: str, more: dict[str, Any]) -> "RpcReply":
     with gateway_client(arguments) as client:
-        return _send(client, verb, _request(arguments, more))
-
-
-def _send(client: "GatewayClient", verb: str, request: dict[str, Any]) -> "RpcReply":
-    from gateway.errors import InputError
-
-    reply = client.ask(verb, request, MAX_ANSWER_WAIT_S)
-    if reply is None:
-        raise InputError(f"{client.key} does not answer; try again")
-    return reply
-
-
-def _request(arguments: argparse.Namespace, more: dict[str, Any]) -> dict[str, Any]:
-    return {"id": f"cli-{uuid.uuid4().hex}", "by": arguments.by, "reason": arguments.reason, **more}
+        return ask(client, verb, new_request(arguments, more), AGAIN)
 
 
 def _refused(reply: "RpcReply") -> int:

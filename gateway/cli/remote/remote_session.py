@@ -11,7 +11,7 @@ from gateway.cli.options.bus_link import MAX_ANSWER_WAIT_S, add_address, gateway
 from gateway.errors import ANSWER_IS_NO
 
 if TYPE_CHECKING:
-    from gateway.bus.client import GatewayClient
+    from gateway.bus.client import GatewayClient, RpcReply
 
 Run = Callable[[argparse.Namespace], int]
 """What a verb does; it returns the exit code."""
@@ -108,18 +108,29 @@ def _request(*fields: str) -> Run:
     return run
 
 
+def new_request(arguments: argparse.Namespace, more: dict[str, Any]) -> dict[str, Any]:
+    """Return a request with the person's name and reason, and an id of its own unless `--id` states one."""
+    request_id = getattr(arguments, "id", None) or f"cli-{uuid.uuid4().hex}"
+    return {"id": request_id, "by": arguments.by, "reason": arguments.reason, **more}
+
+
+def ask(client: "GatewayClient", verb: str, request: dict[str, Any], remedy: str) -> "RpcReply":
+    """Return the answer to a request. Raises `InputError` with the remedy where nobody answers."""
+    from gateway.errors import InputError
+
+    reply = client.ask(verb, request, MAX_ANSWER_WAIT_S)
+    if reply is None:
+        raise InputError(f"{client.key} does not answer{remedy}")
+    return reply
+
+
 def _send(
     client: "GatewayClient", verb: str, arguments: argparse.Namespace, more: dict[str, Any]
 ) -> tuple[int, dict[str, Any]]:
     """Send a request and print the answer."""
-    from gateway.errors import InputError
-
-    request = {"id": arguments.id or f"cli-{uuid.uuid4().hex}", "by": arguments.by, "reason": arguments.reason, **more}
-    reply = client.ask(verb, request, MAX_ANSWER_WAIT_S)
-    if reply is None:
-        raise InputError(
-            f"{client.key} does not answer, and the request may have been done: repeat it with --id {request['id']}"
-        )
+    request = new_request(arguments, more)
+    again = f", and the request may have been done: repeat it with --id {request['id']}"
+    reply = ask(client, verb, request, again)
     print(f"{verb}: {'' if reply.accepted else 'refused: '}{reply.text}", file=None if reply.accepted else sys.stderr)
     return 0 if reply.accepted else ANSWER_IS_NO, request
 
