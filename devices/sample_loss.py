@@ -67,3 +67,10 @@ class UncountedLoss:
         as_late = sum(usual_ns >= least_ns for usual_ns in self._usual)
         chance: float = ((as_late + 1) / (len(self._usual) + 2)) ** count
         return chance
+
+
+def lost_in_pause(last_ns: int | None, first_ns: int, odr_hz: float) -> int:
+    """Return the number of samples that are missing between two, by their times; 0 where there is none before."""
+    if last_ns is None:
+        return 0
+    return max(round((first_ns - last_ns) / 1e9 * odr_hz) - 1, 0)

@@ -11,6 +11,7 @@ from devices.block import DeviceInfo, RadioStatus, SampleBlock
 from devices.clock import Clock
 from devices.errors import DeviceError
 from devices.sample_clock import RADIO_MISFIT_DELAY_S, SampleClock
+from devices.sample_loss import lost_in_pause
 from devices.sample_sequence import SampleSequence
 from devices.saturation import mark_saturated
 from devices.serial.aspp_frames import MIN_PACKET_BYTES, AsppDecoder, AsppPacket
@@ -169,7 +170,7 @@ class AsppPart:
             self._faults["node_restarted"] += self._last_ns is not None
             self._sample_clock.restart()
         time_ns = self._sample_clock.stamp(count - placement.repeated, read_ns, lost=placement.lost)
-        lost = self._lost_by_time(int(time_ns[0])) if placement.restarted else placement.lost
+        lost = lost_in_pause(self._last_ns, int(time_ns[0]), self._odr_hz) if placement.restarted else placement.lost
         columns = [sweeps.channels.index(channel) for channel in self._channels]
         raw_g = sweeps.readings[placement.repeated :, columns] / self._units_per_g
         usable: NDArray[np.bool_] = np.asarray(np.isfinite(raw_g).all(axis=1))
@@ -192,12 +193,6 @@ class AsppPart:
             )
             self._lost = self._invalid = 0
             self._last_ns = int(time_ns[end - 1])
-
-    def _lost_by_time(self, first_ns: int) -> int:
-        """Return the number of samples since the last one, where the node's numbers began anew."""
-        if self._last_ns is None:
-            return 0
-        return max(round((first_ns - self._last_ns) / 1e9 * self._odr_hz) - 1, 0)
 
     def _present_diagnostic(self, read_ns: int) -> Diagnostic | None:
         if self._diagnostic is None:

@@ -6,6 +6,7 @@ import numpy as np
 
 from devices.block import DeviceInfo, RadioStatus, SampleBlock
 from devices.clock import Clock
+from devices.sample_loss import lost_in_pause
 from devices.sample_sequence import Placement, SampleSequence
 from devices.saturation import mark_saturated
 from devices.serial.node_frames import (
@@ -120,7 +121,7 @@ class NodePart:
         time_ns = self._tick_clock.stamp(n, frame.t_us, read_ns, placement.lost)
         if placement.restarted and self._last_ns is not None:
             time_ns = np.maximum(time_ns, self._last_ns + 1 + np.arange(n))
-            lost = max(round((int(time_ns[0]) - self._last_ns) / 1e9 * self._odr_hz) - 1, 0)
+            lost = lost_in_pause(self._last_ns, int(time_ns[0]), self._odr_hz)
         else:
             lost = placement.lost
         self._last_ns = int(time_ns[-1])

@@ -10,7 +10,7 @@ import numpy as np
 from devices.block import DeviceInfo, RadioStatus, SampleBlock
 from devices.clock import Clock
 from devices.sample_clock import SampleClock
-from devices.sample_loss import UncountedLoss
+from devices.sample_loss import UncountedLoss, lost_in_pause
 from devices.saturation import code_limits, mark_saturated
 from devices.serial.witmotion_frames import FrameDecoder, Readings
 from devices.serial.witmotion_radio_frames import RAD_S_PER_UNIT, RadioFrameDecoder
@@ -170,7 +170,7 @@ class WitMotionPart:
         for first, end in pairwise(starts):
             lost = int(readings.lost_before[first])
             if first == 0:
-                lost = self._lost_in_silence(int(time_ns[0])) if self._silent else lost + by_time
+                lost = lost_in_pause(self._last_ns, int(time_ns[0]), self._odr_hz) if self._silent else lost + by_time
             yield SampleBlock(
                 time_ns=time_ns[first:end],
                 raw=readings.counts[first:end],
@@ -196,12 +196,6 @@ class WitMotionPart:
         lost = self._loss.add(read_ns - expected_ns, read_ns, 1e9 / rate_hz)
         self._lost_by_time += lost
         return lost
-
-    def _lost_in_silence(self, first_ns: int) -> int:
-        """Return the number of samples in a pause, by its length."""
-        if self._last_ns is None:
-            return 0
-        return max(round((first_ns - self._last_ns) / 1e9 * self._odr_hz) - 1, 0)
 
     def _temperature_c(
         self, of_frames_c: np.ndarray[tuple[int, ...], np.dtype[np.float64]], read_ns: int

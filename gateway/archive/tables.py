@@ -16,6 +16,7 @@ from deltalake import CommitProperties, DeltaTable, Field, QueryBuilder, Transac
 from deltalake.exceptions import CommitFailedError, DeltaError, TableNotFoundError
 
 from gateway.archive.rows import ALL_TABLES, RECORDINGS, RESULTS, RecordingRow, schema_of
+from gateway.archive.source import reason_of_store
 from gateway.archive.versions import IndexedFile
 from gateway.errors import InputError
 
@@ -78,7 +79,7 @@ class Archive:
             pass
         except (DeltaError, OSError, ValueError) as error:
             raise ArchiveError(
-                f"{self._place(name)}: cannot be made ({_reason(error)}); choose another place"
+                f"{self._place(name)}: cannot be made ({reason_of_store(error)}); choose another place"
             ) from error
 
     def open(self, name: str) -> DeltaTable:
@@ -91,7 +92,7 @@ class Archive:
         except TableNotFoundError as error:
             raise NoTableError(f"{self.place}: has no table {name}; make it with plumbline archive index") from error
         except (DeltaError, OSError) as error:
-            raise ArchiveError(f"{self._place(name)}: cannot be read ({_reason(error)})") from error
+            raise ArchiveError(f"{self._place(name)}: cannot be read ({reason_of_store(error)})") from error
         return self._opened[name]
 
     def files(self, table: DeltaTable, writers: Collection[str] | None = None) -> list[IndexedFile]:
@@ -124,7 +125,7 @@ class Archive:
         except CommitFailedError:
             return False
         except (DeltaError, OSError) as error:
-            raise ArchiveError(f"{table.table_uri}: cannot be written ({_reason(error)})") from error
+            raise ArchiveError(f"{table.table_uri}: cannot be written ({reason_of_store(error)})") from error
         return True
 
     def compact(self) -> None:
@@ -139,7 +140,7 @@ class Archive:
                     table.optimize.compact(writer_properties=COMPRESSION)
                 table.vacuum(dry_run=False)
             except (DeltaError, OSError) as error:
-                raise ArchiveError(f"{table.table_uri}: cannot be compacted ({_reason(error)})") from error
+                raise ArchiveError(f"{table.table_uri}: cannot be compacted ({reason_of_store(error)})") from error
 
     def _place(self, name: str) -> str:
         return f"{self.place.rstrip('/')}/{name}"
@@ -172,7 +173,7 @@ def select(table: DeltaTable, columns: str, condition: str) -> pa.Table:
         found = QueryBuilder().register("rows", table).execute(f"SELECT {columns} FROM rows WHERE {condition}")
         return pa.table(found.read_all())
     except (DeltaError, OSError) as error:
-        raise ArchiveError(f"{table.table_uri}: cannot be read ({_reason(error)})") from error
+        raise ArchiveError(f"{table.table_uri}: cannot be read ({reason_of_store(error)})") from error
 
 
 def _cranes(writers: Iterable[str]) -> list[str | None]:
@@ -193,10 +194,6 @@ def _text(value: str) -> str:
 def partition_name(name: str) -> str:
     """Return the column by which a table is divided, beside the crane."""
     return ALL_TABLES[name].partition
-
-
-def _reason(error: Exception) -> str:
-    return str(error).strip().partition("\n")[0]
 
 
 def partition_of(name: str, file: IndexedFile) -> str | None:
