@@ -27,7 +27,7 @@ from gateway.daemon.runtime.logs import LineWriter
 from gateway.daemon.runtime.resources import CpuMeter, resident_mb
 from gateway.daemon.runtime.worker import Worker
 from gateway.daemon.sampling.sampler import Sampler
-from gateway.daemon.storage.drift_state_store import DriftStateStore
+from gateway.daemon.storage.calibration_provider import DriftStateStore
 from gateway.daemon.storage.recording_worker import RecordingWorker
 from gateway.daemon.storage.time_stamper import PART as TIME_STAMPS
 from gateway.messages import Health, HealthState

@@ -17,10 +17,10 @@ from gateway.configuration.model import Configuration
 from gateway.daemon.commands.acknowledgement_service import AcknowledgementService
 from gateway.daemon.commands.authorisation import make_authoriser, read_certificates, refuse_all
 from gateway.daemon.commands.configuration_service import ConfigurationService
-from gateway.daemon.commands.dispatcher import RequestDispatcher
 from gateway.daemon.commands.handlers import AlertHistory, MarkService, make_handlers
 from gateway.daemon.commands.page_requests import PageRequests, SignInWatch
 from gateway.daemon.commands.recalibration_service import RecalibrationService
+from gateway.daemon.commands.requests import RequestDispatcher
 from gateway.daemon.commands.rpc_server import RpcServer
 from gateway.daemon.commands.security_log import SECURITY_LOG_NAME, SecurityLog
 from gateway.daemon.commands.worker import CommandWorker
@@ -40,9 +40,8 @@ from gateway.daemon.runtime.wall_clock import WallClockMonitor
 from gateway.daemon.runtime.worker import BoundedQueue, Worker
 from gateway.daemon.sampling.sampler import Sampler, SamplerItem
 from gateway.daemon.sampling.simulated_rigger import make_rigger
-from gateway.daemon.storage.calibration_provider import CalibrationProvider
+from gateway.daemon.storage.calibration_provider import CalibrationProvider, DriftStateStore
 from gateway.daemon.storage.compaction_worker import CompactionWorker
-from gateway.daemon.storage.drift_state_store import DriftStateStore
 from gateway.daemon.storage.outbox_writer import OutboxWriter
 from gateway.daemon.storage.recording_worker import RecordingWorker, make_recorder
 from gateway.daemon.storage.time_stamper import TimeStamper, make_time_stamper

@@ -20,8 +20,7 @@ from gateway.daemon.runtime.wall_clock import WallClockMonitor
 from gateway.daemon.runtime.worker import BoundedQueue, Worker
 from gateway.daemon.sampling.sampler import SamplerItem
 from gateway.daemon.sampling.simulated_rigger import SimulatedRigger
-from gateway.daemon.storage.calibration_provider import CalibrationProvider
-from gateway.daemon.storage.drift_state_store import DriftStateStore
+from gateway.daemon.storage.calibration_provider import CalibrationProvider, DriftStateStore
 from gateway.daemon.storage.outbox_writer import OutboxWriter
 from gateway.daemon.storage.recording_worker import RecordingWorker
 from gateway.messages import Alert, ClockOffset

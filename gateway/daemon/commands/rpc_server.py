@@ -16,9 +16,9 @@ from pydantic_core import to_json
 from gateway.authorization.authoriser import SignedRequest
 from gateway.authorization.message_signature import MessageSigner, Question, join_signature
 from gateway.bus.session import describe_links
-from gateway.daemon.commands.dispatcher import RequestDispatcher
 from gateway.daemon.commands.page_requests import SignInWatch
 from gateway.daemon.commands.recalibration_service import RecalibrationService
+from gateway.daemon.commands.requests import RequestDispatcher
 from gateway.daemon.runtime.worker import BoundedQueue, Worker
 from gateway.recalibration.requests import LoadSignal, RequestError, parse_payload
 

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from gateway.recording.reading.timeline import TimelineSegment
-from gateway.recording.summary.sample_summary import SampleSummary, gap_between, is_gap
-from gateway.recording.summary.segment_summary import SegmentSummary
+from gateway.recording.summary.segment_summary import SampleSummary, SegmentSummary, gap_between, is_gap
 
 SummarisedSegment = tuple[TimelineSegment, SegmentSummary]
 

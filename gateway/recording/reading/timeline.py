@@ -25,8 +25,7 @@ from gateway.recording.reading.recording_file import (
     Selection,
     open_recording,
 )
-from gateway.recording.summary.sample_summary import SampleSummary
-from gateway.recording.summary.segment_summary import SegmentSummary
+from gateway.recording.summary.segment_summary import SampleSummary, SegmentSummary
 from gateway.recording.summary.summary_builder import SummaryBuilder
 from gateway.topics import paths_with
 

@@ -8,7 +8,6 @@ from typing import Literal
 
 from gateway import messages
 from gateway.alert_periods import AlertPeriod, AlertPeriods, AlertState, EndReason
-from gateway.recording.summary.sample_summary import SampleCounter
 from gateway.recording.summary.segment_summary import (
     SUMMARY_VERSION,
     CalibrationState,
@@ -17,6 +16,7 @@ from gateway.recording.summary.segment_summary import (
     LogLine,
     RecordedMark,
     RecordedPeak,
+    SampleCounter,
     SegmentSummary,
     TopicCount,
     calibration_key,

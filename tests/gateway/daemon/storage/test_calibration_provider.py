@@ -16,8 +16,7 @@ from gateway.calibration.drift.rest_monitor import NS_PER_HOUR
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.store import CalibrationStore
 from gateway.daemon.runtime.faults import FaultRegister
-from gateway.daemon.storage.calibration_provider import CalibrationProvider
-from gateway.daemon.storage.drift_state_store import DriftStateStore
+from gateway.daemon.storage.calibration_provider import CalibrationProvider, DriftStateStore
 from gateway.daemon.storage.recording_worker import CalibrationChange, RecordingWorker
 from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.recording.segments.calibration_files import CalibrationFiles
