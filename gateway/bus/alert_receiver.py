@@ -25,9 +25,8 @@ from gateway.bus.client import open_client_session
 from gateway.bus.credentials import Credentials, load_credentials
 from gateway.bus.fleet_inbox import LARGEST_PAYLOAD
 from gateway.bus.heard_gateway import AlertArrival, HeardGateway, read_states, write_states
-from gateway.bus.questions import make_question, read_attachment, send_question
 from gateway.bus.session import UnreachableError
-from gateway.bus.untrusted import GATEWAY_KEY
+from gateway.bus.untrusted import GATEWAY_KEY, make_question, read_attachment, send_question
 from gateway.gateway_state import GatewayPresence, GatewayState, is_overdue
 from gateway.messages import Alert
 from gateway.topics import adapter

@@ -23,8 +23,7 @@ from gateway.authorization.message_signature import (
     split_signature,
 )
 from gateway.bus.known_gateways import NO_SIGNERS, Signers, can_pin, known_statement, pin_key
-from gateway.bus.questions import make_question, read_attachment, send_question
-from gateway.bus.untrusted import GATEWAY_KEY, LONGEST_KEY
+from gateway.bus.untrusted import GATEWAY_KEY, LONGEST_KEY, make_question, read_attachment, send_question
 from gateway.pki.signing_key import KEY_NAME, PUBLIC_SUFFIX, KeyFileError, fingerprint
 
 MAX_AGE_S = 5.0

@@ -14,9 +14,8 @@ from gateway.authorization.credential import Challenge
 from gateway.authorization.message_signature import Question
 from gateway.bus.authenticity import OLD, Authenticity, Doubt
 from gateway.bus.credentials import Credentials, load_credentials
-from gateway.bus.questions import make_question, read_attachment, send_question
 from gateway.bus.session import BusError, open_session
-from gateway.bus.untrusted import gateway_of, parse_message, parse_status
+from gateway.bus.untrusted import gateway_of, make_question, parse_message, parse_status, read_attachment, send_question
 from gateway.configuration.bus_section import is_encrypted
 from gateway.errors import InputError, PlumblineError
 from gateway.text import printable

@@ -13,7 +13,7 @@ from gateway.bus.authenticity import Authenticity
 from gateway.bus.client import ANSWER_S, STATUS, open_client_session
 from gateway.bus.credentials import Credentials, load_credentials
 from gateway.bus.fleet_inbox import LARGEST_PAYLOAD, FleetBatch, FleetInbox
-from gateway.bus.questions import make_question, read_attachment, send_question
+from gateway.bus.untrusted import make_question, read_attachment, send_question
 from gateway.topics import STATE_TOPICS, UNSIGNED_TOPICS
 
 ALIVE = "alive"

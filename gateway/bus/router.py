@@ -12,9 +12,8 @@ import zenoh
 
 from gateway.bus.access_control import EVERY_GATEWAY, READ, WRITE, access_rule, deny_all_but
 from gateway.bus.fleet_inbox import LARGEST_PAYLOAD, MOST_GATEWAYS
-from gateway.bus.questions import read_attachment
 from gateway.bus.session import ACCEPT_MS, LARGEST_ANSWER, LEASE_MS, LONGEST_BLOCKED_US, MOST_PENDING, TlsFiles
-from gateway.bus.untrusted import GATEWAY_KEY
+from gateway.bus.untrusted import GATEWAY_KEY, read_attachment
 from gateway.topics import STATE_TOPICS
 
 CLEANING = {"period": 3600, "lifespan": 86400}

@@ -137,8 +137,7 @@ def _messages(
 ) -> Iterator[Line]:
     """Yield the messages that can be read; one that is damaged or of another type is reported and left out."""
     from gateway.bus.authenticity import UNSIGNED
-    from gateway.bus.questions import read_attachment
-    from gateway.bus.untrusted import gateway_of, parse_message
+    from gateway.bus.untrusted import gateway_of, parse_message, read_attachment
     from gateway.topics import TOPICS
 
     while True:
