@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from gateway.extras import LIBRARIES
+
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 HINT = re.compile(r"\binstall '?([\w-]+)\[(\w+)\]")
@@ -39,6 +41,10 @@ def test_every_installation_hint_names_this_distribution_and_one_of_its_extras()
     for file, distribution, extra in hints:
         assert (file, distribution) == (file, PROJECT["name"])
         assert extra in PROJECT["optional-dependencies"]
+
+
+def test_every_extra_whose_libraries_are_looked_for_is_one_of_the_distribution() -> None:
+    assert set(LIBRARIES) <= set(PROJECT["optional-dependencies"])
 
 
 def test_the_command_is_named_plumbline() -> None:

@@ -1,6 +1,5 @@
 """The credentials of a client: its certificate, and the command tokens and public keys of gateways that this user may read."""
 
-import importlib.util
 import os
 from collections.abc import Iterable
 from contextlib import suppress
@@ -13,6 +12,7 @@ from gateway.bus.session import TlsFiles
 from gateway.configuration.loading import is_installed, load, load_installed
 from gateway.configuration.user_state import known_data_folders
 from gateway.errors import InputError, PlumblineError
+from gateway.extras import require_extra
 from gateway.file_input import read_bounded
 from gateway.pki.signing_key import KEY_NAME, PUBLIC_SUFFIX, KeyFileError, read_public_key
 
@@ -87,8 +87,7 @@ def _find_certificate(folder: Path) -> TlsFiles | None:
 
 def _sign(tls: TlsFiles, key_expr: str, payload: bytes, challenge: Challenge) -> bytes | None:
     """Return the attachment that proves a request by a certificate. Raises `InputError` for files that cannot be used."""
-    if importlib.util.find_spec("cryptography") is None:
-        raise InputError("cryptography not installed; try pip install 'plumbline-gateway[security]'")
+    require_extra("security")
     from gateway.authorization.certificates import load_key, prove_by_certificate  # noqa: PLC0415 (an extra)
 
     if tls.certificate is None or tls.key is None:

@@ -2,12 +2,12 @@
 
 import sys
 
-EXTRA = ("starlette", "uvicorn")
+from gateway.extras import LIBRARIES
 
 try:
     from gateway.page.server import main
 except ModuleNotFoundError as missing:
-    if missing.name not in EXTRA:
+    if missing.name not in LIBRARIES["page"]:
         raise
     print(f"page: {missing.name} is not installed; try pip install 'plumbline-gateway[page]'", file=sys.stderr)
     sys.exit(2)

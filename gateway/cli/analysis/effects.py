@@ -24,7 +24,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the list, or one description."""
-    from gateway.cli.options.argument_types import require_extra
+    from gateway.extras import require_extra
 
     require_extra("twin")
     from gateway.errors import InputError

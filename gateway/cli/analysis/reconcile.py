@@ -60,7 +60,7 @@ def wants_plan(arguments: argparse.Namespace) -> bool:
 
 def run_plan(arguments: argparse.Namespace) -> int:
     """Print the plan; the exit code is 1 if no experiment separates anything."""
-    from gateway.cli.options.argument_types import require_extra
+    from gateway.extras import require_extra
 
     require_extra("twin")
     from gateway.cli.terminal.output import show
@@ -145,7 +145,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Print the answer; the exit code is 1 if something unknown is missing, or the data cannot be used."""
     if wants_plan(arguments):
         return run_plan(arguments)
-    from gateway.cli.options.argument_types import require_extra
+    from gateway.extras import require_extra
 
     # Before the library of linear algebra is loaded: its threads slow down small matrices, and take the cores of other processes.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

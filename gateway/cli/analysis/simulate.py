@@ -52,7 +52,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate and write the recording."""
-    from gateway.cli.options.argument_types import require_extra
+    from gateway.extras import require_extra
 
     require_extra("twin")
     from gateway.cli.terminal.output import write_text

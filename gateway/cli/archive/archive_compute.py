@@ -6,9 +6,10 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from gateway.cli.archive.archive_options import add_source, add_table
-from gateway.cli.options.argument_types import above_zero, require_extra, whole_number
+from gateway.cli.options.argument_types import above_zero, whole_number
 from gateway.cli.terminal.output import add_json
 from gateway.errors import ANSWER_IS_NO
+from gateway.extras import require_extra
 
 if TYPE_CHECKING:
     from gateway.archive.compute import ComputeResult

@@ -4,9 +4,9 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from gateway.cli.archive.archive_options import add_keys, add_source, add_table, keys
-from gateway.cli.options.argument_types import require_extra
 from gateway.cli.terminal.output import add_json
 from gateway.errors import WITH_LOSSES
+from gateway.extras import require_extra
 
 if TYPE_CHECKING:
     from gateway.archive.index import IndexResult

@@ -5,8 +5,8 @@ from datetime import date, datetime
 from typing import TYPE_CHECKING, Any
 
 from gateway.cli.archive.archive_options import add_table
-from gateway.cli.options.argument_types import require_extra
 from gateway.cli.terminal.output import add_json
+from gateway.extras import require_extra
 
 if TYPE_CHECKING:
     from gateway.archive.query import QueryAnswer

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from gateway.cli.archive.archive_options import add_table
-from gateway.cli.options.argument_types import above_zero, parsed_by, require_extra, require_plots
+from gateway.cli.options.argument_types import above_zero, parsed_by
 from gateway.cli.terminal.output import add_json
+from gateway.extras import require_extra, require_plots
 
 if TYPE_CHECKING:
     from gateway.archive.report import ArchiveReport

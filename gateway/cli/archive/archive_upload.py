@@ -8,8 +8,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.cli.options.argument_types import above_zero, parsed_by, require_extra
+from gateway.cli.options.argument_types import above_zero, parsed_by
 from gateway.errors import ANSWER_IS_NO
+from gateway.extras import require_extra
 
 if TYPE_CHECKING:
     from gateway.archive.time_window import TimeWindow

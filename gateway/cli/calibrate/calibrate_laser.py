@@ -54,8 +54,8 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gateway.cli.options.argument_types import require_extra
     from gateway.errors import InputError
+    from gateway.extras import require_extra
 
     require_extra("laser")
     if arguments.dot_mm >= 0.8 * arguments.pitch_mm:

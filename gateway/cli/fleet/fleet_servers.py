@@ -6,8 +6,9 @@ import time
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from gateway.cli.options.argument_types import parse_address, parsed_by, require_extra
+from gateway.cli.options.argument_types import parse_address, parsed_by
 from gateway.cli.options.bus_link import add_connect, add_expect, expected_gateways, fleet_client
+from gateway.extras import require_extra
 from gateway.languages import LANGUAGES
 
 if TYPE_CHECKING:

@@ -75,7 +75,7 @@ def _verb(
 
 
 def _init(arguments: argparse.Namespace) -> int:
-    from gateway.cli.options.argument_types import require_extra
+    from gateway.extras import require_extra
 
     require_extra("security")
     from gateway.pki.site_folder import SiteFolder, utc_now
@@ -131,7 +131,7 @@ def _list(arguments: argparse.Namespace) -> int:
 
 
 def _open(arguments: argparse.Namespace) -> "tuple[SiteFolder, datetime]":
-    from gateway.cli.options.argument_types import require_extra
+    from gateway.extras import require_extra
 
     require_extra("security")
     from gateway.pki.site_folder import SiteFolder, utc_now

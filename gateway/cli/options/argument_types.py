@@ -1,32 +1,15 @@
-"""Types of option values, with messages that state what is allowed, and the extras that an option may need."""
+"""Types of option values, with messages that state what is allowed."""
 
 import argparse
-import importlib.util
 import math
 import re
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Literal, TypeVar
-
-from gateway.errors import InputError
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from gateway.recording.reading.interval import RecordingTime
 
 Value = TypeVar("Value")
-Extra = Literal["archive", "cluster", "foxglove", "laser", "mqtt", "opcua", "page", "parquet", "security", "twin"]
-LIBRARIES_OF_EXTRAS: dict[Extra, tuple[str, ...]] = {
-    "archive": ("cryptography", "deltalake", "duckdb", "obstore", "pyarrow"),
-    "cluster": ("distributed",),
-    "foxglove": ("foxglove",),
-    "laser": ("cv2", "fpdf"),
-    "mqtt": ("paho",),
-    "opcua": ("asyncua",),
-    "page": ("starlette", "uvicorn"),
-    "parquet": ("pyarrow",),
-    "security": ("cryptography",),
-    "twin": ("casadi", "matplotlib", "scipy"),
-}
-"""The modules that each extra of the distribution brings."""
 
 
 def above_zero(text: str) -> float:
@@ -115,15 +98,3 @@ def parse_address(text: str) -> tuple[str, int]:
     if not host or not port.isdecimal() or not 0 < int(port) < 65536:
         raise ValueError(f"{text} is no address such as 127.0.0.1:8322")
     return host, int(port)
-
-
-def require_extra(extra: Extra, libraries: Sequence[str] = ()) -> None:
-    """Raise `InputError` where libraries of an extra are missing; of all of them, if none is named."""
-    missing = [name for name in libraries or LIBRARIES_OF_EXTRAS[extra] if importlib.util.find_spec(name) is None]
-    if missing:
-        raise InputError(f"{' and '.join(missing)} not installed; try pip install 'plumbline-gateway[{extra}]'")
-
-
-def require_plots() -> None:
-    """Raise `InputError` where the library of the figures is missing."""
-    require_extra("twin", ["matplotlib"])

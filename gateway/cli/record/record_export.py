@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     target = next(path for path in (arguments.csv, arguments.parquet, arguments.mcap) if path is not None)
     if arguments.parquet is not None:
-        from gateway.cli.options.argument_types import require_extra
+        from gateway.extras import require_extra
 
         require_extra("parquet")
     timeline = open_timeline(arguments.paths)

@@ -82,8 +82,8 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the report, or list the incidents."""
-    from gateway.cli.options.argument_types import require_extra, require_plots
     from gateway.cli.terminal.progress import ProgressBar
+    from gateway.extras import require_extra, require_plots
     from gateway.incident.incident_selection import choose_window, read_incidents
     from gateway.recording.reading.catalogue import open_timeline
 

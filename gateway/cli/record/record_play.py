@@ -5,9 +5,10 @@ import asyncio
 import time
 from typing import TYPE_CHECKING
 
-from gateway.cli.options.argument_types import above_zero, require_extra
+from gateway.cli.options.argument_types import above_zero
 from gateway.cli.options.bus_link import LOCAL_ENDPOINT
 from gateway.cli.options.recording_options import add_selection, interval
+from gateway.extras import require_extra
 
 if TYPE_CHECKING:
     from gateway.bridge.settings import FoxgloveSection

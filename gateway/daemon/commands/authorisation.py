@@ -1,6 +1,5 @@
 """What commands are authorised by: certificates where the site has a CA, else the token of the service's group."""
 
-import importlib.util
 import logging
 import secrets
 from contextlib import suppress
@@ -12,13 +11,13 @@ from gateway.authorization.authoriser import Authoriser
 from gateway.authorization.credential import TOKEN_BYTES, TOKEN_NAME, parse_token
 from gateway.configuration.bus_section import TlsSection
 from gateway.errors import PlumblineError
+from gateway.extras import missing_libraries
 from gateway.file_input import read_bounded
 
 if TYPE_CHECKING:
     from gateway.daemon.commands.site_certificates import SiteCertificates  # its library is an extra
 
 log = logging.getLogger("plumbline.security")
-LIBRARY = "cryptography"
 TOKEN_MODE = 0o640
 OTHERS = 0o007
 
@@ -27,9 +26,9 @@ def read_certificates(tls: TlsSection) -> "SiteCertificates | None":
     """Return the certificates of a site; None without a CA, or without the library that reads them."""
     if not tls.enabled:
         return None
-    if importlib.util.find_spec(LIBRARY) is None:
+    if missing := missing_libraries("security"):
         log.error(
-            "bus.tls: %s is not installed: pip install 'plumbline-gateway[security]'; commands are refused", LIBRARY
+            "bus.tls: %s is not installed: pip install 'plumbline-gateway[security]'; commands are refused", *missing
         )
         return None
     from gateway.daemon.commands.site_certificates import SiteCertificates  # noqa: PLC0415 (an extra)

@@ -1,6 +1,5 @@
 """The checks of `plumbline doctor`: everything that `run` needs, one result for each."""
 
-import importlib.util
 import os
 import pwd
 import shutil
@@ -22,12 +21,12 @@ from gateway.configuration.relay_section import GpioRelay, NoRelay
 from gateway.daemon.doctor.check_result import CheckResult
 from gateway.daemon.doctor.device_check import check_attitude, examine_device, read_blocks
 from gateway.daemon.doctor.service_check import examine_running
-from gateway.daemon.outputs.page_process import PAGE_MODULES
 from gateway.daemon.runtime.instance import is_in_use
 from gateway.daemon.runtime.resources import disk_free_mb
 from gateway.daemon.runtime.wall_clock import WallClockMonitor
 from gateway.daemon.sampling.device_factory import make_device
 from gateway.errors import PlumblineError
+from gateway.extras import missing_libraries
 from gateway.recording.chain.chain_state import ChainStateError, list_aside, read_state
 
 LOW_DISK_MB = 500.0
@@ -180,8 +179,7 @@ def _page(configuration: Configuration) -> Iterator[CheckResult]:
     if not configuration.page.enabled:
         yield CheckResult("note", "page", "off (page.enabled = false)")
         return
-    missing = [name for name in PAGE_MODULES if importlib.util.find_spec(name) is None]
-    if missing:
+    if missing := missing_libraries("page"):
         yield CheckResult("bad", "page", f"{', '.join(missing)} not installed; install plumbline-gateway[page]")
         return
     try:
@@ -228,7 +226,7 @@ def check_relay(configuration: Configuration) -> Iterator[CheckResult]:
 
 
 def _check_gpio(relay: GpioRelay) -> CheckResult:
-    if importlib.util.find_spec("gpiod") is None:
+    if missing_libraries("relay"):
         return CheckResult("bad", "relay", "gpiod is not installed; install plumbline-gateway[relay]")
     if not relay.chip.exists():
         return CheckResult(

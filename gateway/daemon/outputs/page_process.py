@@ -1,6 +1,5 @@
 """The process of the operator's page: started on a socket that the gateway keeps, and started again when it ends."""
 
-import importlib.util
 import socket
 import subprocess
 import sys
@@ -13,11 +12,11 @@ from gateway.configuration.model import Configuration
 from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.daemon.runtime.faults import RETRYING, Backoff, FaultRegister
 from gateway.errors import PlumblineError
+from gateway.extras import missing_libraries
 from gateway.page.channel import PARAMETERS, Frame
 from gateway.page.parameters import CraneDirections, Parameters, encode
 from gateway.page.sign_in import PIN_NAME, make_pin
 
-PAGE_MODULES = ("starlette", "uvicorn")
 MIN_PAGE_START_PAUSE_S = 1.0
 """Pause before the page is started again. Basis: a choice; a browser is without the page for a moment, and a fault at its start
 costs no core."""
@@ -71,8 +70,7 @@ class PageProcess:
     def _start(self) -> subprocess.Popen[bytes]:
         """Take the address where that is not done, and start the process. Raises `PageError`."""
         if self._socket is None:
-            missing = [name for name in PAGE_MODULES if importlib.util.find_spec(name) is None]
-            if missing:
+            if missing := missing_libraries("page"):
                 raise PageError(
                     f"page: {', '.join(missing)} not installed; install plumbline-gateway[page], or set page.enabled = false"
                 )
