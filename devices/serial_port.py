@@ -15,8 +15,8 @@ import serial
 
 from devices.errors import GONE_ERRNOS, DeviceAccessError, DeviceError, DeviceNotFoundError, TransferError
 
-PATTERN = re.compile(r"usb:([0-9a-fA-F]{4}):([0-9a-fA-F]{4})(?::(.+))?")
-MAX_LEVELS = 4
+USB_NAME = re.compile(r"usb:([0-9a-fA-F]{4}):([0-9a-fA-F]{4})(?::(.+))?")
+MAX_USB_LEVELS = 4
 """The USB device is at most this far above the device of the terminal. Basis: port, interface, device."""
 READ_LIMIT = 4096
 """Bytes of a read. Basis: the size of the kernel's buffer of a port."""
@@ -69,7 +69,7 @@ def find_usb_port(name: str, folders: PortFolders) -> UsbPort:
 
     Raises `DeviceNotFoundError` where there is none or more than one, and `ValueError` for another form.
     """
-    match = PATTERN.fullmatch(name)
+    match = USB_NAME.fullmatch(name)
     if match is None:
         raise ValueError(f"port {name!r} is not of the form usb:VID:PID:SERIAL, with four hexadecimal digits each")
     vendor, product, serial = match[1].lower(), match[2].lower(), match[3]
@@ -81,24 +81,30 @@ def find_usb_port(name: str, folders: PortFolders) -> UsbPort:
         return found[0]
     if found:
         raise DeviceNotFoundError(
-            f"{name}: several adapters have this identity ({_list(found)}); add the serial number, or use /dev/serial/by-id"
+            f"{name}: several adapters have this identity ({_list_names(found)}); add the serial number, or use /dev/serial/by-id"
         )
-    raise DeviceNotFoundError(f"{name}: no such adapter; plug it in, or name another: there is {_list(ports)}")
+    raise DeviceNotFoundError(f"{name}: no such adapter; plug it in, or name another: there is {_list_names(ports)}")
 
 
-def _list(ports: list[UsbPort]) -> str:
+def _list_names(ports: list[UsbPort]) -> str:
     return ", ".join(map(str, ports)) or "none"
 
 
 def _usb_port(path: Path, device: Path) -> UsbPort | None:
-    for folder in (device, *device.parents[:MAX_LEVELS]):
-        vendor, product = _read(folder / "idVendor"), _read(folder / "idProduct")
+    for folder in (device, *device.parents[:MAX_USB_LEVELS]):
+        vendor, product = _read_attribute(folder / "idVendor"), _read_attribute(folder / "idProduct")
         if vendor and product:
-            return UsbPort(path, vendor, product, _read(folder / "serial"), _read(folder / "product") or "no name")
+            return UsbPort(
+                path,
+                vendor,
+                product,
+                _read_attribute(folder / "serial"),
+                _read_attribute(folder / "product") or "no name",
+            )
     return None
 
 
-def _read(path: Path) -> str | None:
+def _read_attribute(path: Path) -> str | None:
     try:
         return path.read_text(errors="replace").strip() or None
     except OSError:

@@ -12,7 +12,7 @@ from pathlib import Path
 from gateway.atomic_io import write_private
 from gateway.file_input import read_bounded
 
-FOLDER = "data-folders"
+DATA_FOLDERS = "data-folders"
 MAX_FOLDERS = 32
 """Folders that are remembered, the newest. Basis: a choice; more than a host has, and a bound of the file."""
 
@@ -27,7 +27,7 @@ def user_state_folder(name: str, environment: Mapping[str, str]) -> Path | None:
 
 def remember_data_folder(data_dir: Path, environment: Mapping[str, str] = os.environ) -> None:
     """Remember a data folder; without a home, or where it cannot be written, nothing is remembered."""
-    folder = user_state_folder(FOLDER, environment)
+    folder = user_state_folder(DATA_FOLDERS, environment)
     if folder is None:
         return
     with suppress(OSError):
@@ -39,7 +39,7 @@ def remember_data_folder(data_dir: Path, environment: Mapping[str, str] = os.env
 
 def known_data_folders(environment: Mapping[str, str] = os.environ) -> list[Path]:
     """Return the remembered folders that exist, the newest first."""
-    folder = user_state_folder(FOLDER, environment)
+    folder = user_state_folder(DATA_FOLDERS, environment)
     if folder is None:
         return []
     found: list[tuple[float, Path]] = []
