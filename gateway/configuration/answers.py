@@ -2,11 +2,9 @@
 
 from typing import Any
 
-import tomli_w
-
 from gateway.configuration.loading import ConfigurationError, configuration_class, validate
 from gateway.configuration.model import Configuration
-from gateway.configuration.section import Section
+from gateway.configuration.render import to_toml
 
 Table = dict[str, Any]
 
@@ -47,23 +45,9 @@ class Answers:
     def to_toml(self) -> str:
         """Return the answered keys as TOML; a comment explains each. All other keys keep their defaults."""
         model = configuration_class(self.get("device.kind"))
-        configuration = model.model_validate(self.table)
-        order = [name for name in model.model_fields if name in self.table]
-        return "\n".join(_section(name, self.table[name], getattr(configuration, name)) for name in order)
+        return to_toml(model.model_validate(self.table), self.table)
 
 
 def _copied(keys: Any) -> Any:
     """Return a copy of a section: validation adds defaults to the table that it is given."""
     return dict(keys) if isinstance(keys, dict) else keys
-
-
-def _section(name: str, keys: Table, section: Section) -> str:
-    lines, tables = [f"[{name}]"], []
-    for key, value in keys.items():
-        if isinstance(value, dict):
-            tables.append("\n" + tomli_w.dumps({name: {key: value}}))
-            continue
-        description = type(section).model_fields[key].description
-        setting = tomli_w.dumps({key: value}).rstrip().replace("\n", " ")
-        lines.append(setting + (f"  # {description}" if description else ""))
-    return "\n".join(lines) + "\n" + "".join(tables)
