@@ -4,7 +4,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable
-from http.client import HTTPException
+from io import BufferedIOBase
 from pathlib import Path
 
 from gateway.atomic_io import append_durably
@@ -59,7 +59,7 @@ class TimeStamper(threading.Thread):
                 continue
             try:
                 self._stamp(newest)
-            except (TimeStampError, OSError, HTTPException, ValueError) as error:
+            except (TimeStampError, OSError, ValueError) as error:
                 self._faults.set(PART, f"{self._url}: no time stamp ({error}); {RETRYING}")
                 due_s = time.monotonic() + RETRY_S
             else:
@@ -83,14 +83,22 @@ def make_time_stamper(
 
 
 def _post(url: str, query: bytes) -> bytes:
-    """Return the answer of an authority (RFC 3161, 3.4). Raises `OSError`, `HTTPException` and `TimeStampError`."""
-    from urllib.request import Request, urlopen  # noqa: PLC0415  (5 MB that only who wants time stamps pays)
+    """Return the answer of an authority (RFC 3161, 3.4). Raises `OSError` and `TimeStampError`."""
+    from http.client import HTTPException  # noqa: PLC0415  (5 MB that only who wants time stamps pays)
+    from urllib.request import Request, urlopen  # noqa: PLC0415
 
     request, end_s = Request(url, query, {"Content-Type": "application/timestamp-query"}), time.monotonic() + LONGEST_S
+    try:
+        with urlopen(request, timeout=TIMEOUT_S) as reply:
+            return _read(reply, end_s)
+    except HTTPException as error:
+        raise TimeStampError(str(error)) from error
+
+
+def _read(reply: BufferedIOBase, end_s: float) -> bytes:
     content = b""
-    with urlopen(request, timeout=TIMEOUT_S) as reply:
-        while part := reply.read1(MAX_RESPONSE_BYTES):
-            content += part
-            if len(content) > MAX_RESPONSE_BYTES or time.monotonic() > end_s:
-                raise TimeStampError("the authority's answer is too long, or takes too long")
+    while part := reply.read1(MAX_RESPONSE_BYTES):
+        content += part
+        if len(content) > MAX_RESPONSE_BYTES or time.monotonic() > end_s:
+            raise TimeStampError("the authority's answer is too long, or takes too long")
     return content
