@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from asyncua import Client, ua
+from asyncua import Client, Node, ua
 
 from gateway.bridge.plant_values import PLANT_VALUES
 from tests.system.conftest import BusPeer, StartGateway
@@ -19,6 +19,9 @@ from tests.system.test_alert_delivery import CHATTERING
 from tests.waiting import PATIENCE_S
 
 pytestmark = pytest.mark.slow
+
+REFRESH = ua.NodeId(ua.ObjectIds.ConditionType_ConditionRefresh)
+REFRESH_OF_ONE = ua.NodeId(ua.ObjectIds.ConditionType_ConditionRefresh2)
 
 
 class Events:
@@ -40,10 +43,17 @@ async def until(condition: Callable[[], Any], what: str) -> None:
         pytest.fail(f"waited in vain for {what}")
 
 
+async def gateway_node(client: Client) -> Node:
+    """The object of the gateway, below which its values are."""
+    index = await client.get_namespace_index("urn:plumbline:bridge")
+    (node,) = [each for each in await client.nodes.objects.get_children() if each.nodeid.NamespaceIndex == index]
+    return node
+
+
 async def check_model(client: Client) -> None:
     """Every value has its node, with unit and range, and cannot be written."""
     index = await client.get_namespace_index("urn:plumbline:bridge")
-    (crane,) = [node for node in await client.nodes.objects.get_children() if node.nodeid.NamespaceIndex == index]
+    crane = await gateway_node(client)
     names = [(await node.read_browse_name()).Name for node in await crane.get_variables()]
     assert sorted(names) == sorted(value.name for value in PLANT_VALUES)
     angle = await crane.get_child(f"{index}:angle_deg")
@@ -78,8 +88,7 @@ def serve(bridge: RunningBridge, consuming: Coroutine[None, None, None]) -> str:
 
 async def check_events(client: Client, start_again: Callable[[], object]) -> None:
     """A gateway that starts again states its levels as changes of alerts, at its own node and at the server's."""
-    index = await client.get_namespace_index("urn:plumbline:bridge")
-    (crane,) = [node for node in await client.nodes.objects.get_children() if node.nodeid.NamespaceIndex == index]
+    crane = await gateway_node(client)
     kind = await alert_type(client)
     events, everywhere = Events(), Events()
     subscription = await client.create_subscription(50, events)
@@ -104,18 +113,50 @@ async def alert_type(client: Client) -> Any:
     )
 
 
-async def refresh(client: Client) -> list[Any]:
-    """What a client gets that has just subscribed and asks for the conditions that stand."""
+async def refresh(client: Client, *, is_of_one_item: bool = False) -> list[Any]:
+    """What a client gets that has just subscribed, here at both nodes, and asks for the conditions that stand."""
     events, condition_type = Events(), client.get_node(ua.ObjectIds.ConditionType)
     subscription = await client.create_subscription(50, events)
     brackets = [ua.ObjectIds.RefreshStartEventType, ua.ObjectIds.RefreshEndEventType]
-    await subscription.subscribe_events(ua.ObjectIds.Server, [await alert_type(client), *brackets])
-    number = ua.Variant(subscription.subscription_id, ua.VariantType.UInt32)
-    await condition_type.call_method(ua.NodeId(ua.ObjectIds.ConditionType_ConditionRefresh), number)
-    await until(lambda: events.taken and events.taken[-1].EventType == ua.NodeId(brackets[1]), "the end of the refresh")
+    crane = await gateway_node(client)
+    kinds = [await alert_type(client), *brackets]
+    items = [await subscription.subscribe_events(node, kinds) for node in (ua.ObjectIds.Server, crane)]
+    numbers = [ua.Variant(number, ua.VariantType.UInt32) for number in (subscription.subscription_id, items[1])]
+    method = REFRESH_OF_ONE if is_of_one_item else REFRESH
+    await condition_type.call_method(method, *numbers[: 1 + is_of_one_item])
+    ends = 1 if is_of_one_item else len(items)
+    end = ua.NodeId(brackets[1])
+    await until(lambda: [each.EventType for each in events.taken].count(end) == ends, "the end of the refresh")
     await subscription.delete()
     assert events.taken[0].EventType == ua.NodeId(brackets[0])
-    return events.taken[1:-1]
+    assert events.taken[-1].EventType == end
+    return [each for each in events.taken if each.EventType == kinds[0].nodeid]
+
+
+async def check_commands_are_refused(client: Client, alarm: Any) -> None:
+    """Nobody acknowledges through a bridge, and clients can see it before they try."""
+    for method in (ua.ObjectIds.AcknowledgeableConditionType_Acknowledge, ua.ObjectIds.ConditionType_Disable):
+        node = client.get_node(method)
+        assert (await node.read_attribute(ua.AttributeIds.UserExecutable)).Value.Value is False
+        for condition in (alarm.NodeId, ua.NodeId(ua.ObjectIds.ConditionType)):
+            comment = [alarm.EventId, ua.LocalizedText("seen")]
+            with pytest.raises(ua.UaStatusCodeError, match="BadUserAccessDenied"):
+                await client.get_node(condition).call_method(node, *comment)
+
+
+async def check_unknown_numbers(client: Client) -> None:
+    """A refresh of what is not there says so."""
+    events = Events()
+    subscription = await client.create_subscription(50, events)
+    known, unknown = (ua.Variant(each, ua.VariantType.UInt32) for each in (subscription.subscription_id, 10_000))
+    for method, numbers, code in (
+        (REFRESH, [unknown], "BadSubscriptionIdInvalid"),
+        (REFRESH_OF_ONE, [unknown, unknown], "BadSubscriptionIdInvalid"),
+        (REFRESH_OF_ONE, [known, unknown], "BadMonitoredItemIdInvalid"),
+    ):
+        with pytest.raises(ua.UaStatusCodeError, match=code):
+            await client.get_node(ua.ObjectIds.ConditionType).call_method(method, *numbers)
+    await subscription.delete()
 
 
 def test_a_client_that_joins_while_an_alarm_stands_gets_it_by_a_refresh(
@@ -138,21 +179,21 @@ def test_a_client_that_joins_while_an_alarm_stands_gets_it_by_a_refresh(
             while not found:
                 found = await refresh(first)
         again = await refresh(late)
-        (alarm,) = [each for each in again if each.ConditionName == "swing"]
+        alarm, same = [each for each in again if each.ConditionName == "swing"]
+        assert alarm.EventId == same.EventId
+        (once,) = [each for each in await refresh(late, is_of_one_item=True) if each.ConditionName == "swing"]
+        assert once.EventId == alarm.EventId
         assert (alarm.Level, alarm.Severity, alarm.Retain, alarm.BootId) == ("trip", 900, True, raised["boot_id"])
         assert getattr(alarm, "ActiveState/Id") is True
         assert alarm.NodeId.Identifier.endswith("/alarm/swing")
         assert alarm.EventId == next(each for each in found if each.ConditionName == "swing").EventId
         assert alarm.Quality.is_good()
+        await check_commands_are_refused(late, alarm)
         gateway.process.kill()
         async with asyncio.timeout(PATIENCE_S):
             while (await refresh(late))[0].Quality.is_good():
                 continue
-        number = ua.Variant(10_000, ua.VariantType.UInt32)
-        with pytest.raises(ua.UaStatusCodeError, match="BadSubscriptionIdInvalid"):
-            await late.get_node(ua.ObjectIds.ConditionType).call_method(
-                ua.NodeId(ua.ObjectIds.ConditionType_ConditionRefresh), number
-            )
+        await check_unknown_numbers(late)
         await first.disconnect()
         await late.disconnect()
 

@@ -1,6 +1,8 @@
 """The alerts of a gateway as conditions of OPC UA: events of their changes, and what stands for clients that join late."""
 
+import uuid
 from copy import copy
+from datetime import UTC, datetime
 from typing import Any
 
 from asyncua import Server, ua, uamethod
@@ -30,7 +32,8 @@ class OpcuaAlerts:
         self._standing: dict[str, Any] = {}
         """The last event of each condition that stands, by rule."""
         self._quality = ua.StatusCode(ua.StatusCodes.Good)
-        self._brackets: list[EventGenerator] = []
+        self._brackets: list[Any] = []
+        """The events at the begin and the end of a refresh."""
 
     async def build(self, crane: Node, index: int, name: str) -> None:
         """Make the type of the events and the conditions of the known rules; answer the method of condition refresh."""
@@ -49,8 +52,9 @@ class OpcuaAlerts:
         for rule in RULE_NAMES:
             await self._add(rule)
         for kind in (ua.ObjectIds.RefreshStartEventType, ua.ObjectIds.RefreshEndEventType):
-            self._brackets.append(await server.get_event_generator(kind))
-        server.link_method(server.get_node(ua.ObjectIds.ConditionType_ConditionRefresh), uamethod(self._refresh))
+            self._brackets.append((await server.get_event_generator(kind)).event)
+        for method in (ua.ObjectIds.ConditionType_ConditionRefresh, ua.ObjectIds.ConditionType_ConditionRefresh2):
+            server.link_method(server.get_node(method), uamethod(self._refresh))
 
     async def take(self, event: AlertEvent) -> None:
         """Send a change; those who are not subscribed now do not get it. With a state, follow the alerts that stand."""
@@ -99,26 +103,44 @@ class OpcuaAlerts:
             self._standing[rule] = copy(event)
         else:
             self._standing.pop(rule, None)
-        await self._repeat(event, self._places[1])
+        await self._server.iserver.subscription_service.trigger_event(_placed(event, self._places[1]))
 
-    async def _repeat(self, event: Any, place: ua.NodeId, subscription: int | None = None) -> None:
-        """Send an event as it is, from a node, to one subscription or to all."""
-        placed = copy(event)
-        placed.emitting_node = place
-        await self._server.iserver.subscription_service.trigger_event(placed, subscription)
-
-    async def _refresh(self, _parent: ua.NodeId, subscription: int) -> ua.StatusCode | None:
-        """Send what stands to one subscription, between the events that say so (OPC 10000-9, section 5.5.7)."""
-        if subscription not in self._server.iserver.subscription_service.subscriptions:
+    async def _refresh(self, _parent: ua.NodeId, subscription: int, item: int | None = None) -> ua.StatusCode | None:
+        """Send what stands to a subscription, or to one item of it (OPC 10000-9, sections 5.5.7 and 5.5.8)."""
+        found = self._server.iserver.subscription_service.subscriptions.get(subscription)
+        if found is None:
             return ua.StatusCode(ua.StatusCodes.BadSubscriptionIdInvalid)
-        begin, end = self._brackets
-        await begin.trigger(subscription_id=subscription)
+        service = found.monitored_item_srv
+        items = [
+            (place, each)
+            for place in self._places
+            for each in service._monitored_events.get(place, ())
+            if item in (None, each)
+        ]
+        if item is not None and not items:
+            return ua.StatusCode(ua.StatusCodes.BadMonitoredItemIdInvalid)
+        begin, end = (_stamped(event) for event in self._brackets)
         for event in self._standing.values():
             event.Quality = self._quality
-            for place in self._places:
-                await self._repeat(event, place, subscription)
-        await end.trigger(subscription_id=subscription)
+        for event in (begin, *self._standing.values(), end):
+            for place, each in items:
+                await service.trigger_event(_placed(event, place), each)
         return None
+
+
+def _placed(event: Any, place: ua.NodeId) -> Any:
+    """Return an event as it is, to be sent from a node."""
+    placed = copy(event)
+    placed.emitting_node = place
+    return placed
+
+
+def _stamped(event: Any) -> Any:
+    """Return an event of now."""
+    stamped = copy(event)
+    stamped.EventId = ua.Variant(uuid.uuid4().bytes, ua.VariantType.ByteString)
+    stamped.Time = stamped.ReceiveTime = datetime.now(UTC)
+    return stamped
 
 
 def _set_state(event: Any, name: str, words: tuple[str, str], *, is_true: bool) -> None:

@@ -10,6 +10,7 @@ from asyncua.crypto.permission_rules import SimpleRoleRuleset, User, UserRole
 from asyncua.crypto.truststore import TrustStore
 from asyncua.crypto.uacrypto import x509_from_der
 from asyncua.crypto.validator import CertificateValidator, CertificateValidatorOptions
+from asyncua.server.address_space import MethodService
 from cryptography import x509
 
 from gateway.bridge.settings import OpcuaSection
@@ -27,6 +28,35 @@ CHECKED = (
     | CertificateValidatorOptions.REVOKED
     | CertificateValidatorOptions.PEER_CLIENT
 )
+COMMANDS = [
+    ua.NodeId(ua.ObjectIds.ConditionType_Enable),
+    ua.NodeId(ua.ObjectIds.ConditionType_Disable),
+    ua.NodeId(ua.ObjectIds.ConditionType_AddComment),
+    ua.NodeId(ua.ObjectIds.AcknowledgeableConditionType_Acknowledge),
+    ua.NodeId(ua.ObjectIds.AcknowledgeableConditionType_Confirm),
+]
+"""The methods of a condition that change it. Definition: OPC 10000-9, sections 5.5.2 and 5.7.2."""
+
+
+class ReadingMethods:
+    """Refuses commands, whatever condition they are for: a gateway takes them with a credential of its own alone."""
+
+    def __init__(self, service: MethodService) -> None:
+        """`service` answers the other methods."""
+        self._service = service
+
+    async def call(self, methods: list[ua.CallMethodRequest]) -> list[ua.CallMethodResult]:
+        """Return the results of calls. Called by the library, as `stop` is."""
+        return [await self._call(each) for each in methods]
+
+    async def _call(self, method: ua.CallMethodRequest) -> ua.CallMethodResult:
+        if method.MethodId in COMMANDS:
+            return ua.CallMethodResult(StatusCode=ua.StatusCode(ua.StatusCodes.BadUserAccessDenied))
+        return (await self._service.call([method]))[0]
+
+    def stop(self) -> None:
+        """End it."""
+        self._service.stop()
 
 
 class PlantUsers:

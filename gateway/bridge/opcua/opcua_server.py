@@ -10,7 +10,7 @@ from asyncua.server.internal_server import InternalServer
 from asyncua.server.internal_session import InternalSession
 
 from gateway.bridge.opcua.opcua_alerts import OpcuaAlerts
-from gateway.bridge.opcua.opcua_security import PlantUsers, secure, trust_store
+from gateway.bridge.opcua.opcua_security import COMMANDS, PlantUsers, ReadingMethods, secure, trust_store
 from gateway.bridge.opcua.opcua_values import NAMESPACE, data_value, engineering_unit, is_measured
 from gateway.bridge.plant_snapshot import BRIDGE_GONE, PlantSnapshot
 from gateway.bridge.plant_state import PlantState
@@ -42,6 +42,7 @@ class OpcuaServer:
         section, trusted = self._section, trust_store(self._section)
         password = read_password(section.password_file, "opcua.password_file")
         internal = InternalServer(user_manager=PlantUsers(section.user, password, trusted))
+        internal.method_service = ReadingMethods(internal.method_service)
         internal.max_connections = InternalSession.max_connections = section.max_connections
         server = Server(internal)
         server.limits.max_message_size = LONGEST_MESSAGE
@@ -73,6 +74,9 @@ class OpcuaServer:
             node = await _add_value(server, crane, index, name, value)
             self._nodes.append((value, node.nodeid))
         self._written = [ua.DataValue()] * len(self._nodes)
+        for command in COMMANDS:  # clients need not offer it
+            is_allowed = ua.DataValue(ua.Variant(False, ua.VariantType.Boolean))
+            await server.get_node(command).write_attribute(ua.AttributeIds.UserExecutable, is_allowed)
         alarms = OpcuaAlerts(server)
         await alarms.build(crane, index, name)
         await self._write(server, START)
