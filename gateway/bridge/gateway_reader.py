@@ -5,6 +5,8 @@ import time
 from collections.abc import Sequence
 from datetime import UTC, datetime
 
+import zenoh
+
 from gateway.bridge.heard_messages import READ_TOPICS, HeardMessages
 from gateway.bridge.plant_snapshot import PlantSnapshot
 from gateway.bus.alert_receiver import AlertReceiver
@@ -62,8 +64,15 @@ class GatewayReader:
             return self._heard.snapshot(time.monotonic(), datetime.now(UTC))
 
     def receive_alerts(self, position: str) -> AlertReceiver:
-        """Return a receiver of the gateway's alerts behind a position. Raises `InputError` for one that is none."""
-        return AlertReceiver(self._connect, self.key, states=position, credentials=self._credentials)
+        """Return a receiver of the alerts behind a position, over the same link. Raises `InputError` for one that is none."""
+        return AlertReceiver(
+            self._connect, self.key, states=position, credentials=self._credentials, session=self._session
+        )
+
+    def _session(self) -> zenoh.Session:
+        if self._client is None:
+            raise UnreachableError(f"{self._connect}: nobody has answered yet")
+        return self._client.session
 
     def close(self) -> None:
         """Leave the bus."""

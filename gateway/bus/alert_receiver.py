@@ -7,7 +7,7 @@ only fill a queue.
 import json
 import queue
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -66,20 +66,24 @@ class AlertReceiver:
         states: str = "{}",
         credentials: Credentials | None = None,
         authenticity: Authenticity | None = None,
+        session: Callable[[], zenoh.Session] | None = None,
     ) -> None:
         """Connect to a gateway or router.
 
         `since` is the number behind which changes are wanted from a gateway that is met for the first time (0: all that it
         has; None: those from now on). `state_file` keeps the last numbers over a restart; a consumer that stores `states_json`
         together with what it does gives them back as `states`. `credentials` are for links with TLS, and tell the keys of
-        gateways; `authenticity` judges messages where the caller does that, too. Raises `InputError` for a file that cannot be
-        read, `BusError` for an endpoint of wrong form.
+        gateways; `authenticity` judges messages where the caller does that, too. `session` returns the caller's own one, which
+        he closes himself, and raises `UnreachableError` where it is not open yet. Raises `InputError` for a file that cannot
+        be read, `BusError` for an endpoint of wrong form.
         """
-        self._connect, self._pattern, self._since, self._state_file = connect, pattern, since, state_file
+        self._pattern, self._since, self._state_file = pattern, since, state_file
         self._arrivals: queue.Queue[AlertArrival] = queue.Queue(INBOX)
         self._gateways: dict[str, HeardGateway] = {}
-        self._credentials = credentials or load_credentials()
-        self._authenticity = authenticity or Authenticity(self._credentials.signers)
+        credentials = credentials or load_credentials()
+        self._authenticity = authenticity or Authenticity(credentials.signers)
+        self._find_session = session or partial(open_client_session, connect, credentials, CONNECT_MS)
+        self._is_own_session = session is None
         self._held: list[AlertArrival] = []
         """Alerts of gateways that have not answered yet."""
         self._session: zenoh.Session | None = None
@@ -128,8 +132,8 @@ class AlertReceiver:
             self._saved = states
 
     def close(self) -> None:
-        """Close the link."""
-        if self._session is not None:
+        """Close the link, where it is its own."""
+        if self._session is not None and self._is_own_session:
             with suppress(zenoh.ZError):
                 self._session.close()
         self._session = None
@@ -149,7 +153,7 @@ class AlertReceiver:
         if self._session is not None:
             return
         try:
-            session = open_client_session(self._connect, self._credentials, CONNECT_MS)
+            session = self._find_session()
         except UnreachableError:
             return
         self._subscriber = session.declare_subscriber(f"{self._pattern}/alert", self._receive_alert)

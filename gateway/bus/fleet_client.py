@@ -37,9 +37,10 @@ class FleetClient:
         self._pattern = pattern
         credentials = credentials or load_credentials()
         self._authenticity = Authenticity(credentials.signers)
-        self._session = open_client_session(connect, credentials)
-        self._subscribers = [self._session.declare_subscriber(f"{pattern}/{topic}", self._receive) for topic in topics]
-        self._liveliness = self._session.liveliness().declare_subscriber(
+        self.session = open_client_session(connect, credentials)
+        """The session, which others may use until `close`."""
+        self._subscribers = [self.session.declare_subscriber(f"{pattern}/{topic}", self._receive) for topic in topics]
+        self._liveliness = self.session.liveliness().declare_subscriber(
             f"{pattern}/{ALIVE}", self._receive_alive, history=True
         )
 
@@ -48,24 +49,24 @@ class FleetClient:
         with suppress(zenoh.ZError):  # the link is down
             question, sent_s = make_question(), time.monotonic()
             take = partial(self._receive_status, question, sent_s)
-            send_question(self._session, f"{self._pattern}/{STATUS}", question, ANSWER_S, take)
+            send_question(self.session, f"{self._pattern}/{STATUS}", question, ANSWER_S, take)
             for topic in STATE_TOPICS:
-                self._session.get(f"{self._pattern}/{topic}", self._receive_stored, timeout=ANSWER_S)
+                self.session.get(f"{self._pattern}/{topic}", self._receive_stored, timeout=ANSWER_S)
 
     def receive(self) -> FleetBatch:
         """Return everything that has come since the last call, and ask the gateways whose messages cannot be judged yet."""
-        self._authenticity.ask(self._session)
+        self._authenticity.ask(self.session)
         return self.inbox.drain()
 
     @property
     def connected(self) -> bool:
         """Whether a router or a gateway is connected."""
-        return bool(self._session.info.routers_zid() or self._session.info.peers_zid())
+        return bool(self.session.info.routers_zid() or self.session.info.peers_zid())
 
     def close(self) -> None:
         """Close the session."""
         with suppress(zenoh.ZError):
-            self._session.close()
+            self.session.close()
 
     def _receive(self, sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.PUT:
