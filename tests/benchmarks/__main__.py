@@ -8,6 +8,7 @@ from tests.benchmarks import (
     alert_latency,
     archive,
     bridge_cuts,
+    bridge_memory,
     bridges,
     calibration,
     chain,
@@ -59,6 +60,7 @@ ALL: dict[str, Callable[..., None]] = {
     "page": page.main,
     "bridges": bridges.main,
     "bridge_cuts": bridge_cuts.main,
+    "bridge_memory": bridge_memory.main,
     "archive": archive.main,
 }
 
@@ -67,17 +69,17 @@ options = sys.argv[1 + len(names) :]
 unknown = [name for name in names if name not in ALL]
 if unknown:
     sys.exit(f"no benchmark {', '.join(unknown)}; there are {', '.join(ALL)}")
-if options and names not in (
-    ["bridge_cuts"],
-    ["footprint"],
-    ["motion"],
-    ["motion_gyro"],
-    ["real_cranes"],
-    ["record_info"],
-    ["archive"],
-):
-    sys.exit(
-        "only the benchmarks archive, bridge_cuts, footprint, motion, motion_gyro, real_cranes and record_info have options"
-    )
+with_options = [
+    "archive",
+    "bridge_cuts",
+    "bridge_memory",
+    "footprint",
+    "motion",
+    "motion_gyro",
+    "real_cranes",
+    "record_info",
+]
+if options and (len(names) != 1 or names[0] not in with_options):
+    sys.exit(f"only the benchmarks {', '.join(with_options)} have options, one at a time")
 for name in names or ALL:
     ALL[name](*([options] if options else []))

@@ -77,7 +77,7 @@ class _Cuts:
         }
         self._viewer_port = unused_port()
         self._settings = folder / "cut" / "bridge.toml"
-        lines = [client.settings for client in (self._clients["modbus"], self._clients["opcua"])]  # type: ignore[attr-defined]
+        lines = [client.settings for client in (self._clients["modbus"], self._clients["opcua"])]
         self._settings.write_text(
             f"demonstration = true\n{self._mqtt.settings}{''.join(lines)}"
             f'[foxglove]\nlisten = "127.0.0.1:{self._viewer_port}"\n'
@@ -127,7 +127,7 @@ class _Cuts:
             subscriber.close()
         self._judge(_angles(self._folder / "data", peer), peer)
         for name, points in resident.items():
-            print(f"  steady {name:<9} {describe_slope(points)}", flush=True)
+            print(f"  steady {name:<9} {describe_slope(points, 'MiB/h')}", flush=True)
         peer.close()
         for bridge in (*steady.values(), *self._bridges.values()):
             bridge.end()
@@ -136,7 +136,7 @@ class _Cuts:
         self._mqtt.close()
 
     def _cut_for(self, duration_s: float, processes: dict[str, int]) -> dict[str, list[tuple[float, float]]]:
-        """Cut again and again; return the memory of processes meanwhile, MiB, with its times, s."""
+        """Cut again and again; return the memory of processes meanwhile, MiB, with its times, h."""
         resident: dict[str, list[tuple[float, float]]] = {name: [] for name in processes}
         counts: Counter[str] = Counter()
         begin_s, looked_s = time.monotonic(), float("-inf")
@@ -144,7 +144,7 @@ class _Cuts:
             if now_s - looked_s >= LOOK_S:
                 looked_s = now_s
                 for name, process_id in processes.items():
-                    resident[name].append((now_s, resident_mib(process_id)))
+                    resident[name].append((now_s / 3600, resident_mib(process_id)))
             counts[self._cut()] += 1
             time.sleep(self._chance.uniform(1, 8))
             for name in [name for name, bridge in self._bridges.items() if bridge.process.poll() is not None]:

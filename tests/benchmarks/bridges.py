@@ -17,11 +17,13 @@ from asyncua import ua
 
 from tests.benchmarks.process_use import cpu_s, resident_mib
 from tests.gateway.bridge.modbus_client import ModbusClient
+from tests.ports import unused_port
 from tests.system.bus_query import KEY
 from tests.system.conftest import BusPeer, RunningGateway
+from tests.system.foxglove_client import FoxgloveClient
 from tests.system.mosquitto import Subscriber
 from tests.system.plant_clients import ModbusPlant, MqttPlant, OpcuaPlant, OpcuaSite
-from tests.system.running_bridge import PlantClient
+from tests.system.running_bridge import PlantClient, RunningBridge
 from tests.system.test_alert_delivery import CHATTERING
 from tests.system.test_bridge_states import Plant
 from tests.waiting import wait_until
@@ -49,10 +51,20 @@ def _costs(folder: Path) -> None:
     plant = Plant(folder, gateway.endpoint)
     plant.until_angle()
     gateway_s, begun_s = cpu_s(gateway.process.pid), time.monotonic()
-    for clients, consume in ((0, {}), (CLIENTS, {"modbus": _modbus, "mqtt": _mqtt, "opcua": _opcua})):
-        for name, bridge in plant.bridges.items():
+    viewers_port = unused_port()
+    settings = folder / "foxglove.toml"
+    settings.write_text(f'demonstration = true\n[foxglove]\nlisten = "127.0.0.1:{viewers_port}"\n')
+    viewed = RunningBridge("foxglove", gateway.endpoint, settings)
+    consumers: dict[str, Callable[[], list[float]]] = {
+        "modbus": partial(_modbus, plant),
+        "mqtt": partial(_mqtt, plant),
+        "opcua": partial(_opcua, plant),
+        "foxglove": partial(_foxglove, viewers_port),
+    }
+    for clients in (0, CLIENTS):
+        for name, bridge in (*plant.bridges.items(), ("foxglove", viewed)):
             before_s, start_s = cpu_s(bridge.process.pid), time.monotonic()
-            late_ms = consume[name](plant) if consume else _rest(plant)
+            late_ms = consumers[name]() if clients else _rest()
             cpu_percent = 100 * (cpu_s(bridge.process.pid) - before_s) / (time.monotonic() - start_s)
             print(
                 f"  {name:<7} {clients:2} clients: {cpu_percent:5.1f} % of a core, {resident_mib(bridge.process.pid):4.0f} MiB"
@@ -73,11 +85,12 @@ def _costs(folder: Path) -> None:
     ]
     print(f"  without a bridge, on the bus: sample to client {_quantiles(bus_ms)} ms", flush=True)
     peer.close()
+    viewed.end()
     plant.end()
     gateway.stop()
 
 
-def _rest(_plant: Plant) -> list[float]:
+def _rest() -> list[float]:
     time.sleep(MEASURE_S)
     return []
 
@@ -166,6 +179,38 @@ async def _subscribe(site: OpcuaSite) -> list[float]:
     for client in clients:
         await client.disconnect()
     return late.late_ms[1:]
+
+
+def _foxglove(port: int) -> list[float]:
+    """Show `/motion` to 20 viewers; one of them says how late it is."""
+    viewers = [FoxgloveClient(port).subscribe("/motion", "/bridge") for _ in range(CLIENTS)]
+    end_s = time.monotonic() + MEASURE_S
+    others = [threading.Thread(target=_view, args=(viewer, end_s)) for viewer in viewers[1:]]
+    for each in others:
+        each.start()
+    late_ms: list[float] = []
+    _view(
+        viewers[0],
+        end_s,
+        lambda: late_ms.append((time.time_ns() - viewers[0].messages["/motion"][-1]["time_ns"]) / 1e6),
+    )
+    for each in others:
+        each.join()
+    for viewer in viewers:
+        viewer.close()
+    return late_ms[1:]
+
+
+def _view(viewer: FoxgloveClient, end_s: float, act: Callable[[], object] = lambda: None) -> None:
+    """Read what comes until a time; act on each message of the motion."""
+    while time.monotonic() < end_s:
+        n_seen = len(viewer.messages.get("/motion", ()))
+        viewer.until(partial(_has_more, viewer, n_seen))
+        act()
+
+
+def _has_more(viewer: FoxgloveClient, n_seen: int) -> bool:
+    return len(viewer.messages.get("/motion", ())) > n_seen
 
 
 def _failures(folder: Path) -> None:

@@ -20,20 +20,20 @@ def resident_mib(process_id: int) -> float:
     return int(Path(f"/proc/{process_id}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
-def describe_slope(points: list[tuple[float, float]]) -> str:
-    """Return first and last memory, and the slope behind the warm-up, of (time, s; memory, MiB).
+def describe_slope(points: list[tuple[float, float]], unit: str) -> str:
+    """Return first and last memory, and the slope behind the warm-up, in a unit, of (time or number; memory, MiB).
 
     The residuals are not independent: their number is reduced by their autocorrelation r at one step, (1 - r)/(1 + r).
     """
     warm = points[round(WARM_SHARE * len(points)) :]
-    times, values = [at_s / 3600 for at_s, _ in warm], [value for _, value in warm]
+    places, values = [place for place, _ in warm], [value for _, value in warm]
     said = f"{points[0][1]:.1f} MiB at first, {points[-1][1]:.1f} at the end"
     if len(warm) < 4 or len(set(values)) == 1:
         return f"{said}, no change behind the warm-up"
-    fit = statistics.linear_regression(times, values)
-    rest = [value - fit.intercept - fit.slope * at for at, value in zip(times, values, strict=True)]
-    spread = sum((at - statistics.fmean(times)) ** 2 for at in times)
+    fit = statistics.linear_regression(places, values)
+    rest = [value - fit.intercept - fit.slope * place for place, value in zip(places, values, strict=True)]
+    spread = sum((place - statistics.fmean(places)) ** 2 for place in places)
     square = sum(each**2 for each in rest)
     r = min(max(sum(a * b for a, b in pairwise(rest)) / square, 0.0), 0.98) if square else 0.0
     u = (square / (len(warm) - 2) / spread * (1 + r) / (1 - r)) ** 0.5
-    return f"{said}, behind the warm-up {fit.slope:.2f} MiB/h, u {u:.2f} (n {len(warm)}, r {r:.2f})"
+    return f"{said}, behind the warm-up {fit.slope:.2g} {unit}, u {u:.1g} (n {len(warm)}, r {r:.2f})"

@@ -14,8 +14,9 @@ class Line:
         self._cut = threading.Event()
         self._server = socket.create_server(("127.0.0.1", 0))
         self.endpoint = f"tcp/127.0.0.1:{self._server.getsockname()[1]}"
-        self._threads = [threading.Thread(target=self._accept)]
-        self._threads[0].start()
+        self._threads: list[threading.Thread] = []
+        self._acceptor = threading.Thread(target=self._accept)
+        self._acceptor.start()
 
     def _accept(self) -> None:
         with suppress(OSError):
@@ -24,7 +25,11 @@ class Line:
                 if self._cut.is_set():
                     office.close()
                     continue
-                gateway = socket.create_connection(self._target)
+                try:
+                    gateway = socket.create_connection(self._target)
+                except OSError:  # it is not there
+                    office.close()
+                    continue
                 self._sockets += [office, gateway]
                 for pair in ((office, gateway), (gateway, office)):
                     self._threads.append(threading.Thread(target=self._carry, args=pair))
@@ -40,14 +45,19 @@ class Line:
         for one in self._sockets:
             with suppress(OSError):
                 one.shutdown(socket.SHUT_RDWR)
+        for thread in self._threads:
+            thread.join()
+        for one in self._sockets:
+            one.close()
+        self._threads.clear()
+        self._sockets.clear()
 
     def mend(self) -> None:
         self._cut.clear()
 
     def close(self) -> None:
-        self.cut()
+        self._cut.set()
         self._server.shutdown(socket.SHUT_RDWR)
-        for thread in self._threads:
-            thread.join()
-        for one in (self._server, *self._sockets):
-            one.close()
+        self._acceptor.join()
+        self.cut()
+        self._server.close()

@@ -2,6 +2,7 @@
 
 import itertools
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -14,16 +15,24 @@ from tests.system.conftest import ROOT
 from tests.waiting import PATIENCE_S
 
 NUMBERS = itertools.count()
+ALLOCATOR = dict(re.findall(r"(MALLOC_\w+)=(\d+)", (ROOT / "deploy" / "plumbline-bridge@.service").read_text()))
+"""How the service has the memory kept."""
 
 
 class PlantClient(Protocol):
     """A naive consumer of one protocol."""
+
+    settings: str
+    """The section of its bridge."""
 
     def angle_deg(self) -> float | None:
         """The angle that it would show now; None: it shows that there is none."""
 
     def state(self) -> str | None:
         """The word for the state; None: the bridge does not answer."""
+
+    def close(self) -> None:
+        """End it."""
 
 
 class RunningBridge:
@@ -40,7 +49,7 @@ class RunningBridge:
                     *("--settings", str(settings), "--gateway", key, "--connect", endpoint),
                 ],
                 cwd=ROOT,
-                env={**os.environ, "PYTHONUNBUFFERED": "1", **(environment or {})},
+                env={**os.environ, "PYTHONUNBUFFERED": "1", **ALLOCATOR, **(environment or {})},
                 stdout=subprocess.PIPE,
                 stderr=log,
                 text=True,
