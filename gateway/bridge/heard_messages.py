@@ -66,10 +66,12 @@ class HeardMessages:
 
     def take(self, batch: FleetBatch, now_s: float, *, is_linked: bool) -> None:
         """Take what has come since the last call, and whether somebody is connected."""
+        was_alive, self._presence.is_alive = self._presence.is_alive, batch.alive.get(self.key, self._presence.is_alive)
         if is_linked and not self._linked:
             self._presence.connected_s = now_s
+        if not is_linked or (self._presence.is_alive and was_alive is False):
+            self._calibration = None  # another one may have been made meanwhile
         self._linked = is_linked
-        self._presence.is_alive = batch.alive.get(self.key, self._presence.is_alive)
         if (doubt := batch.doubts.get(self.key)) is not None:
             self._doubt = newer_doubt(self._doubt, *doubt)
         taken = [topic for topic in READ_TOPICS if self._take(topic, batch.arrivals.get((self.key, topic)))]

@@ -1,5 +1,6 @@
 """What a bridge knows of its gateway: a value is stated while it holds, and never after."""
 
+from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import Any
 
@@ -178,6 +179,30 @@ def test_a_demonstration_states_the_values_and_their_source() -> None:
     snapshot = listener.snapshot(10.1)
     assert (snapshot.state, snapshot.source) == (PlantState.FINE, "simulated")
     assert snapshot.angle_deg == pytest.approx(1.15)
+
+
+def test_the_calibration_of_before_a_cut_or_a_restart_is_not_taken_for_the_present_one(listener: Listener) -> None:
+    def age_after(cut: Callable[[float], None], at_s: float) -> float | None:
+        listener.changes["calibration"] = {"record": {"created_utc": "2025-10-04T08:53:20Z"}}
+        listener.hear(at_s)
+        cut(at_s + 1)
+        listener.hear(at_s + 2, ("motion", "alert", "health"))
+        assert listener.snapshot(at_s + 2).calibration_age_days is None
+        listener.changes["calibration"] = {"record": {"created_utc": "2025-10-08T08:53:20Z"}}  # made meanwhile
+        listener.hear(at_s + 2, ("calibration",), live=False)
+        return listener.snapshot(at_s + 2).calibration_age_days
+
+    def lose_link(at_s: float) -> None:
+        listener.linked = False
+        listener.take(at_s)
+        listener.linked = True
+
+    def restart(at_s: float) -> None:
+        listener.inbox.put_alive(f"{KEY}/alive", False)
+        listener.take(at_s)
+
+    for number, cut in enumerate((lose_link, restart)):
+        assert age_after(cut, 10.0 * number) == pytest.approx(1.0)
 
 
 def test_stored_messages_prove_nothing_but_the_calibration(listener: Listener) -> None:
