@@ -72,12 +72,14 @@ def prove_by_certificate(
     certificate_pem: str, key: PrivateKey, key_expr: str, payload: bytes, challenge: Challenge
 ) -> CertificateCredential:
     """Return the credential of a request."""
-    content = make_statement(key_expr, payload, challenge).encode()
-    signature = (
-        key.sign(content)
-        if isinstance(key, ed25519.Ed25519PrivateKey)
-        else key.sign(content, ec.ECDSA(hashes.SHA256()))
-    )
+    signature = sign(key, make_statement(key_expr, payload, challenge).encode())
     return CertificateCredential(
         boot_id=challenge.boot_id, time_ns=challenge.time_ns, certificate=certificate_pem, signature=signature.hex()
     )
+
+
+def sign(key: PrivateKey, content: bytes) -> bytes:
+    """Return the signature of a content with the key of a certificate."""
+    if isinstance(key, ed25519.Ed25519PrivateKey):
+        return key.sign(content)
+    return key.sign(content, ec.ECDSA(hashes.SHA256()))

@@ -18,6 +18,8 @@ from gateway.authorization.caller import Caller, NotAuthorised, Role
 MAX_CREDENTIAL_BYTES = 8192
 """Largest credential. Basis: a choice; a certificate and a signature have a few kilobytes, and a flood stays cheap."""
 BootId = Annotated[str, Field(pattern=r"^[0-9a-f]{12}$")]
+VOUCHER_FIELD = "voucher"
+"""Field of the answer to `rpc/challenge` with the `Voucher` for the gateway's key; it is there where the site has a CA."""
 KeyId = Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]
 TimeNs = Annotated[int, Field(ge=0, lt=2**63)]
 TOKEN_NAME = "command-token"

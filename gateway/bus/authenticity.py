@@ -1,6 +1,7 @@
 """Whether what comes under the name of a gateway is signed with its key, and fresh: the one place where that is judged.
 
-A key is trusted that a person has put into a folder of credentials, or that was pinned at the first contact. Freshness needs no
+A key is trusted that a person has put into a folder of credentials, or that was pinned at the first contact; where a CA is known,
+that is one for which it vouches. Freshness needs no
 clock: the gateway signs its answer to a random question, which tells the present boot and its time; by that no message may be
 older than `MAX_AGE_S`, nor than the one before it. All methods may be called by any thread.
 """
@@ -86,6 +87,8 @@ class _Gateway:
     """When the newest message was signed, by boot and topic."""
     key: str | None = None
     """The key that is pinned, as it was last read."""
+    refused: tuple[str, str, Doubt] | None = None
+    """Key and boot for which the site's CA does not vouch, and why; None: it was not asked."""
     is_to_be_asked: bool = False
     asked_s: float = float("-inf")
 
@@ -125,8 +128,9 @@ class Authenticity:
             if (content := _judge_content(partial(signature.is_of_message, f"{name}/{topic}", payload))) is not None:
                 return content
             if key is not None:
-                gateway.is_to_be_asked = True
-                return key
+                refused = _find_refusal(gateway, signature)
+                gateway.is_to_be_asked = refused is None
+                return refused or key
             gateway.key = signature.public_key
             return _judge_freshness(gateway, topic, signature, round(at_s * 1e9), live=live)
 
@@ -140,7 +144,10 @@ class Authenticity:
         *,
         accepted: bool = True,
     ) -> Doubt | None:
-        """Return what is doubtful about an answer that has just come; None: nothing. It pins the key at the first contact."""
+        """Return what is doubtful about an answer that has just come; None: nothing. It pins the key at the first contact.
+
+        Where a CA is known, only the answer to a challenge does: it has the voucher.
+        """
         name, at_s = key_expr.partition("/rpc/")[0], time.monotonic()
         signature = parse_signature(attachment)
         with self._lock:
@@ -156,8 +163,10 @@ class Authenticity:
             check = partial(signature.is_of_answer, key_expr, payload, question, accepted=accepted)
             if (content := _judge_content(check)) is not None:
                 return content
-            if doubt is not None and not pin_key(name, signature.public_key, self._environment):
-                return _unknown(signature.public_key)
+            if doubt is not None:
+                refused = self._admit_key(gateway, key_expr, payload, signature, is_accepted=is_replaced)
+                if refused is not None:
+                    return refused
             gateway.key = signature.public_key
             if at_s - sent_s <= LONGEST_ANSWER_S:
                 gateway.boots.pop(signature.boot_id, None)
@@ -174,6 +183,15 @@ class Authenticity:
         else:
             signed, attachment = split_signature(b"" if reply.err is None else reply.err.payload.to_bytes())
         return self.judge_answer(key_expr, question, signed, attachment, sent_s, accepted=reply.ok is not None)
+
+    def meet(self, session: zenoh.Session, pattern: str) -> None:
+        """Ask the gateways that match a pattern for their vouchers and wait, where a CA decides at the first contact."""
+        if self._signers.refuse is None:
+            return
+        question, sent_s = make_question(), time.monotonic()
+        for reply in send_question(session, f"{pattern}/{CHALLENGE}", question, LONGEST_ANSWER_S):
+            if reply.ok is not None:
+                self.judge_reply(str(reply.ok.key_expr), question, reply, sent_s)
 
     def expect(self, name: str) -> None:
         """Note that a gateway is there, to be asked before its first message is judged."""
@@ -229,7 +247,8 @@ class Authenticity:
                 return None
             if self._signers.are_all or gateway.key is not None:
                 return _unknown(public_key, "wrong")
-            return UNANSWERED if can_pin(name, self._environment) else _unknown(public_key)
+            is_decided_later = self._signers.refuse is not None or can_pin(name, self._environment)
+            return UNANSWERED if is_decided_later else _unknown(public_key)
         if known.public_key == public_key:
             gateway.key = public_key
             return None
@@ -239,6 +258,29 @@ class Authenticity:
             f"it is signed with the key {found}, and {before} is pinned; where that is right: "
             f"plumbline remote status --gateway {name} --accept-key {found}",
         )
+
+    def _admit_key(
+        self, gateway: _Gateway, key_expr: str, payload: bytes, signature: MessageSignature, *, is_accepted: bool
+    ) -> Doubt | None:
+        """Pin a key that nobody here knows, unless the site's CA is known and does not vouch for it; return why not."""
+        name, _, verb = key_expr.partition("/rpc/")
+        asks_authority = self._signers.refuse is not None and not is_accepted
+        if asks_authority:
+            if f"rpc/{verb}" != CHALLENGE:
+                gateway.is_to_be_asked = True
+                return _find_refusal(gateway, signature) or UNANSWERED
+            reason = self._signers.judge_challenge(name, signature.public_key, payload)
+            if reason is not None:
+                doubt = _not_vouched_for(name, signature.public_key, reason)
+                gateway.refused = signature.public_key, signature.boot_id, doubt
+                return doubt
+        is_pinned = pin_key(name, signature.public_key, self._environment)
+        return None if is_pinned or asks_authority else _unknown(signature.public_key)
+
+
+def _find_refusal(gateway: _Gateway, signature: MessageSignature) -> Doubt | None:
+    refused = gateway.refused
+    return refused[2] if refused is not None and refused[:2] == (signature.public_key, signature.boot_id) else None
 
 
 def _judge_content(is_signed: "partial[bool]") -> Doubt | None:
@@ -270,7 +312,8 @@ def _judge_freshness(
 
 
 def _is_due(gateway: _Gateway, now_s: float) -> bool:
-    pause_s = ASK_PAUSE_S if gateway.is_to_be_asked else RENEWAL_S if gateway.boots else float("inf")
+    is_met = bool(gateway.boots) or gateway.refused is not None
+    pause_s = ASK_PAUSE_S if gateway.is_to_be_asked else RENEWAL_S if is_met else float("inf")
     return now_s - gateway.asked_s >= pause_s
 
 
@@ -279,4 +322,13 @@ def _unknown(public_key: str, kind: DoubtKind = "unknown") -> Doubt:
         kind,
         f"nobody here knows the key {fingerprint(public_key)}; name a folder with the gateway's {KEY_NAME}{PUBLIC_SUFFIX} by "
         "--credentials, or give the gateway a gateway.site of its own",
+    )
+
+
+def _not_vouched_for(name: str, public_key: str, reason: str) -> Doubt:
+    found = fingerprint(public_key)
+    return Doubt(
+        "unknown",
+        f"the site's CA does not vouch for the key {found}: {reason}; where it is right nevertheless: "
+        f"plumbline remote status --gateway {name} --accept-key {found}",
     )

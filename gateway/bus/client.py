@@ -88,6 +88,7 @@ def query_status(
 ) -> dict[str, StatusAnswer]:
     """Return the answers of the gateways that match a pattern, by their keys; a doubtful one only where there is no other."""
     found: dict[str, StatusAnswer] = {}
+    authenticity.meet(session, pattern)
     question, sent_s = make_question(), time.monotonic()
     for reply in send_question(session, f"{pattern}/{STATUS}", question, timeout_s):
         if (sample := reply.ok) is None or (key := gateway_of(sample, STATUS)) is None:
@@ -123,6 +124,8 @@ class GatewayClient:
         except InputError:
             self._session.close()
             raise
+        with suppress(zenoh.ZError):  # the link is down again: requests are repeated
+            self.authenticity.meet(self._session, self.key)
 
     def _resolve_single_gateway(self, pattern: str) -> str:
         keys = sorted(_keys_alive(self._session, pattern))

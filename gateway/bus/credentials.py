@@ -7,17 +7,17 @@ from functools import partial
 from pathlib import Path
 
 from gateway.authorization.credential import TOKEN_NAME, Challenge, parse_token, prove_by_token, token_id
-from gateway.bus.known_gateways import NO_SIGNERS, Signers
+from gateway.bus.known_gateways import NO_SIGNERS, RefuseKey, Signers
 from gateway.bus.session import TlsFiles
 from gateway.configuration.loading import is_installed, load, load_installed
 from gateway.configuration.user_state import known_data_folders
 from gateway.errors import InputError, PlumblineError
-from gateway.extras import require_extra
+from gateway.extras import missing_libraries, require_extra
 from gateway.file_input import read_bounded
 from gateway.pki.signing_key import KEY_NAME, PUBLIC_SUFFIX, KeyFileError, read_public_key
 
 VARIABLE = "PLUMBLINE_CREDENTIALS"
-CERTIFICATE_NAME = "certificate.pem"
+CA_NAME, CERTIFICATE_NAME, REVOKED_NAME = "ca.pem", "certificate.pem", "revoked.pem"
 
 
 class Credentials:
@@ -48,7 +48,7 @@ def load_credentials(folder: Path | None = None) -> Credentials:
     named = folder or (Path(os.environ[VARIABLE]) if os.environ.get(VARIABLE) else None)
     if named is None:
         tokens = [secret for place in _usual_folders() if (secret := _read_token(place)) is not None]
-        return Credentials(tokens, _installed_certificate(), Signers(_usual_signers))
+        return Credentials(tokens, _installed_certificate(), Signers(_usual_signers, refuse=_installed_authority()))
     tls = _find_certificate(named)
     secret, keys = _read_token(named), _read_keys(named)
     if secret is None and tls is None and not keys:
@@ -56,7 +56,9 @@ def load_credentials(folder: Path | None = None) -> Credentials:
             f"{named}: has no readable {TOKEN_NAME} and no {CERTIFICATE_NAME}; name the gateway's data folder, or one that "
             "plumbline keys has made"
         )
-    return Credentials([] if secret is None else [secret], tls, Signers(partial(_read_keys, named), are_all=bool(keys)))
+    authority = _ask_authority(named / CA_NAME, named / REVOKED_NAME) if (named / CA_NAME).exists() else None
+    signers = Signers(partial(_read_keys, named), are_all=bool(keys), refuse=authority)
+    return Credentials([] if secret is None else [secret], tls, signers)
 
 
 def _usual_folders() -> Iterable[Path]:
@@ -79,9 +81,27 @@ def _installed_certificate() -> TlsFiles | None:
     return None if tls is None or tls.ca is None else TlsFiles(tls.ca, tls.certificate, tls.key)
 
 
+def _installed_authority() -> RefuseKey | None:
+    """Return what this machine's gateway knows of the site's CA, where this user may read it."""
+    try:
+        tls = load_installed().bus.tls if is_installed() else None
+        return None if tls is None or tls.ca is None or not tls.ca.exists() else _ask_authority(tls.ca, tls.revoked)
+    except (PlumblineError, OSError):
+        return None
+
+
+def _ask_authority(ca: Path, revoked: Path | None) -> RefuseKey | None:
+    """Return what refuses keys for which a CA does not vouch; None without the library, which checks no signature either."""
+    if missing_libraries("security"):
+        return None
+    from gateway.bus.site_authority import SiteAuthority  # noqa: PLC0415 (an extra)
+
+    return SiteAuthority(ca, revoked).refuse
+
+
 def _find_certificate(folder: Path) -> TlsFiles | None:
     """Return the files in a folder that `plumbline keys` has made."""
-    files = TlsFiles(folder / "ca.pem", folder / CERTIFICATE_NAME, folder / "key.pem")
+    files = TlsFiles(folder / CA_NAME, folder / CERTIFICATE_NAME, folder / "key.pem")
     return files if (folder / CERTIFICATE_NAME).exists() else None
 
 

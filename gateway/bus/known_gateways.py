@@ -15,6 +15,7 @@ from typing import Any
 import msgspec
 
 from gateway.atomic_io import write_private
+from gateway.authorization.credential import VOUCHER_FIELD
 from gateway.configuration.model import GatewaySection
 from gateway.configuration.user_state import user_state_folder
 from gateway.errors import InputError
@@ -23,9 +24,13 @@ from gateway.messages import NewestStatement
 from gateway.pki.signing_key import fingerprint
 
 FOLDER = "gateways"
+LONGEST_CHALLENGE = 16_384
+"""Longest answer to a challenge with a voucher, bytes. Basis: one has 1500 bytes; a certificate may have 4096."""
 FIELD = "newest_statement"
 DEEPEST = 8
 """Levels of JSON below which no statement is looked for. Basis: a choice; those of `remote status --json` are three deep."""
+RefuseKey = Callable[[str, str, object], str | None]
+"""Takes gateway, key and voucher as it came; returns why the site's CA does not vouch for the key, None: it does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +41,18 @@ class Signers:
     """Returns the keys that are there now."""
     are_all: bool = False
     """A person has named the folder: no other key is pinned at the first contact."""
+    refuse: RefuseKey | None = None
+    """Asks the site's CA; None: there is none here."""
+
+    def judge_challenge(self, gateway: str, public_key: str, answer: bytes) -> str | None:
+        """Return why the CA does not vouch for the key with which the answer to a challenge is signed; None: it does."""
+        content = None
+        with suppress(ValueError):
+            content = parse_json(answer.decode()) if len(answer) <= LONGEST_CHALLENGE else None
+        voucher = content.get(VOUCHER_FIELD) if isinstance(content, dict) else None
+        if voucher is None or self.refuse is None:
+            return "it has sent no voucher"
+        return self.refuse(gateway, public_key, voucher)
 
 
 NO_SIGNERS = Signers()

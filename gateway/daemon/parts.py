@@ -15,7 +15,7 @@ from gateway.authorization.message_signature import MessageSigner
 from gateway.bus.session import open_gateway_session
 from gateway.configuration.model import Configuration
 from gateway.daemon.commands.acknowledgement_service import AcknowledgementService
-from gateway.daemon.commands.authorisation import make_authoriser, read_certificates, refuse_all
+from gateway.daemon.commands.authorisation import make_authoriser, make_voucher_source, read_certificates, refuse_all
 from gateway.daemon.commands.configuration_service import ConfigurationService
 from gateway.daemon.commands.handlers import AlertHistory, MarkService, make_handlers
 from gateway.daemon.commands.page_requests import PageRequests, SignInWatch
@@ -108,9 +108,11 @@ def compose(
 ) -> Parts:
     """Return the parts. `info`: of the opened device, None: it is not open yet; `claim_folder`: see `RecordingWorker`."""
     section = configuration.gateway
+    certificates = read_certificates(configuration.bus.tls)
+    voucher = make_voucher_source(section.key, lambda: chain.key, certificates)
     compaction = CompactionWorker(chain)
     recording = RecordingWorker(
-        make_recorder(configuration, chain, boot_id),
+        make_recorder(configuration, chain, boot_id, voucher),
         now_ns=clock.now_ns,
         rewrite=compaction.inbox.put,
         data_dir=section.data_dir,
@@ -124,7 +126,6 @@ def compose(
     relay = make_relay(configuration.relay, faults)
     wall_clock = WallClockMonitor(clock)
     axes = configuration.device.axes
-    certificates = read_certificates(configuration.bus.tls)
     calibrations = CalibrationProvider(section.data_dir, axes)
     recalibration = RecalibrationService(
         Recalibration(section.data_dir, axes, software=__version__, log_line=log.warning),
@@ -150,6 +151,7 @@ def compose(
         ),
         security_log,
         clock.now_ns,
+        voucher,
     )
 
     def prepare_calls() -> None:

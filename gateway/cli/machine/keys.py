@@ -40,7 +40,12 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         metavar="HOLDER",
         help="gateway, router, operator (may read and acknowledge) or service",
     )
-    issue.add_argument("name", metavar="NAME", help="of the gateway or person; audits and records show it")
+    issue.add_argument(
+        "name",
+        metavar="NAME",
+        help="of a gateway its crane, or <crane>.<sensor>, so that it vouches for the signing key; of the person, as audits and "
+        "records show it",
+    )
     issue.add_argument(
         "--host", action="append", default=[], help="address or name under which it is reached; may be repeated"
     )

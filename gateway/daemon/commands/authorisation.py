@@ -2,6 +2,7 @@
 
 import logging
 import secrets
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +14,7 @@ from gateway.configuration.bus_section import TlsSection
 from gateway.errors import PlumblineError
 from gateway.extras import missing_libraries
 from gateway.file_input import read_bounded
+from gateway.pki.signing_key import SigningKey
 
 if TYPE_CHECKING:
     from gateway.daemon.commands.site_certificates import SiteCertificates  # its library is an extra
@@ -34,6 +36,20 @@ def read_certificates(tls: TlsSection) -> "SiteCertificates | None":
     from gateway.daemon.commands.site_certificates import SiteCertificates  # noqa: PLC0415 (an extra)
 
     return SiteCertificates(tls)
+
+
+def make_voucher_source(
+    gateway: str, key: Callable[[], SigningKey | None], certificates: "SiteCertificates | None"
+) -> Callable[[], str | None]:
+    """Return a function that returns what vouches for the gateway's key in JSON; None while nothing does."""
+
+    def voucher() -> str | None:
+        if certificates is None or (present := key()) is None:
+            return None
+        made = certificates.voucher(gateway, present.public_hex)
+        return None if made is None else made.model_dump_json()
+
+    return voucher
 
 
 def make_authoriser(

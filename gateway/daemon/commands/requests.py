@@ -3,6 +3,7 @@
 Those that another thread carries out wait in a queue on their way to it.
 """
 
+import json
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -15,6 +16,7 @@ from pydantic import BaseModel
 
 from gateway.authorization.authoriser import Authoriser, SignedRequest
 from gateway.authorization.caller import Caller, NotAuthorised
+from gateway.authorization.credential import VOUCHER_FIELD
 from gateway.authorization.token_bucket import CallerLimits, RateLimit, TokenBucket
 from gateway.daemon.commands.security_log import Refusal, SecurityLog
 from gateway.recalibration.requests import Request, RequestAnswer, RequestError, parse_payload
@@ -139,13 +141,15 @@ class RequestDispatcher:
         handlers: Mapping[str, RequestHandler],
         security_log: SecurityLog,
         now_ns: Callable[[], int],
+        voucher: Callable[[], str | None] = lambda: None,
     ) -> None:
-        """`key` is that of the gateway; `now_ns` is gateway time."""
+        """`key` is that of the gateway; `now_ns` is gateway time; `voucher` returns what vouches for its signing key in JSON."""
         self._key = key
         self._authoriser = authoriser
         self._handlers = dict(handlers)
         self._security_log = security_log
         self._now_ns = now_ns
+        self._voucher = voucher
         self._reads = {verb.name: TokenBucket(verb.limit) for verb in VERBS.values() if verb.role is None}
         self._changes = {verb.name: CallerLimits(verb.limit) for verb in VERBS.values() if verb.role is not None}
         self._refusals = TokenBucket(ANSWERED_REFUSALS)
@@ -205,9 +209,13 @@ class RequestDispatcher:
                 caller = replace(caller, name=content.by)
             content = content.model_copy(update={"by": caller.name})
         if verb.name == "challenge":
-            reply(True, self._authoriser.challenge(self._now_ns()).model_dump(mode="json"))
+            reply(True, self._challenge())
         else:
             self._handlers[verb.name](RemoteRequest(verb.name, content, caller, reply))
+
+    def _challenge(self) -> dict[str, Any]:
+        voucher, challenge = self._voucher(), self._authoriser.challenge(self._now_ns()).model_dump(mode="json")
+        return challenge if voucher is None else {**challenge, VOUCHER_FIELD: json.loads(voucher)}
 
     def _refuse(self, verb: Verb, refusal: NotAuthorised, origin: Callable[[], str], reply: Reply) -> None:
         if self._refusals.take(self._now_ns()):

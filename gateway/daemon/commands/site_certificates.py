@@ -8,9 +8,17 @@ from pathlib import Path
 from cryptography import x509
 
 from gateway.authorization.certificates import CertificateVerifier
+from gateway.authorization.voucher import Voucher, certificate_names, make_voucher
 from gateway.configuration.bus_section import TlsSection
 from gateway.pki.check_files import EXPIRES_SOON_DAYS
-from gateway.pki.inspect import CertificateError, identity_of, parse_authorities, parse_certificate, revoked_serials
+from gateway.pki.inspect import (
+    CertificateError,
+    CertificateIdentity,
+    identity_of,
+    parse_authorities,
+    parse_certificate,
+    revoked_serials,
+)
 
 log = logging.getLogger("plumbline.security")
 LOOK_S, WARNING_S = 3600.0, 86_400.0
@@ -35,6 +43,22 @@ class SiteCertificates:
         self.expires_in_days: int | None = None
         """Days until the gateway's own certificate expires, at the last look; None: not known."""
         self._next_look_s = self._next_warning_s = 0.0
+        self._voucher: tuple[str, Voucher | None] | None = None
+        """For which key it was made; None: the files cannot be used."""
+
+    def voucher(self, gateway: str, public_key: str) -> Voucher | None:
+        """Return what vouches for the gateway's signing key; None where the files cannot be used, and why is logged.
+
+        It is made once from the files, as the links are: another certificate is used from the next start on.
+        """
+        if self._voucher is None or self._voucher[0] != public_key:
+            try:
+                made = make_voucher(_read(self._tls.certificate), _read(self._tls.key), gateway, public_key)
+            except (CertificateError, ValueError, TypeError) as error:  # `TypeError`: the key is encrypted
+                log.error("bus.tls: nothing vouches for the signing key: %s", error)
+                made = None
+            self._voucher = public_key, made
+        return self._voucher[1]
 
     def verifier(self) -> CertificateVerifier:
         """Return what checks the callers' certificates. Raises `CertificateError` for a CA file that cannot be used."""
@@ -69,8 +93,19 @@ class SiteCertificates:
 
     def days_left(self) -> int | None:
         """Return the days until the gateway's own certificate expires; None where it cannot be read."""
+        identity = self._identity()
+        return None if identity is None else (identity.valid_until - utc_now()).days
+
+    def other_name(self, gateway: str) -> str | None:
+        """Return whose the gateway's own certificate is, and should be, where it names another; None: it does not."""
+        identity, names = self._identity(), certificate_names(gateway)
+        if identity is None or identity.name in names:
+            return None
+        return f"{self._tls.certificate} is that of {identity.name}, not of {' or '.join(names)}"
+
+    def _identity(self) -> CertificateIdentity | None:
         try:
-            return (identity_of(parse_certificate(_read(self._tls.certificate))).valid_until - utc_now()).days
+            return identity_of(parse_certificate(_read(self._tls.certificate)))
         except CertificateError:
             return None
 

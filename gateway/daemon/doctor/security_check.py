@@ -22,7 +22,7 @@ def examine_security(configuration: Configuration) -> Iterator[CheckResult]:
     yield from _listeners(configuration.bus)
     yield from _reading(configuration.bus)
     yield from _commands(configuration)
-    yield from _certificates(configuration.bus)
+    yield from _certificates(configuration.bus, configuration.gateway.key)
     yield from _files(configuration)
     yield from _page(configuration)
     for line in describe_changes(configuration.gateway.data_dir, configuration.alerts):
@@ -79,7 +79,7 @@ def _commands(configuration: Configuration) -> Iterator[CheckResult]:
         )
 
 
-def _certificates(bus: BusSection) -> Iterator[CheckResult]:
+def _certificates(bus: BusSection, key: str) -> Iterator[CheckResult]:
     problems = list(find_problems(bus.tls.files))
     for problem in problems:
         yield CheckResult("bad", "certificates", problem)
@@ -91,6 +91,12 @@ def _certificates(bus: BusSection) -> Iterator[CheckResult]:
             "; plumbline keys renew makes a new one" if soon else ""
         )
         yield CheckResult("bad" if soon else "good", "certificates", text)
+    other_name = None if certificates is None else certificates.other_name(key)
+    if other_name is not None:
+        text = (
+            f"{other_name}: it does not vouch for the signing key of {key}, which others then meet as NOT AUTHENTICATED"
+        )
+        yield CheckResult("note", "certificates", text)
 
 
 def _files(configuration: Configuration) -> Iterator[CheckResult]:

@@ -222,8 +222,10 @@ class RecordingWorker(Worker[RecordingItem]):
             self._faults.set(CHAIN_PART, loss)
 
 
-def make_recorder(configuration: Configuration, chain: SegmentChain, boot_id: str) -> Recorder:
-    """Return the recorder, which has not started yet and has touched no file."""
+def make_recorder(
+    configuration: Configuration, chain: SegmentChain, boot_id: str, voucher: Callable[[], str | None]
+) -> Recorder:
+    """Return the recorder, which has not started yet and has touched no file; `voucher`: see `RecordingHeader`."""
     section, recorder = configuration.gateway, configuration.recorder
     header = RecordingHeader(
         software=__version__,
@@ -232,6 +234,7 @@ def make_recorder(configuration: Configuration, chain: SegmentChain, boot_id: st
         sensor=section.sensor,
         boot_id=boot_id,
         configuration_toml=to_toml(configuration),
+        voucher=voucher,
     )
     return Recorder(
         section.data_dir,

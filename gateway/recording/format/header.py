@@ -2,7 +2,7 @@
 
 import json
 import platform
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 
@@ -26,6 +26,8 @@ MAX_SEGMENT_NUMBER = 2**31 - 1
 """Largest number that is believed. Basis: a new segment in each second of 68 years."""
 CONFIGURATION = "configuration.toml"
 CONFIGURATION_MEDIA_TYPE = "application/toml"
+VOUCHER = "voucher.json"
+VOUCHER_MEDIA_TYPE = "application/json"
 CALIBRATION = "calibration-{id}.json"
 CALIBRATION_MEDIA_TYPE = "application/json"
 CERTIFICATE = "calibration-{id}.html"
@@ -43,6 +45,8 @@ class RecordingHeader:
     sensor: str
     boot_id: str
     configuration_toml: str
+    voucher: Callable[[], str | None] = lambda: None
+    """Returns what vouches for the key of the signatures, in JSON; None: nothing does."""
 
     @property
     def library(self) -> str:

@@ -199,8 +199,10 @@ class Segment:
         self._writer.start(profile=names.PROFILE, library=header.library)
         number = {names.SEGMENT: str(self._number)} if self._number else {}
         self._writer.add_metadata(names.ORIGIN, {**header.origin(), **number})
-        configuration = header.configuration_toml.encode()
+        configuration, voucher = header.configuration_toml.encode(), header.voucher()
         self._attach([AttachedFile(names.CONFIGURATION, names.CONFIGURATION_MEDIA_TYPE, configuration)], self.start_ns)
+        if voucher is not None:
+            self._attach([AttachedFile(names.VOUCHER, names.VOUCHER_MEDIA_TYPE, voucher.encode())], self.start_ns)
         if device is not None:
             self.add_device(device)
         return {topic: self._register(topic) for topic in logged_topics()}

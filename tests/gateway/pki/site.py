@@ -3,10 +3,17 @@
 from datetime import datetime, timedelta
 from pathlib import Path
 
+from gateway.authorization.voucher import Voucher, make_voucher
 from gateway.pki.issue import Holder
 from gateway.pki.site_folder import SiteFolder, utc_now
 
 DAYS = 30
+
+
+def vouch(folder: Path, gateway: str, public_key: str) -> Voucher:
+    """What the holder of a folder says of a key, whoever that is."""
+    certificate, key = ((folder / name).read_bytes() for name in ("certificate.pem", "key.pem"))
+    return make_voucher(certificate, key, gateway, public_key)
 
 
 class Site:

@@ -67,6 +67,17 @@ def test_a_certificate_that_expires_soon_is_bad(site: Site) -> None:
     assert "19 days left; plumbline keys renew" in text
 
 
+def test_a_certificate_that_vouches_for_no_key_of_this_gateway_is_named(site: Site) -> None:
+    def said(crane: str) -> list[str]:
+        table = {**with_tls(site, "gateway-crane-1"), "gateway": {"crane": crane}}
+        found = examine_security(validate(table, "test"))
+        return [result.text for result in found if "does not vouch" in result.text]
+
+    assert said("crane-1") == []
+    (text,) = said("crane-2")
+    assert "is that of crane-1, not of crane-2 or crane-2.hook-1" in text
+
+
 @pytest.mark.slow
 def test_damaged_missing_mixed_and_revoked_files_are_named(site: Site, tmp_path: Path) -> None:
     crane, ann = site.folder.path / "gateway-crane-1", site.folder.path / "service-ann"
