@@ -1,7 +1,8 @@
 """A hostile party on the bus, in a process of its own; it has no key of the gateway.
 
 It passes on what the gateway sends with every alert taken out (`calm`), signed with a key of its own, with the signature of
-another message, or not at all; repeats what was recorded (`replay`); or answers requests in the gateway's place (`answer`).
+another message, or not at all; repeats what was recorded (`replay`); answers requests in the gateway's place (`answer`); or is a
+router of the site, with its certificate, that says it is a gateway, by what that has sent to others (`pose`).
 """
 
 import json
@@ -14,7 +15,10 @@ import zenoh
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from gateway.authorization.message_signature import MessageSigner, Question
+from gateway.bus.router_settings import router_configuration
+from gateway.bus.session import TlsFiles
 from gateway.pki.signing_key import SigningKey
+from tests.gateway.pki.site import vouch
 
 FORGED_NUMBER = 1_000_000_000
 COPIES = 2
@@ -108,8 +112,41 @@ def answer(session: zenoh.Session, key: str, asked: Path) -> None:
     threading.Event().wait()
 
 
+def pose(endpoint: str, key: str, folder: Path, status: Path) -> None:
+    """Answer, vouch for a key of its own and send what a gateway has sent, to those who connect to this router."""
+    own = SigningKey(Ed25519PrivateKey.generate())
+    signer = MessageSigner(lambda: own, "0" * 12, time.monotonic_ns)
+    voucher = vouch(folder, key, own.public_hex).model_dump()
+    topics = json.loads(status.read_text())
+    challenge = {"boot_id": "0" * 12, "time_ns": time.monotonic_ns(), "scheme": "certificate", "voucher": voucher}
+
+    def reply(query: zenoh.Query) -> None:
+        verb = str(query.key_expr).rpartition("/")[2]
+        done = {"accepted": True, "text": "forged", "id": ""}
+        payload = json.dumps({"challenge": challenge, "status": topics}.get(verb, done)).encode()
+        attachment = b"" if query.attachment is None else query.attachment.to_bytes()
+        question = Question(b"" if query.payload is None else query.payload.to_bytes(), attachment)
+        name = f"{key}/rpc/{verb}"
+        with query:
+            query.reply(name, payload, attachment=signer.sign_answer(name, payload, question, accepted=True))
+
+    files = TlsFiles(*(folder / f"{name}.pem" for name in ("ca", "certificate", "key")))
+    with zenoh.open(
+        zenoh.Config.from_json5(json.dumps(router_configuration([endpoint], files, readers=["ann", "bob"])))
+    ) as session:
+        ends = session.liveliness().declare_token(f"{key}/alive"), session.declare_queryable(f"{key}/rpc/*", reply)
+        print("ready", flush=True)
+        while ends:
+            for topic, message in topics.items():
+                payload = json.dumps(message).encode()
+                session.put(f"{key}/{topic}", payload, attachment=signer.sign_message(f"{key}/{topic}", payload))
+            time.sleep(PAUSE_S)
+
+
 if __name__ == "__main__":
     what, endpoint, *rest = sys.argv[1:]
+    if what == "pose":
+        pose(endpoint, rest[0], Path(rest[1]), Path(rest[2]))
     with open_bus(endpoint) as opened:
         print("ready", flush=True)
         if what == "calm":

@@ -1,6 +1,7 @@
 """`plumbline record verify`: whether recordings are what the gateway wrote."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,8 +10,11 @@ from gateway.cli.terminal.output import add_json
 from gateway.errors import ANSWER_IS_NO, WITH_LOSSES
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from gateway.recording.chain.chain_verification import ChainVerification
     from gateway.recording.chain.file_verification import FileVerification
+    from gateway.recording.chain.vouched_key import VouchedKey
 
 EXIT_CODES = {"genuine": 0, "differs": ANSWER_IS_NO, "consistent": WITH_LOSSES}
 """Definition: exit codes of the answers."""
@@ -28,10 +32,10 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         "verify",
         help="check that recordings are what the gateway wrote: nothing changed, removed, exchanged or forged",
         description="Check recordings against the signed statements in them: nothing changed, removed, exchanged, cut off or "
-        "forged, and no clock set back by more than 30 s. Exit code 0: genuine by the key that is given, or that `remote status` "
-        "has heard at the first contact. Exit code 1: something differs, and each difference is named. Exit code 3: consistent "
-        "in itself only, because no key is known, or nothing is signed. A folder is expected from the first segment on: those "
-        "that the gateway has deleted, as it has signed, are named and are no difference.",
+        "forged, and no clock set back by more than 30 s. Exit code 0: genuine by the key that is given, for which the site's CA "
+        "vouches, or that `remote status` has heard at the first contact. Exit code 1: something differs, and each difference is "
+        "named. Exit code 3: consistent in itself only, because no key is known, or nothing is signed. A folder is expected from "
+        "the first segment on: those that the gateway has deleted, as it has signed, are named and are no difference.",
         epilog="example: plumbline record verify plumbline-data --key signing-key.pem.pub",
     )
     add_paths(verify)
@@ -39,6 +43,13 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         "--key",
         metavar="PUBLIC",
         help="the gateway's public key: 64 hexadecimal digits, or the file signing-key.pem.pub, kept apart from the recordings",
+    )
+    verify.add_argument(
+        "--ca",
+        type=Path,
+        metavar="FILE",
+        help="ca.pem of the site: its CA must vouch today for the key, by the certificate of the gateway in the recordings; a "
+        "revoked.pem beside it counts",
     )
     verify.add_argument(
         "--heard",
@@ -73,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.bus.known_gateways import known_statement, read_statements
     from gateway.cli.terminal.output import show
     from gateway.cli.terminal.progress import ProgressBar
-    from gateway.pki.signing_key import read_public_key
+    from gateway.pki.signing_key import fingerprint, read_public_key
     from gateway.recording.chain.chain_verification import verify_chain
     from gateway.recording.chain.file_verification import verify_file
     from gateway.recording.chain.time_stamps import describe_proven, list_time_stamp_files, load_verifier, prove_all
@@ -83,7 +94,9 @@ def run(arguments: argparse.Namespace) -> int:
     known = known_statement(_gateway_of(paths[0]))
     heard = [statement for path in arguments.heard for statement in read_statements(path)]
     pinned = None if known is None else known.public_key
-    key = pinned if arguments.key is None else read_public_key(arguments.key)
+    vouched = None if arguments.ca is None else _ask_authority(arguments.ca, paths)
+    key = pinned or (vouched.public_key if vouched is not None else None)
+    key = key if arguments.key is None else read_public_key(arguments.key)
     heard += [] if known is None or known.public_key != key else [known]
     folders = [path for path in arguments.paths if path.is_dir()]
     stamp_files = [*arguments.time_stamps, *(file for folder in folders for file in list_time_stamp_files(folder))]
@@ -97,10 +110,35 @@ def run(arguments: argparse.Namespace) -> int:
             found.append(verify_file(path, key))
     chain = verify_chain(found, folders, key, heard)
     said = [*describe_proven(proven), *remarks]
+    if vouched is not None and vouched.refusal is not None:
+        chain = replace(chain, problems=(*chain.problems, f"NOT VOUCHED FOR: {vouched.refusal}"))
+    elif vouched is not None and vouched.public_key is not None:
+        said.append(f"the site's CA vouches for the key {fingerprint(vouched.public_key)} of {vouched.gateway}")
+    elif vouched is not None:
+        said.append("the site's CA was not asked: no segment has a voucher, for the gateway had no certificate")
     stamps = [{"segment": each.statement.segment, "time_utc": each.at.isoformat()} for each in proven]
     content = {**chain.as_json(), "time_stamps": stamps, "time_stamp_remarks": remarks}
-    show(_text(chain, key, said, is_pinned=arguments.key is None), content, arguments.json)
+    content["vouched_key"] = None if vouched is None else vouched.public_key
+    is_pinned = arguments.key is None and pinned is not None
+    show(_text(chain, key, said, is_pinned=is_pinned), content, arguments.json)
     return EXIT_CODES[chain.answer]
+
+
+def _ask_authority(ca: Path, paths: "Sequence[Path]") -> "VouchedKey":
+    from gateway.cli.options.argument_types import require_certificates
+
+    require_certificates()
+    from gateway.bus.site_authority import SiteAuthority
+    from gateway.errors import InputError
+    from gateway.pki.inspect import CertificateError, parse_authorities
+    from gateway.recording.chain.vouched_key import find_vouched_key
+
+    try:
+        parse_authorities(ca.read_bytes())
+    except (OSError, CertificateError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise InputError(f"--ca {ca}: {reason}; give the ca.pem that plumbline keys has made") from error
+    return find_vouched_key(paths, SiteAuthority(ca, ca.with_name("revoked.pem")).refuse)
 
 
 def _gateway_of(path: Path) -> str:

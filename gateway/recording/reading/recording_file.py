@@ -29,7 +29,7 @@ from gateway.recording.format.frames import (
     RECORD_HEAD,
     TIME_AND_OFFSET_BYTES,
 )
-from gateway.recording.format.header import CONFIGURATION, DEVICE, device_from_metadata
+from gateway.recording.format.header import CONFIGURATION, DEVICE, VOUCHER, device_from_metadata
 from gateway.recording.format.salvage import CHUNK_TIMES, DAMAGED, FOOTER, SalvageReport, open_mcap, read_records
 from gateway.recording.summary.segment_summary import SUMMARY, SegmentSummary, decode_summary
 from gateway.topics import TOPICS, adapter
@@ -195,6 +195,8 @@ class SegmentIndex:
     attachments: list[str] = field(default_factory=list)
     summary: SegmentSummary | None = None
     """The summary that the recorder wrote; None: the segment must be read."""
+    voucher: bytes = b""
+    """What vouches for the key of the signatures, in JSON; empty: nothing does."""
     data_end: int = 0
     """Place of the record at the end of the data, which has their checksum; 0: not closed."""
 
@@ -271,6 +273,8 @@ def _add_record(index: SegmentIndex, file: BinaryIO, opcode: int, length: int) -
             index.attachments.append(attachment.name)
             if attachment.name == SUMMARY:
                 index.summary = decode_summary(attachment.data)
+            elif attachment.name == VOUCHER:
+                index.voucher = attachment.data
         case _:
             pass
     return 0

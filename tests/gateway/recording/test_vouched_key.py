@@ -1,0 +1,141 @@
+"""Recordings are genuine by the CA of the site alone, and not by another CA, for another gateway, or with another key."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+
+from gateway.cli.main import main
+from gateway.pki.issue import Holder
+from gateway.pki.signing_key import fingerprint, load_or_create_key
+from gateway.pki.site_folder import utc_now
+from gateway.recording.format.header import RecordingHeader
+from tests.gateway.pki.site import Site, vouch
+from tests.gateway.recording.conftest import GATEWAY, START_NS, Record
+from tests.values import present
+
+
+class Vouching:
+    """What vouches for the key of the recorder under test."""
+
+    def __init__(self, data_dir: Path) -> None:
+        self.key = present(load_or_create_key(data_dir / "signing-key.pem"))
+        self.text: str | None = None
+
+    def by(self, folder: Path, public_key: str | None = None) -> None:
+        self.text = vouch(folder, GATEWAY, public_key or self.key.public_hex).model_dump_json()
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Site:
+    return Site(tmp_path / "keys")
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    folder = tmp_path / "data"
+    folder.mkdir()
+    return folder
+
+
+@pytest.fixture
+def vouching(data: Path) -> Vouching:
+    return Vouching(data)
+
+
+@pytest.fixture
+def header(header: RecordingHeader, vouching: Vouching) -> RecordingHeader:
+    return replace(header, voucher=lambda: vouching.text)
+
+
+@pytest.fixture(autouse=True)
+def _nothing_pinned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+
+
+def verify(site: Site, *arguments: Path | str) -> int:
+    return main(["record", "verify", *map(str, arguments), "--ca", str(site.folder.path / "ca.pem")])
+
+
+def test_recordings_are_genuine_by_the_ca_alone_each_segment_by_itself(
+    site: Site, vouching: Vouching, record: Record, data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    vouching.by(site.issue("crane-2", Holder.GATEWAY))
+    paths = record(START_NS)
+    for given in (data, *paths):
+        assert verify(site, given) == 0
+        assert (
+            f"the site's CA vouches for the key {fingerprint(vouching.key.public_hex)} of {GATEWAY}"
+            in capsys.readouterr().out
+        )
+    with paths[0].open("rb") as file:
+        assert "voucher.json" in {each.name for each in make_reader(file).iter_attachments()}
+    assert main(["record", "verify", str(data)]) == 3
+
+
+def test_planted_forgeries_are_refused(
+    site: Site, vouching: Vouching, record: Record, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    forgeries: tuple[tuple[Path, str], ...] = (
+        (Site(tmp_path / "other").issue("crane-2", Holder.GATEWAY), "not issued by this site's CA"),
+        (site.issue("crane-1", Holder.GATEWAY), "is that of crane-1, not of crane-2"),
+        (site.issue("router-1", Holder.ROUTER), "not that of a gateway"),
+        (site.expired("crane-2", Holder.GATEWAY), "valid from"),
+    )
+    for number, (folder, part) in enumerate(forgeries):
+        vouching.by(folder)
+        to = tmp_path / str(number)
+        shutil.copytree(data, to)
+        record(START_NS, folder=to, segments=1)
+        assert verify(site, to) == 1, part
+        told = capsys.readouterr().out
+        assert "NOT VOUCHED FOR: " in told
+        assert part in told
+
+
+def test_a_forger_who_signs_again_keeps_no_voucher(
+    site: Site, vouching: Vouching, record: Record, data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    vouching.by(site.issue("crane-2", Holder.GATEWAY), public_key="0" * 64)  # as if the key had been another one
+    record(START_NS, segments=1)
+    assert verify(site, data) == 1
+    assert "does not vouch for this key" in capsys.readouterr().out
+
+
+def test_without_a_voucher_the_ca_proves_nothing(
+    site: Site, vouching: Vouching, record: Record, data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record(START_NS, segments=1)
+    assert verify(site, data) == 3
+    assert "no segment has a voucher" in capsys.readouterr().out
+    assert verify(site, data, "--key", vouching.key.public_hex) == 0
+
+
+def test_a_revoked_certificate_vouches_for_no_recording(
+    site: Site, vouching: Vouching, record: Record, data: Path
+) -> None:
+    vouching.by(site.issue("crane-2", Holder.GATEWAY))
+    record(START_NS, segments=1)
+    assert verify(site, data) == 0
+    site.folder.revoke("crane-2", utc_now())
+    assert verify(site, data) == 1
+
+
+def test_a_key_that_is_given_must_be_right_beside_the_ca(
+    site: Site, vouching: Vouching, record: Record, data: Path
+) -> None:
+    vouching.by(site.issue("crane-2", Holder.GATEWAY))
+    record(START_NS, segments=1)
+    assert verify(site, data, "--key", vouching.key.public_hex) == 0
+    assert verify(site, data, "--key", "ab" * 32) == 1
+
+
+def test_a_file_that_is_no_ca_is_named(
+    site: Site, record: Record, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record(START_NS, segments=1)
+    for given in (tmp_path / "nothing.pem", data / "signing-key.pem"):
+        assert main(["record", "verify", str(data), "--ca", str(given)]) == 2
+        assert f"--ca {given}: " in capsys.readouterr().err
