@@ -14,9 +14,12 @@ little."""
 PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 
 
-def resident_mb() -> float:
-    """Return the resident memory of this process, in MB."""
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+def resident_mb() -> float | None:
+    """Return the resident memory of this process, in MB; None where it cannot be determined, as with too many open files."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    except OSError:
+        return None
     return pages * PAGE_BYTES / BYTES_PER_MB
 
 
