@@ -162,7 +162,7 @@ class SerialPort:
         try:
             waiting = port.in_waiting
             data: bytes = port.read(min(max(count, waiting), READ_LIMIT))
-        except OSError as error:  # includes the exceptions of pyserial
+        except (OSError, ValueError) as error:  # pyserial's own, and where more than 1024 files are open
             raise TransferError(f"{self}: the port has gone ({error}); plug its adapter in again") from error
         if not data and not self._path.exists():
             raise TransferError(f"{self}: the port has gone; plug its adapter in again")

@@ -32,7 +32,7 @@ from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.daemon.outputs.page_process import PageProcess
 from gateway.daemon.outputs.publisher import Publisher
 from gateway.daemon.outputs.relay_worker import RelayWorker, make_relay
-from gateway.daemon.outputs.silent_connections import SilentConnections
+from gateway.daemon.outputs.silent_connections import SilentConnectionWatch
 from gateway.daemon.processor import Processor
 from gateway.daemon.runtime.faults import FaultRegister
 from gateway.daemon.runtime.logs import LineWriter
@@ -168,10 +168,14 @@ def compose(
     )
     duplicates = DuplicateWatch(section.key, boot_id, faults, lambda: chain.key, rpc.note_refusal)
     # Calls first: who hears or sees the gateway may ask it at once.
-    silent = SilentConnections(configuration.bus.active_listeners, faults)
+    silent = SilentConnectionWatch(configuration.bus.active_listeners, faults)
     users = rpc.attach, duplicates.attach, silent.attach, publisher.attach, alerts.attach
     bus = BusConnection(
-        partial(open_gateway_session, configuration.bus, section.key), users, [duplicates.poll, silent.poll], faults
+        partial(open_gateway_session, configuration.bus, section.key),
+        users,
+        [duplicates.poll, silent.poll],
+        faults,
+        lambda: silent.are_too_many,
     )
     page_channel = PageChannel(
         PageRequests({"acknowledge": acknowledgements.requests.submit}).answer,

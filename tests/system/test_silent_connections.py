@@ -1,43 +1,68 @@
-"""Whoever opens connections to the bus and says nothing keeps nobody out, up to the number that is stated."""
+"""Whoever opens connections to the bus without end, and says nothing, keeps nobody out, and is shown."""
 
 import json
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
+from pathlib import Path
 
 import pytest
 
-from gateway.bus.session import MOST_PENDING
-from tests.system.conftest import JoinBus, Plumbline, StartGateway
-from tests.waiting import wait_until
+from gateway.bus.client import GatewayClient
+from gateway.bus.credentials import load_credentials
+from tests.gateway.pki.site import Site
+from tests.ports import unused_port
+from tests.system.bus_query import KEY
+from tests.system.conftest import JoinBus, StartGateway
+from tests.values import present
+from tests.waiting import PATIENCE_S, wait_until
 
 pytestmark = pytest.mark.slow
 
-SILENT = MOST_PENDING - 112
-"""The library's own limit, 100, would keep everybody out."""
-HOLD = """
-import selectors, socket, sys
-selector = selectors.DefaultSelector()
-
-def connect():
-    connection = socket.create_connection(("127.0.0.1", int(sys.argv[1])), 60)
-    selector.register(connection, selectors.EVENT_READ)
-
-for _ in range(int(sys.argv[2])):
-    connect()
+PER_S = 800
+"""The library lets 100 be opening for 10 s each, or with the gateway's own settings 4096 for 3 s."""
+WITHIN_S = 5.0
+OPEN = """
+import resource, selectors, socket, sys, time
+port, addresses, per_s = map(int, sys.argv[1:])
+resource.setrlimit(resource.RLIMIT_NOFILE, (resource.getrlimit(resource.RLIMIT_NOFILE)[1],) * 2)
+selector, count, begun_s = selectors.DefaultSelector(), 0, time.monotonic()
 print("ready", flush=True)
 while True:
-    for key, _ in selector.select():
-        selector.unregister(key.fileobj)  # it was closed: another one takes its place
+    while count < (time.monotonic() - begun_s) * per_s:
+        count += 1
+        connection = socket.socket()
+        connection.setblocking(False)
+        connection.bind((f"127.0.0.{2 + count % addresses}", 0))
+        connection.connect_ex(("127.0.0.1", port))
+        selector.register(connection, selectors.EVENT_READ)
+    for key, _ in selector.select(0.002):
+        selector.unregister(key.fileobj)  # it was closed
         key.fileobj.close()
-        connect()
 """
 
 
+FAIL = """
+import contextlib, socket, sys, time
+port, per_s = map(int, sys.argv[1:])
+count, begun_s = 0, time.monotonic()
+print("ready", flush=True)
+while True:
+    while count < (time.monotonic() - begun_s) * per_s:
+        count += 1
+        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), 60) as connection:
+            connection.sendall(b"x")  # no beginning of TLS, and the end
+    time.sleep(0.005)
+"""
+FAILING_PER_S = 100
+FILES = 512
+
+
 @contextmanager
-def silent_connections(port: int) -> Iterator[None]:
-    command = [sys.executable, "-c", HOLD, str(port), str(SILENT)]
+def attack(program: str, *arguments: int) -> Iterator[None]:
+    command = [sys.executable, "-c", program, *map(str, arguments)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     try:
         assert process.stdout is not None
@@ -49,18 +74,45 @@ def silent_connections(port: int) -> Iterator[None]:
         process.communicate()
 
 
-def test_silent_connections_keep_nobody_out_and_are_shown(
-    start_gateway: StartGateway, plumbline: Plumbline, join_bus: JoinBus
+@pytest.mark.parametrize("addresses", [1, 200])
+def test_silent_connections_without_end_keep_nobody_out_and_are_shown(
+    start_gateway: StartGateway, join_bus: JoinBus, addresses: int
 ) -> None:
     gateway = start_gateway()
-    status = "remote", "status", "--connect", gateway.endpoint, "--json", "-"
-    wait_until(lambda: plumbline(*status).returncode == 0, "the gateway")
-    with silent_connections(gateway.bus_port):
-        mark = "remote", "mark", "x", "--by", "ann", "--connect", gateway.endpoint, "--credentials", gateway.data_dir
-        marked = [plumbline(*mark) for _ in range(4)]
-        peer = join_bus(gateway.endpoint)
+    peer = join_bus(gateway.endpoint)
+    peer.wait_for("health")
+    credentials = load_credentials(gateway.data_dir)
+    took_s = []
+    with attack(OPEN, gateway.bus_port, addresses, PER_S):
         shown = peer.wait_for("health", lambda message: "bus_connections" in message["standing_faults"])
+        for number in range(8):
+            begun_s = time.monotonic()
+            with closing(GatewayClient(gateway.endpoint, KEY, credentials)) as client:
+                request = {"id": f"mark-{number:08}", "by": "ann", "text": "x"}
+                assert present(client.ask("mark", request, PATIENCE_S)).text == "marked: x"
+            took_s.append(time.monotonic() - begun_s)
+    assert max(took_s) < WITHIN_S, took_s
     assert "open no link" in shown["standing_faults"]["bus_connections"]
     peer.wait_for("health", lambda message: "bus_connections" not in message["standing_faults"])
-    assert [(each.returncode, each.stdout) for each in marked] == [(0, "mark: marked: x\n")] * 4
-    assert json.loads(plumbline(*status).stdout)
+    assert gateway.process.poll() is None
+
+
+def test_failing_handshakes_without_end_take_the_gateway_no_files_and_recording_goes_on(
+    start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path
+) -> None:
+    port, local = unused_port(), f"tcp/127.0.0.1:{unused_port()}"
+    listen = json.dumps([f"tls/127.0.0.1:{port}", local])
+    environment = {"PLUMBLINE_BUS__LISTEN": listen, "PLUMBLINE_RECORDER__SEGMENT_S": "10"}
+    limited = "prlimit", f"--nofile={FILES}:{FILES}"
+    gateway = start_gateway(Site(tmp_path / "keys").gateway_toml(), environment=environment, prefix=limited)
+    peer = join_bus(local)
+    peer.wait_for("health")
+    with attack(FAIL, port, FAILING_PER_S):
+        peer.wait_for("health", lambda message: "bus_connections" in message["standing_faults"])
+        before = set(gateway.recordings)
+        wait_until(lambda: len(set(gateway.recordings) - before) >= 2, "two more segments")
+        heard = len(peer.messages("alert"))
+        wait_until(lambda: len(peer.messages("alert")) > heard, "alerts over a link that came back")
+    code, log = gateway.stop()
+    assert (code, "the bus is closed and opened again" in log) == (0, True), log
+    assert "Too many open files" not in log

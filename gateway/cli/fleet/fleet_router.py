@@ -5,6 +5,7 @@ import json
 import os
 import signal
 import threading
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -87,15 +88,17 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.print_config:
         print(json.dumps(with_storage(configuration), indent=2))
         return 0
-    return _serve(configuration, ", ".join(listen), encrypted=tls is not None)
+    return _serve(configuration, listen, encrypted=tls is not None)
 
 
-def _serve(configuration: dict[str, Any], listen: str, *, encrypted: bool) -> NoReturn:
+def _serve(configuration: dict[str, Any], endpoints: list[str], *, encrypted: bool) -> NoReturn:
     import zenoh
 
     from gateway.bus.router import LatestStates
+    from gateway.bus.silent_connections import SilentConnections, raise_open_files
     from gateway.errors import InputError
 
+    listen = ", ".join(endpoints)
     stopping = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stopping.set())
@@ -109,8 +112,11 @@ def _serve(configuration: dict[str, Any], listen: str, *, encrypted: bool) -> No
     states = LatestStates(session)
     states.start()
     print(f"routing at {listen}, {'mutual TLS' if encrypted else 'not encrypted'}", flush=True)
+    raise_open_files()
+    silent = SilentConnections(endpoints)
     while not stopping.wait(LINK_POLL_S):  # a signal that another thread receives does not end a wait without a limit
-        pass
+        with suppress(zenoh.ZError):
+            silent.end_excess(session)
     closing = threading.Thread(target=_close, args=(states, session), daemon=True)
     closing.start()
     closing.join(CLOSE_S)

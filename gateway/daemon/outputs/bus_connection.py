@@ -27,13 +27,18 @@ class BusConnection(threading.Thread):
         users: Sequence[Callable[[zenoh.Session], None]],
         watches: Sequence[Callable[[], None]],
         faults: FaultRegister,
+        must_reopen: Callable[[], bool] = lambda: False,
     ) -> None:
-        """`users` are called with the session once it is open, and not before; `watches` about once a second from then on."""
+        """`users` are called with the session once it is open, and not before; `watches` about once a second from then on.
+
+        `must_reopen` is asked after these; the session is then closed and opened anew, for the same users.
+        """
         super().__init__(name="bus", daemon=True)
         self._open_session = open_session
         self._users = users
         self._watches = watches
         self._faults = faults
+        self._must_reopen = must_reopen
         self._stopping = threading.Event()
         self.tried = threading.Event()
         """Set after the first attempt."""
@@ -49,12 +54,18 @@ class BusConnection(threading.Thread):
             session = self._try_open()
             self.tried.set()
             if session is not None:
-                while not self._stopping.wait(WATCH_S):
-                    self._watch()
+                self._watch_until_end()
                 session.close()
-                return
+                continue
             self._stopping.wait(backoff.pause_s)
             backoff.increase()
+
+    def _watch_until_end(self) -> None:
+        while not self._stopping.wait(WATCH_S):
+            self._watch()
+            if self._must_reopen():
+                log.error("the bus is closed and opened again: connections to it that open no link take too many files")
+                return
 
     def _watch(self) -> None:
         for watch in self._watches:
