@@ -9,9 +9,22 @@ from pathlib import Path
 
 import pytest
 
+from tests.system.bus_query import KEY
 from tests.system.conftest import ROOT, JoinBus, StartGateway
+from tests.waiting import PATIENCE_S
 
 Damage = Callable[[Path], object]
+
+MADE_LATER = (
+    "security.jsonl",
+    "time-stamps.jsonl",
+    "page-pin",
+    "calibration/audit.jsonl",
+    "calibration/session.json",
+    "configuration/trial.json",
+    "configuration/commissioned.json",
+)
+"""Files that a gateway makes when something happens."""
 
 
 def flip(path: Path) -> None:
@@ -85,3 +98,36 @@ def test_a_gateway_works_with_all_its_state_files_damaged(
     assert gateway.recordings[len(list(former.glob("*.mcap"))) :], output
     if damage not in ("of another user", "removed"):
         assert "chain.json: " in output, output
+
+
+@pytest.mark.slow
+def test_a_link_in_place_of_a_state_file_changes_nothing_where_it_leads(
+    former: Path, start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path
+) -> None:
+    """Each leads to a file that is right, so that the gateway might go on with it: it may read there, and not write."""
+    folder, elsewhere = tmp_path / "data", tmp_path / "elsewhere"
+    shutil.copytree(former, folder, symlinks=True)
+    elsewhere.mkdir()
+    victims = {}
+    linked = [*state_files(folder), *(folder / name for name in MADE_LATER if not (folder / name).exists())]
+    for number, path in enumerate(linked):
+        victim = elsewhere / f"{number}-{path.name}"
+        if path.exists():
+            path.rename(victim)
+        else:
+            victim.write_text("{}\n")
+        path.parent.mkdir(exist_ok=True)
+        path.symlink_to(victim)
+        victims[victim] = victim.read_bytes(), victim.stat().st_mode
+    gateway = start_gateway(environment={"PLUMBLINE_RECORDER__SEGMENT_S": "10"})
+    peer = join_bus(gateway.endpoint)
+    peer.wait_for("alert")
+    refused = peer.session.get(f"{KEY}/rpc/recalibrate", payload=b"{}", timeout=PATIENCE_S)
+    assert [reply.ok for reply in refused] == [None]  # it is noted in security.jsonl
+    peer.wait_for("health", lambda message: message["newest_statement"])
+    code, output = gateway.stop()
+    assert code in (0, 3), output
+    assert "Traceback" not in output, output
+    changed = [path.name for path, kept in victims.items() if (path.read_bytes(), path.stat().st_mode) != kept]
+    assert changed == [], output
+    assert len(victims) > len(MADE_LATER)
