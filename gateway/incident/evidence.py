@@ -83,7 +83,7 @@ def read_evidence(
     writer.start(profile=names.PROFILE, library=f"plumbline {__version__}")
     copier = RecordCopier(writer)
     builder = CourseBuilder(window.origin_ns)
-    samples = CalibratedReader(timeline, Selection(window.begin_ns, window.end_ns + 1))
+    samples = CalibratedReader(timeline, Selection(window.begin_ns, window.end_ns + 1), needs_axes=False)
     files: dict[Path, RecordingFile] = {}
     wanted = Selection(window.begin_ns - CONTEXT_LEAD_NS, window.end_ns + 1)
     for message in timeline.messages(wanted, report):

@@ -96,8 +96,11 @@ class CalibratedBlock:
 class CalibratedReader:
     """Reads the samples of a selection; times that go back are left out and counted."""
 
-    def __init__(self, timeline: Timeline, selection: Selection) -> None:
+    def __init__(self, timeline: Timeline, selection: Selection, *, needs_axes: bool = True) -> None:
+        """Without `needs_axes` a recording whose axes cannot be read is taken in those of the sensor, and a remark says so."""
         self._timeline = timeline
+        self._needs_axes = needs_axes
+        self._unread_axes: dict[str, None] = {}
         self._selection = selection
         end_ns = None if selection.end_ns is None else selection.end_ns + MAX_BLOCK_NS
         self.wanted = Selection(selection.begin_ns, end_ns, NEEDED_TOPICS)
@@ -187,15 +190,24 @@ class CalibratedReader:
 
     def _correction_of(self, file: RecordingFile) -> Correction:
         if self._correction is None:
-            self._correction = recorded_correction(file, self._message)
+            self._correction = recorded_correction(file, self._message, self._axes_of(file))
             if self._correction.text not in self.corrections[-1:]:
                 self.corrections.append(self._correction.text)
                 self._thermometer = TemperatureFilter()  # as in the gateway, where a new record begins anew
         return self._correction
 
+    def _axes_of(self, file: RecordingFile) -> AxesMap:
+        try:
+            return recorded_axes(file)
+        except RecordingError as error:
+            if self._needs_axes:
+                raise
+            self._unread_axes[f"{error}; the readings are shown in the axes of the sensor"] = None
+            return SAME_AXES
+
     def remarks(self) -> list[str]:
         """Return what a user should know of the samples that were read."""
-        remarks = []
+        remarks = list(self._unread_axes)
         if len(self.corrections) > 1:
             remarks.append(f"the calibration changes: {'; then '.join(self.corrections)}")
         if self.not_ascending:

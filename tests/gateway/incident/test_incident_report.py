@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from mcap.writer import Writer
 
 from gateway.cli.main import main
 from gateway.errors import InputError
@@ -119,6 +120,47 @@ def test_a_report_of_the_cut_out_recording_is_the_same(
     first.folder.rename(tmp_path / "first")
     again = make_report([tmp_path / "first" / "incident.mcap"])
     assert again.sentences == first.sentences
+
+
+@pytest.mark.parametrize(
+    ("configuration", "said"),
+    [
+        (b"not TOML \xff", "its configuration is not TOML"),
+        (b"a=" + b"[" * 50_000, "its configuration is not TOML"),
+        (b'[device]\naxes_map = "x,x,z"\n', "its configuration: device.axes_map"),
+        (b"[server]\nport = 1\n", None),
+        (b"", None),
+    ],
+)
+def test_a_damaged_or_foreign_configuration_costs_its_section_alone(
+    recorded: RecordedCrane, make_report: MakeReport, tmp_path: Path, configuration: bytes, said: str | None
+) -> None:
+    for source in recorded.files:
+        with_configuration(source, tmp_path / source.name, configuration)
+    report = make_report(sorted(tmp_path.glob("*.mcap")))
+    assert report.sentences
+    shown = text_of(report.folder / "incident.html")
+    assert ("the readings are shown in the axes of the sensor" in shown) == (said is not None)
+    assert said is None or said in shown
+
+
+def with_configuration(source: Path, to: Path, configuration: bytes) -> None:
+    """Copy a recording with another configuration in it."""
+    with source.open("rb") as stream, to.open("wb") as target:
+        reader, writer, channels = make_reader(stream), Writer(target), dict[int, int]()
+        writer.start(profile="plumbline", library="forged")
+        for record in reader.iter_metadata():
+            writer.add_metadata(record.name, record.metadata)
+        for each in reader.iter_attachments():
+            data = configuration if each.name == "configuration.toml" else each.data
+            writer.add_attachment(each.create_time, each.log_time, each.name, each.media_type, data)
+        for schema, channel, message in reader.iter_messages():
+            if channel.id not in channels:
+                made = present(schema)
+                schema_id = writer.register_schema(made.name, made.encoding, made.data)
+                channels[channel.id] = writer.register_channel(channel.topic, channel.message_encoding, schema_id)
+            writer.add_message(channels[channel.id], message.log_time, message.data, message.publish_time)
+        writer.finish()
 
 
 def test_live_and_torn_recordings_are_reported_up_to_their_end(
