@@ -15,7 +15,7 @@ import zenoh
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from gateway.authorization.message_signature import MessageSigner, Question
-from gateway.bus.router_settings import router_configuration
+from gateway.bus.router import router_configuration
 from gateway.bus.session import TlsFiles
 from gateway.pki.signing_key import SigningKey
 from tests.gateway.pki.site import vouch

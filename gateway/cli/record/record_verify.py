@@ -125,9 +125,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _ask_authority(ca: Path, paths: "Sequence[Path]") -> "VouchedKey":
-    from gateway.cli.options.argument_types import require_certificates
+    from gateway.extras import require_extra
 
-    require_certificates()
+    require_extra("security")
     from gateway.bus.site_authority import SiteAuthority
     from gateway.errors import InputError
     from gateway.pki.inspect import CertificateError, parse_authorities
