@@ -5,9 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli.main import parser
 from gateway.topics import TOPICS
-from tests.command_lines import command_words
 from tests.generated_docs import DOCS, PAGES
 
 ROOT = Path(__file__).parents[1]
@@ -97,15 +95,6 @@ def test_every_package_that_the_docs_name_exists() -> None:
         named = re.findall(r"`((?:gateway|devices|tests)(?:\.\w+)*)`", page.read_text())
         paths = [ROOT / name.replace(".", "/") for name in named]
         assert [str(path) for path in paths if not path.is_dir() and not path.with_suffix(".py").exists()] == [], page
-
-
-@pytest.mark.slow
-def test_every_command_that_the_docs_show_is_understood() -> None:
-    for page in [*ROOT.glob("*.md"), *DOCS.rglob("*.md")]:
-        text = re.sub(r"\s*\\\n\s*", " ", page.read_text())
-        lines = re.findall(r"^ {4,}(?:sudo )?(?:\.venv/bin/)?(plumbline (?!COMMAND).*)$", text, re.MULTILINE)
-        for line in lines:
-            parser().parse_args(command_words(line)[1:])
 
 
 @pytest.mark.slow

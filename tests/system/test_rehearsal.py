@@ -1,24 +1,22 @@
 """The recalibration that the guide rehearses: the simulated rigger does what an engineer asks for, twice in a row."""
 
-import re
 import time
-from pathlib import Path
 
 import pytest
 
+from tests.command_lines import command_words
+from tests.documentation.examples import ROOT, sections
 from tests.system.conftest import JoinBus, Plumbline, StartGateway
 from tests.waiting import PATIENCE_S
 
 pytestmark = pytest.mark.slow
 
-GUIDE = Path(__file__).parents[2] / "docs" / "guides" / "service" / "recalibration.md"
+GUIDE = ROOT / "docs" / "guides" / "service" / "recalibration.md"
 
 
 def _steps() -> list[list[str]]:
     """Return the commands of the guide's rehearsal, without the program's name."""
-    section = GUIDE.read_text(encoding="utf-8").partition("## Rehearse it\n")[2].partition("\n## ")[0]
-    lines = re.findall(r"^    plumbline (remote .*?)(?:\s+#.*)?$", section, re.MULTILINE)
-    return [line.split() for line in lines]
+    return [command_words(command.text)[1:] for command in sections(GUIDE)["Rehearse it"]]
 
 
 def test_the_steps_of_the_guide_succeed_on_the_demonstration(

@@ -18,6 +18,7 @@ from gateway.twin.effects.event_guesses import SHARPEST
 from gateway.twin.model import TwinRig
 from gateway.twin.simulator.equation_checks import check_equations
 from gateway.twin.simulator.simulator import Simulator
+from tests.documentation.examples import sections
 
 pytestmark = pytest.mark.usefixtures("vocabulary")
 
@@ -44,7 +45,7 @@ def page_block(language: str) -> str:
 
 
 def page_commands() -> list[list[str]]:
-    return [shlex.split(line)[1:] for line in HOW_TO.read_text().splitlines() if line.startswith("    plumbline ")]
+    return [shlex.split(command.text)[1:] for commands in sections(HOW_TO).values() for command in commands]
 
 
 @pytest.fixture

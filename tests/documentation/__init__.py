@@ -1,0 +1,1 @@
+"""The commands that the documentation prints, run as a reader would."""

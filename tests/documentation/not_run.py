@@ -1,0 +1,34 @@
+"""Printed commands that are not run, each with the reason; what they name must exist all the same."""
+
+from tests.documentation.examples import Command
+
+BY_BEGINNING = {
+    "echo ": "writes files of /etc as root",
+    "sudo ": "changes the machine as root: packages, users, services, files of /etc",
+    "sudoedit ": "opens an editor as root",
+    "journalctl ": "needs the log of systemd",
+    "git clone ": "needs a network",
+    "script/": "makes an environment, or runs for minutes to hours; the continuous integration is script/test",
+    "python -m tests.": "measures for minutes to hours",
+    "dask ": "needs the machines of a cluster",
+    "plumbline archive replay s3://": "needs the machines of a cluster",
+    "plumbline record verify FOLDER": "needs an authority for time stamps; tests/system/test_time_stamps.py has one",
+    "plumbline remote rollback": "needs a recalibration before; tests/system/test_recalibration.py has one",
+    "plumbline remote status --gateway": "needs a gateway that was set up twice; tests/system/test_forged_messages.py has one",
+    "plumbline fleet deflection plumbline/": "needs two gateways; tests/system/test_fleet_deflection.py runs it",
+}
+BY_SECTION = {
+    "docs/guides/service/recalibration.md#Rehearse it": "run twice in a row by tests/system/test_rehearsal.py",
+    "docs/guides/service/installation.md#5. Calibrate and align": "the same commands as in the rehearsal",
+    "docs/development/add_an_effect.md#2. Simulate it": "run by tests/gateway/twin/test_user_effects.py",
+    "docs/development/add_an_effect.md#3. Find it in a recording": "run by tests/gateway/twin/test_user_effects.py",
+}
+
+
+def parts_to_run(command: Command, section: str) -> list[str]:
+    """Return the parts of a command, joined by `&&`, that are run."""
+    if section in BY_SECTION:
+        return []
+    first, *others = command.text.split(" && sudo ")
+    parts = [first, *(f"sudo {other}" for other in others)]
+    return [part for part in parts if not part.startswith(tuple(BY_BEGINNING))]
