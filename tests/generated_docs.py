@@ -1,4 +1,4 @@
-"""Pages of the documentation that are generated from the code: `script/docs` writes them, `tests/test_docs.py` compares them.
+"""Pages and drawings that are generated from the code: `script/docs` writes them, `tests/test_docs.py` compares them.
 
 To add a page, write a function that returns its text and enter it in `PAGES`.
 """
@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from gateway.cli.main import parser
+from tests.drawings.clamp import clamp_drawing
+from tests.drawings.mounting import mounting_picture
 from tests.generated_configuration import configuration_page
 from tests.generated_effects import effects_page
 from tests.generated_plant import plant_values_page
@@ -88,8 +90,10 @@ PAGES: dict[str, Callable[[], str]] = {
     "reference/configuration.md": configuration_page,
     "reference/effects.md": effects_page,
     "reference/plant_values.md": plant_values_page,
+    "guides/service/clamp.svg": clamp_drawing,
+    "guides/service/mounting.svg": mounting_picture,
 }
-"""Generated pages by their name under docs/."""
+"""Generated pages and drawings by their name under docs/."""
 
 
 if __name__ == "__main__":

@@ -28,3 +28,20 @@ def test_every_file_that_the_guides_name_is_installed() -> None:
         named = re.findall(r"/opt/plumbline/current/(deploy/[\w./-]+)", (FOLDER / f"{name}.md").read_text())
         assert [path for path in named if not (ROOT / path).exists()] == []
     assert "for part in config deploy" in script
+
+
+def test_what_the_guide_says_of_limits_is_the_evidence() -> None:
+    table = (
+        (ROOT / "docs" / "evidence" / "motion.md").read_text().split("real_cranes: alerts -->")[1].split("<!-- end")[0]
+    )
+    header, _, *rows = (line.strip("| ").split(" | ") for line in table.split("\n") if line.startswith("|"))
+    cells = [row[header.index("0.75 u")] for row in rows]
+    found = [re.match(r"(\d+) of (\d+), ([\d.]+) s before; ([\d.]+) %", cell) for cell in cells]
+    announced, of, before_s, false = zip(*(map(float, match.groups()) for match in found if match), strict=True)
+    shares = [100 * each / total for each, total in zip(announced, of, strict=True)]
+    said = (
+        f"with levels of {rows[0][0]} to {rows[-1][0]}°, {min(shares):.0f} to {max(shares):.0f} %, "
+        f"{min(before_s):g} to {max(before_s):g} s before (median); "
+        f"trips without cause stood {min(false):g} to {max(false):g} % of the time"
+    )
+    assert said in " ".join((FOLDER / "installation.md").read_text().split())

@@ -117,7 +117,7 @@ def _ask_mounted_on(answers: Answers) -> None:
 
 
 def _ask_limits(answers: Answers) -> None:
-    print("\nLimits of the swing, compared with the angle plus half its standard uncertainty.")
+    print('\nLimits of the swing; how to choose them: installation guide, "Choose the limits".')
 
     def take_trip(text: str) -> None:
         trip_deg = _number(text)

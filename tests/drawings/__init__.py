@@ -1,0 +1,1 @@
+"""Drawings of the guides, to scale, from their dimensions in mm."""
