@@ -15,6 +15,8 @@ BY_BEGINNING = {
     "plumbline record verify FOLDER": "needs an authority for time stamps; tests/system/test_time_stamps.py has one",
     "plumbline remote rollback": "needs a recalibration before; tests/system/test_recalibration.py has one",
     "plumbline remote status --gateway": "needs a gateway that was set up twice; tests/system/test_forged_messages.py has one",
+    "plumbline remote recalibrate --by ann --housing-off-rope --connect": "the rehearsal; commands over TLS are in "
+    "tests/system/test_tls_site.py",
     "plumbline fleet deflection plumbline/": "needs two gateways; tests/system/test_fleet_deflection.py runs it",
 }
 BY_SECTION = {
