@@ -15,6 +15,8 @@ GROUPS = {
     "Development": "development",
 }
 
+LINK = re.compile(r"\[([^\]]+)\]\(([^)#\s:]+\.md)(?:#[^)]*)?\)")
+
 project = "Plumbline"
 extensions = ["myst_parser"]
 root_doc = "README"
@@ -27,7 +29,6 @@ html_show_copyright = False
 suppress_warnings = [
     "misc.highlighting_failure",  # languages of controllers and diagrams that Pygments does not know
     "myst.header",  # the operator's card has one title for each language
-    "myst.xref_missing",  # links to files outside docs; tests/test_docs.py checks all links in the repository
 ]
 
 
@@ -41,12 +42,19 @@ def _contents() -> str:
     return "".join(lists)
 
 
-def _add_contents(_: Any, name: str, source: list[str]) -> None:
+def _prepare(app: Any, name: str, source: list[str]) -> None:
+    folder = Path(app.env.doc2path(name)).parent
+
+    def only_words(link: re.Match[str]) -> str:
+        inside = (folder / link[2]).resolve().is_relative_to(DOCS)
+        return link[0] if inside else link[1]
+
+    source[0] = LINK.sub(only_words, source[0])
     if name == root_doc:
         source[0] += _contents()
     source[0] = re.sub(r"^```mermaid$", "```text", source[0], flags=re.MULTILINE)
 
 
 def setup(app: Any) -> None:
-    """Add the list of pages to the first one while it is read."""
-    app.connect("source-read", _add_contents)
+    """While pages are read, give the first one the list of all, and make words of links to pages that the site does not have."""
+    app.connect("source-read", _prepare)
