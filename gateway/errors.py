@@ -21,9 +21,22 @@ class InputError(PlumblineError, ValueError):
     """Bad input to a command: a file, an option, a recording."""
 
 
+_ALLOWED: dict[str, str] = {}
+"""What a pattern allows, in words."""
+
+
+def pattern_of(pattern: str, allowed: str) -> str:
+    """Return a pattern; where a text does not match it, `describe_problems` says what is allowed, in words."""
+    _ALLOWED[pattern] = allowed
+    return pattern
+
+
 def describe_problems(error: "ValidationError", whole: str = "content") -> list[str]:
     """Return the problems of a validation as "place: what is wrong"; `whole` is the place of one without a field."""
     problems = error.errors(include_url=False)
     places = [".".join(map(str, problem["loc"])) or whole for problem in problems]
-    texts = [problem["msg"].removeprefix("Value error, ") for problem in problems]
+    texts = []
+    for problem in problems:
+        allowed = _ALLOWED.get(problem.get("ctx", {}).get("pattern", ""))
+        texts.append(f"should be {allowed}" if allowed else problem["msg"].removeprefix("Value error, "))
     return [f"{place}: {text}" for place, text in zip(places, texts, strict=True)]

@@ -11,6 +11,7 @@ from devices.i2c.accelerometer_chip import ChipKind
 from devices.i2c.chips import CHIPS
 from gateway.configuration.device_section import DeviceSection
 from gateway.configuration.section import Section, one_of
+from gateway.errors import pattern_of
 
 if TYPE_CHECKING:
     SingleAxisPart = str
@@ -105,7 +106,9 @@ class SerialSection(DeviceSection):
     """The keys of every sensor on a serial port."""
 
     port: str = Field(
-        pattern="^(/.+|usb:[0-9a-fA-F]{4}:[0-9a-fA-F]{4}(:.+)?)$",
+        pattern=pattern_of(
+            "^(/.+|usb:[0-9a-fA-F]{4}:[0-9a-fA-F]{4}(:.+)?)$", "a path such as /dev/ttyUSB0, or usb:VID:PID:SERIAL"
+        ),
         description="/dev/serial/by-id/... or usb:VID:PID:SERIAL, the identity of a USB adapter",
     )
 

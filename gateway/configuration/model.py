@@ -11,6 +11,7 @@ from gateway.configuration.bus_section import BusSection
 from gateway.configuration.device_sections import AnyDevice, SimulatedDevice
 from gateway.configuration.relay_section import AnyRelay, NoRelay
 from gateway.configuration.section import KEY_PATTERN, Section, one_of
+from gateway.errors import pattern_of
 from gateway.languages import LANGUAGES
 
 MAX_CUTOFF_SHARE = 0.4
@@ -222,7 +223,11 @@ class PageSection(Section):
     """The operator's page."""
 
     enabled: bool = True
-    listen: str = Field("127.0.0.1:8321", pattern=r"^[^:\s]+:\d{1,5}$", description="address:port")
+    listen: str = Field(
+        "127.0.0.1:8321",
+        pattern=pattern_of(r"^[^:\s]+:\d{1,5}$", "an address and a port, such as 127.0.0.1:8321"),
+        description="address:port",
+    )
     language: Language = "en"
     directions: DirectionsSection = DirectionsSection()
     hosts: list[str] = Field(

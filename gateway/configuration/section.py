@@ -5,7 +5,11 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict
 
-KEY_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
+from gateway.errors import pattern_of
+
+KEY_PATTERN = pattern_of(
+    r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", "letters, digits, '.', '_' and '-', and begin with a letter or a digit"
+)
 
 
 class Section(BaseModel):

@@ -8,6 +8,7 @@ from gateway.incident.course import Course
 from gateway.incident.facts import CraneMove, IncidentFacts, PeakAngle
 from gateway.incident.timeline_figure import ReportClock
 from gateway.pipeline.alert_rules import SWING
+from gateway.text import counted
 
 MAX_SUMMARY_MARKS = 3
 """Marks in the summary; the events have all of them. Basis: a choice; the summary stays on one page, the events have all of
@@ -135,7 +136,7 @@ def _how_good(course: Course, facts: IncidentFacts) -> Iterator[str]:
     rate = "" if samples.rate_hz is None else f" at {format_short(samples.rate_hz, 4)} Hz"
     if samples.gaps:
         longest_s = max(gap.end_s - gap.begin_s for gap in samples.gaps)
-        gaps = f"{len(samples.gaps)} gaps, the longest {longest_s:.2f} s"
+        gaps = f"{counted(len(samples.gaps), 'gap')}, the longest {longest_s:.2f} s"
     else:
         gaps = "no gap"
     yield f"The report covers {samples.count} samples{rate}, with {gaps}, {samples.lost} lost and {samples.invalid} invalid."

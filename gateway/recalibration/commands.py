@@ -181,7 +181,7 @@ class CommandHandler:
 
     def _parent_of(self, record_id: str | None) -> str | None:
         if record_id is None:
-            raise Refused("no record is in force that could be rolled back; name one with to")
+            raise Refused("no record is in force that could be rolled back; name the one that shall be in force (--to)")
         parent = self.store.record(record_id).parent
         factory = self.device.factory_calibration
         if parent is None or parent in self.store.ids():

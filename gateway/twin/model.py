@@ -121,9 +121,8 @@ def _validate_value(value: Any, parameter: Parameter, place: str) -> Value:
     for each in given:
         is_number = isinstance(each, (int, float)) and not isinstance(each, bool) and math.isfinite(each)
         if not is_number or not parameter.lower <= each <= parameter.upper:
-            raise InputError(
-                f"{place} = {value} should be from {parameter.lower:g} to {parameter.upper:g} {parameter.unit}"
-            )
+            unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+            raise InputError(f"{place} = {value} should be from {parameter.lower:g} to {parameter.upper:g}{unit}")
     numbers = tuple(float(each) for each in given)
     return numbers if parameter.components else numbers[0]
 

@@ -91,7 +91,9 @@ def _prediction(
     known = [spec.parameter for spec in simulator.initial]
     for name, value in initial.items():
         if name not in known:
-            raise InputError(f"the initial state has no {name}; its coordinates are {', '.join(known)}")
+            raise InputError(
+                f"the initial state has no {name}; its coordinates are {', '.join(known)}".replace("_rad", "_deg")
+            )
         start[known.index(name)] = value
     values[: simulator.n_initial_states] = start
     _check_bounds(simulator, values)

@@ -91,7 +91,7 @@ def test_a_person_sets_up_a_gateway_on_a_terminal(dev: Path, tmp_path: Path) -> 
     person.answer("z points up the rope [x,y,z]:")
     person.answer("Site [yard]:", "harbour")
     person.answer("Crane [crane-1]:", "crane 7")
-    person.expect("String should match pattern")
+    person.expect("should be letters, digits, '.', '_' and '-'")
     person.answer("Crane [crane-1]:", "crane-7")
     person.answer("Sensor [hook-1]:")
     person.answer("Length from the pivot to the load's centre, m:")

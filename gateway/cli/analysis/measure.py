@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from gateway.cli.options.recording_options import add_interval, add_table_options, interval, table_options
-from gateway.cli.terminal.output import add_json
+from gateway.cli.terminal.output import add_json, output_file
 
 EXAMPLE = """examples:
   plumbline measure log.csv --rig rig.toml --json result.json
@@ -42,7 +42,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     add_json(command)
     command.add_argument(
         "--motion",
-        type=Path,
+        type=output_file,
         metavar="FILE.csv",
         help="write the motion at every 0.1 s: angle with uncertainty, pivot acceleration, hoist speed, rope length, state",
     )

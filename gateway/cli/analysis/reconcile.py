@@ -13,7 +13,7 @@ from gateway.cli.analysis.effects import add_effects_from, load_user_effects
 from gateway.cli.analysis.reconcile_files import check_outputs, output_texts
 from gateway.cli.options.argument_types import duration_s, whole_number
 from gateway.cli.options.recording_options import add_interval, add_table_options, interval, table_options
-from gateway.cli.terminal.output import add_json
+from gateway.cli.terminal.output import add_json, output_file
 
 if TYPE_CHECKING:
     from gateway.measurement.source import Source
@@ -105,12 +105,12 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         help="a second recording to test the model on; without it the end of LOG",
     )
     add_json(command)
-    command.add_argument("--report", type=Path, metavar="FILE.html", help="write a report with figures")
+    command.add_argument("--report", type=output_file, metavar="FILE.html", help="write a report with figures")
     command.add_argument(
-        "--prediction", type=Path, metavar="FILE.csv", help="write the prediction of LOG2 (of LOG without one)"
+        "--prediction", type=output_file, metavar="FILE.csv", help="write the prediction of LOG2 (of LOG without one)"
     )
     command.add_argument(
-        "--write-model", type=Path, metavar="FILE.toml", help="write the rig with the effects that were found"
+        "--write-model", type=output_file, metavar="FILE.toml", help="write the rig with the effects that were found"
     )
     command.add_argument(
         "--inputs",

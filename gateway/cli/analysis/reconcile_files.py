@@ -1,7 +1,6 @@
-"""The output files of `plumbline reconcile`: checked before the work begins, and all made before one is written."""
+"""The output files of `plumbline reconcile`: none takes the place of another, and all are made before one is written."""
 
 import argparse
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,25 +14,14 @@ if TYPE_CHECKING:
 
 
 def check_outputs(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path | None]) -> None:
-    """Raise `InputError` if an output cannot be written, or would replace an input or another output."""
+    """Raise `InputError` if an output would replace an input or another output."""
     used = {path.resolve(): name for name, path in inputs.items() if path is not None}
     for name, path in outputs.items():
         if path is None or path == STANDARD_OUTPUT:
             continue
-        fault = _fault(path)
-        if fault:
-            raise InputError(f"{name} {path}: cannot be written ({fault}); choose another place")
         other = used.setdefault(path.resolve(), name)
         if other != name:
             raise InputError(f"{name} {path}: is {other} as well; choose another name")
-
-
-def _fault(path: Path) -> str:
-    if path.is_dir():
-        return "it is a directory"
-    if not path.parent.is_dir():
-        return f"there is no directory {path.parent}"
-    return "" if os.access(path.parent, os.W_OK) else f"no permission in {path.parent}"
 
 
 def output_texts(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from gateway.cli.analysis.effects import add_effects_from, load_user_effects
 from gateway.cli.options.argument_types import above_zero, whole_number
+from gateway.cli.terminal.output import output_file
 
 EXAMPLE = """examples:
   plumbline simulate rig.toml --out log.csv --effect viscous_damping
@@ -25,7 +26,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     command.add_argument("rig", type=Path, metavar="RIG", help="rig.toml; the effects in its [model] act as well")
-    command.add_argument("--out", type=Path, metavar="LOG", required=True, help=".csv or .mcap")
+    command.add_argument("--out", type=output_file, metavar="LOG", required=True, help=".csv or .mcap")
     command.add_argument(
         "--effect",
         action="append",

@@ -2,13 +2,12 @@
 
 import argparse
 from datetime import UTC, datetime, time, timedelta
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from gateway.cli.archive.archive_options import add_table
 from gateway.cli.options.argument_types import above_zero, parsed_by
-from gateway.cli.terminal.output import add_json
+from gateway.cli.terminal.output import add_json, output_file
 from gateway.extras import require_extra, require_plots
 
 if TYPE_CHECKING:
@@ -29,7 +28,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         epilog="example: plumbline archive report --table /srv/archive --from 2026-10-01 --to 2026-11-01 --html october.html",
     )
     add_table(verb)
-    verb.add_argument("--html", type=Path, required=True, metavar="FILE", help="the page")
+    verb.add_argument("--html", type=output_file, required=True, metavar="FILE", help="the page")
     verb.add_argument(
         "--from",
         dest="begin",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from gateway.cli.options.alignment_unit import add_unit_arguments, aligning_unit
 from gateway.cli.options.argument_types import above_zero
 from gateway.cli.options.recording_options import add_table_options, table_options
-from gateway.cli.terminal.output import add_json
+from gateway.cli.terminal.output import add_json, output_file
 
 if TYPE_CHECKING:
     from gateway.bench.align_recording import RecordedTurns
@@ -39,7 +39,7 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
         help="deviation of perpendicularity of the housing, DP (default %(default)s)",
     )
     add_json(method)
-    method.add_argument("--html", type=Path, metavar="FILE", help="write a report with a figure")
+    method.add_argument("--html", type=output_file, metavar="FILE", help="write a report with a figure")
     add_table_options(method)
     method.set_defaults(run=_run)
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.cli.options.argument_types import above_zero
+from gateway.cli.terminal.output import output_file
 
 if TYPE_CHECKING:
     from gateway.bench.laser.board import DotBoard
@@ -39,16 +40,19 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
     )
     method.add_argument("--colour", choices=("red", "green"), default="red", help="colour of the laser (default red)")
     method.add_argument(
-        "--json", type=Path, metavar="FILE", help="write all results to FILE; -: print them instead of the text"
+        "--json", type=output_file, metavar="FILE", help="write all results to FILE; -: print them instead of the text"
     )
     method.add_argument(
-        "--csv", type=Path, metavar="FILE", help="write the displacements to FILE; add the column raw_angle_deg to it"
+        "--csv",
+        type=output_file,
+        metavar="FILE",
+        help="write the displacements to FILE; add the column raw_angle_deg to it",
     )
     method.add_argument(
         "--overlay", type=Path, metavar="FOLDER", help="write each photograph with what was found in it to FOLDER"
     )
     method.add_argument(
-        "--board", type=Path, metavar="FILE.pdf", help="write a printable board at true size to FILE.pdf"
+        "--board", type=output_file, metavar="FILE.pdf", help="write a printable board at true size to FILE.pdf"
     )
     method.set_defaults(run=_run)
 

@@ -6,6 +6,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gateway.cli.terminal.output import output_file
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -19,10 +21,10 @@ UNIDENTIFIED = "unidentified"
 def add_record_arguments(method: argparse.ArgumentParser) -> None:
     """Add where the record goes, whose it is, who made it, and its parent."""
     method.add_argument(
-        "--json", type=Path, metavar="FILE", help="write the record to FILE; -: print it in place of the report"
+        "--json", type=new_record, metavar="FILE", help="write the record to FILE; -: print it in place of the report"
     )
     method.add_argument(
-        "--html", type=Path, metavar="FILE", help="write the certificate to FILE; it prints on one sheet of A4"
+        "--html", type=output_file, metavar="FILE", help="write the certificate to FILE; it prints on one sheet of A4"
     )
     method.add_argument(
         "--device-id",
@@ -37,6 +39,14 @@ def add_record_arguments(method: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="the record in force: the change since then is judged, and a norm fit keeps its frame",
     )
+
+
+def new_record(text: str) -> Path:
+    """Parse the name of a calibration record to write: one that exists is never changed."""
+    path = output_file(text)
+    if path.is_file():
+        raise argparse.ArgumentTypeError(f"{text}: exists, and a record is never changed; choose another name")
+    return path
 
 
 def use_recorded_device(arguments: argparse.Namespace, files: "Sequence[FileReadings]") -> None:

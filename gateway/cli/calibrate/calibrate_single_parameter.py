@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from gateway.calibration.pose_method import SINGLE_PARAMETER
 from gateway.cli.calibrate.calibrate_record import add_record_arguments, identity_note, read_parent_record, write_record
 from gateway.cli.options.argument_types import above_zero
+from gateway.cli.terminal.output import output_file
 
 if TYPE_CHECKING:
     from gateway.bench.single_parameter import SingleParameterFit
@@ -62,7 +63,7 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
     method.add_argument(
         "--apply", type=Path, metavar="FILE", help="correct the raw relative angles of this CSV (column raw_angle_deg)"
     )
-    method.add_argument("--corrected", type=Path, metavar="FILE", help="write the corrected angles to FILE")
+    method.add_argument("--corrected", type=output_file, metavar="FILE", help="write the corrected angles to FILE")
     method.set_defaults(run=_run)
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from gateway.cli.options.argument_types import above_zero, whole_number
 from gateway.cli.remote.remote_align import MAX_QUEUED_TILTS, TILT_SILENCE_S
+from gateway.cli.terminal.output import output_file
 
 if TYPE_CHECKING:
     from gateway.bench.girder.deflection import Deflection, Girder, InwardAxis
@@ -60,10 +61,10 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         help="duration of the zero at the beginning, the girder unloaded (default 10)",
     )
     verb.add_argument(
-        "--json", type=Path, metavar="FILE", help="recordings: also write the result as JSON; -: print it"
+        "--json", type=output_file, metavar="FILE", help="recordings: also write the result as JSON; -: print it"
     )
-    verb.add_argument("--csv", type=Path, metavar="FILE", help="recordings: write the deflection over time")
-    verb.add_argument("--html", type=Path, metavar="FILE", help="recordings: write a report with a figure")
+    verb.add_argument("--csv", type=output_file, metavar="FILE", help="recordings: write the deflection over time")
+    verb.add_argument("--html", type=output_file, metavar="FILE", help="recordings: write a report with a figure")
     verb.add_argument(
         "--connect",
         action="append",

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gateway.cli.options.argument_types import above_zero
-from gateway.cli.terminal.output import add_json
+from gateway.cli.terminal.output import add_json, output_file
 
 if TYPE_CHECKING:
     from gateway.calibration.drift.fleet_drift import SensorDrift
@@ -45,7 +45,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     )
     verb.add_argument("--on", type=_date, metavar="DATE", help="judge on this day, such as 2026-11-22 (default: today)")
     add_json(verb)
-    verb.add_argument("--html", type=Path, metavar="FILE", help="write a report with tables and figures")
+    verb.add_argument("--html", type=output_file, metavar="FILE", help="write a report with tables and figures")
     verb.set_defaults(run=_run)
 
 

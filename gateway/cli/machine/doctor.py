@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gateway.cli.terminal.output import Style, paint
+from gateway.cli.terminal.output import Style, output_file, paint
 
 if TYPE_CHECKING:
     from gateway.configuration.model import Configuration
@@ -41,11 +41,11 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         help="state what is open and to whom: listeners, rights, certificates, files, page",
     )
     command.add_argument(
-        "--json", type=Path, metavar="FILE|-", help="write the results as JSON, with what was measured"
+        "--json", type=output_file, metavar="FILE|-", help="write the results as JSON, with what was measured"
     )
     command.add_argument(
         "--bundle",
-        type=Path,
+        type=output_file,
         metavar="FILE.tar.gz",
         help="write findings, configuration, versions, state, log and a list of the recordings, without secrets",
     )

@@ -2,10 +2,10 @@
 
 import argparse
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.cli.options.recording_options import add_selection, interval
+from gateway.cli.terminal.output import output_file
 from gateway.errors import WITH_LOSSES
 
 if TYPE_CHECKING:
@@ -32,16 +32,19 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     target = export.add_mutually_exclusive_group(required=True)
     target.add_argument(
         "--csv",
-        type=Path,
+        type=output_file,
         metavar="FILE",
         help="time_s,ax_g,ay_g,az_g[,temperature_c], seconds from the first sample of the recording; `measure` reads it",
     )
     target.add_argument(
-        "--parquet", type=Path, metavar="FILE", help="the same with UTC; needs the extra plumbline-gateway[parquet]"
+        "--parquet",
+        type=output_file,
+        metavar="FILE",
+        help="the same with UTC; needs the extra plumbline-gateway[parquet]",
     )
     target.add_argument(
         "--mcap",
-        type=Path,
+        type=output_file,
         metavar="FILE",
         help="for Foxglove, Lichtblick and PlotJuggler: /acceleration_samples with one message per sample, and all other topics",
     )

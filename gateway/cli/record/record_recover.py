@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from gateway.cli.terminal.output import output_file
 from gateway.errors import WITH_LOSSES
 
 
@@ -16,7 +17,9 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         epilog="example: plumbline record recover incomplete.mcap",
     )
     recover.add_argument("log", type=Path, metavar="LOG", help=".mcap written by the gateway")
-    recover.add_argument("--out", type=Path, metavar="FILE", help="the new recording (default: NAME.recovered.mcap)")
+    recover.add_argument(
+        "--out", type=output_file, metavar="FILE", help="the new recording (default: NAME.recovered.mcap)"
+    )
     recover.set_defaults(run=run)
 
 

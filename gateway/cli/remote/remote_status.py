@@ -5,11 +5,11 @@ import sys
 import time
 from contextlib import suppress
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gateway.cli.options.argument_types import key_fingerprint
 from gateway.cli.options.bus_link import add_address, client_credentials, connect_endpoint
+from gateway.cli.terminal.output import output_file
 from gateway.text import printable
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     )
     verb.add_argument(
         "--json",
-        type=Path,
+        type=output_file,
         metavar="FILE",
         help="also write the last message of every topic, and the drift, as JSON; -: print it instead of the text",
     )

@@ -26,8 +26,28 @@ MAX_LINE_CHARACTERS = 118
 def add_json(verb: argparse.ArgumentParser) -> None:
     """Add the option `--json`; `show` obeys it."""
     verb.add_argument(
-        "--json", type=Path, metavar="FILE", help="also write the result as JSON; -: print it instead of the text"
+        "--json",
+        type=output_file,
+        metavar="FILE",
+        help="also write the result as JSON; -: print it instead of the text",
     )
+
+
+def output_file(text: str) -> Path:
+    """Parse the name of a file to write, `-` for the standard output; what cannot be written is refused before the work."""
+    path = Path(text)
+    fault = "" if text == "-" else _fault_of_output(path)
+    if fault:
+        raise argparse.ArgumentTypeError(f"{text}: cannot be written ({fault}); choose another place")
+    return path
+
+
+def _fault_of_output(path: Path) -> str:
+    if path.is_dir():
+        return "it is a directory"
+    if not path.parent.is_dir():
+        return f"there is no directory {path.parent}"
+    return "" if os.access(path.parent, os.W_OK) else f"no permission in {path.parent}"
 
 
 def show(text: str, content: object, json_path: Path | None) -> None:

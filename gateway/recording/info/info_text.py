@@ -9,6 +9,7 @@ from gateway.recording.info.recording_info import RecordingInfo
 from gateway.recording.reading.interval import zoned
 from gateway.recording.summary.segment_summary import CalibrationState, RecordedPeak
 from gateway.recording.summary.summary_builder import RecordedAlert
+from gateway.text import counted
 
 LABEL_WIDTH = 15
 """Characters of the first column. Definition: the longest label and a space."""
@@ -90,12 +91,12 @@ class _InfoText:
         if not samples.count:
             return "none"
         rate = "" if samples.rate_hz is None else f" at {samples.rate_hz:.3f} Hz"
-        gaps = f"{samples.gaps} gaps"
+        gaps = counted(samples.gaps, "gap")
         if samples.longest_gap_s is not None:
             gaps += f" (longest {samples.longest_gap_s:.3f} s)"
         text = f"{samples.count}{rate}, {samples.lost} lost, {samples.invalid} invalid, {gaps}"
         if samples.missing_blocks:
-            text += f", {samples.missing_blocks} blocks missing"
+            text += f", {counted(samples.missing_blocks, 'block')} missing"
         if self.info.bytes_per_sample is None:
             return text
         return f"{text}; {self.info.bytes_per_sample:.2f} bytes per sample with everything else in the file"
@@ -115,7 +116,8 @@ class _InfoText:
         alerts = self.info.alerts
         trips = sum(alert.level == "trip" for alert in alerts)
         yield ""
-        yield f"alerts: {len(alerts)}, of them {trips} trips; no statement on the swing for {self.info.unknown_s:.1f} s"
+        of_them = f"{len(alerts)}, of them {counted(trips, 'trip')}"
+        yield f"alerts: {of_them}; no statement on the swing for {self.info.unknown_s:.1f} s"
         others = 0
         for alert in alerts:
             others += alert.level != "trip"

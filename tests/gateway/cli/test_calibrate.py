@@ -43,6 +43,7 @@ IMUCAL_OFFSET = [-6.232558139534831, -48.31395348837202, -28.72790697674418]
 def calibrate(tmp_path: Path, *arguments: Any) -> tuple[int, CalibrationRecord | None]:
     """Return the exit code, and the record or None."""
     out = tmp_path / "record.json"
+    out.unlink(missing_ok=True)
     code = main(["calibrate", *map(str, arguments), "--json", str(out)])
     return code, CalibrationRecord.model_validate(json.loads(out.read_text())) if out.exists() else None
 

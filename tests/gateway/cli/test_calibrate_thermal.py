@@ -34,6 +34,7 @@ def write(folder: Path, files: list[FileReadings], temperature: bool = True) -> 
 
 def thermal(tmp_path: Path, *arguments: Any) -> tuple[int, CalibrationRecord | None]:
     out = tmp_path / "record.json"
+    out.unlink(missing_ok=True)
     code = main(["calibrate", "thermal", *map(str, arguments), "--json", str(out)])
     return code, CalibrationRecord.model_validate(json.loads(out.read_text())) if out.exists() else None
 

@@ -72,7 +72,7 @@ def test_a_place_stated_from_the_load_or_at_the_ropes_end_moves_with_its_length(
         ({"viscosity": {}}, r"rig: \[model.viscosity\] is no effect; known are axis_offset, .*vibration"),
         ({"impact": {"start_s": 1.0}}, r"\[model.impact\] needs delta_v_m_s, in m/s: jump of velocity"),
         ({"quadratic_drag": {"drag": 1.0}}, r"\[model.quadratic_drag\] has no drag; its parameters are drag_per_m"),
-        ({"viscous_damping": {"damping_ratio": -0.1}}, r"damping_ratio = -0.1 should be from 0 to 0.5 1"),
+        ({"viscous_damping": {"damping_ratio": -0.1}}, r"damping_ratio = -0.1 should be from 0 to 0.5$"),
         ({"viscous_damping": {"damping_ratio": float("nan")}}, "should be from 0 to 0.5"),
         ({"viscous_damping": {"damping_ratio": "much"}}, "damping_ratio = much should be"),
         ({"viscous_damping": {"damping_ratio": [0.1, 0.2]}}, "should be one number"),

@@ -75,7 +75,7 @@ def test_same_seed_gives_the_same_recording(rig: Path, tmp_path: Path) -> None:
         (["--out", "log.csv", "--initial", "tilt_x_deg"], "should be NAME=VALUE"),
         (
             ["--out", "log.csv", "--initial", "height_m=3"],
-            "the initial state has no height_m; its coordinates are tilt_x_rad",
+            "the initial state has no height_m; its coordinates are tilt_x_deg",
         ),
         (["--out", "log.csv", "--effect", "double_pendulum", "--effect", "rope_stretch"], "cannot act together"),
         (
