@@ -1,6 +1,7 @@
 """The errors that a person reads: one line with the place and the remedy, and an exit code."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pydantic import ValidationError
@@ -26,7 +27,7 @@ _ALLOWED: dict[str, str] = {}
 
 
 def pattern_of(pattern: str, allowed: str) -> str:
-    """Return a pattern; where a text does not match it, `describe_problems` says what is allowed, in words."""
+    """Return a pattern; where a text does not match it, `describe_problem` says what is allowed, in words."""
     _ALLOWED[pattern] = allowed
     return pattern
 
@@ -35,8 +36,10 @@ def describe_problems(error: "ValidationError", whole: str = "content") -> list[
     """Return the problems of a validation as "place: what is wrong"; `whole` is the place of one without a field."""
     problems = error.errors(include_url=False)
     places = [".".join(map(str, problem["loc"])) or whole for problem in problems]
-    texts = []
-    for problem in problems:
-        allowed = _ALLOWED.get(problem.get("ctx", {}).get("pattern", ""))
-        texts.append(f"should be {allowed}" if allowed else problem["msg"].removeprefix("Value error, "))
-    return [f"{place}: {text}" for place, text in zip(places, texts, strict=True)]
+    return [f"{place}: {describe_problem(problem)}" for place, problem in zip(places, problems, strict=True)]
+
+
+def describe_problem(problem: Mapping[str, Any]) -> str:
+    """Return what is wrong by a problem of pydantic."""
+    allowed = _ALLOWED.get(problem.get("ctx", {}).get("pattern", ""))
+    return f"should be {allowed}" if allowed else str(problem["msg"]).removeprefix("Value error, ")

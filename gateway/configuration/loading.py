@@ -14,7 +14,7 @@ from pydantic import BaseModel, ValidationError, create_model
 from gateway.configuration.device_plugins import PluginError, load_plugin, plugin_names
 from gateway.configuration.device_sections import DEVICE_SECTIONS, ReplayDevice
 from gateway.configuration.model import Configuration
-from gateway.errors import InputError
+from gateway.errors import InputError, describe_problem
 from gateway.file_input import parse_toml, read_toml
 
 ENVIRONMENT_PREFIX = "PLUMBLINE_"
@@ -130,7 +130,7 @@ def _describe(problem: dict[str, Any], table: dict[str, Any], model: type[Config
         return f"device.kind: {table['device']['kind']!r} is not supported; this version has {kinds}"
     if problem["type"] == "missing":
         return f"{name}: is missing and has no default"
-    text = str(problem["msg"]).removeprefix("Value error, ")
+    text = describe_problem(problem)
     given = problem.get("input")
     shown = f" (given: {given!r})" if name and isinstance(given, str | int | float | bool) else ""
     return f"{name}: {text}{shown}" if name else text

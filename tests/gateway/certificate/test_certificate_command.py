@@ -24,9 +24,3 @@ def test_calibrate_writes_the_certificate_of_its_record(tmp_path: Path, capsys: 
     parent, record = (CalibrationRecord.model_validate(json.loads(path.read_text())) for path in (first, second))
     assert page.read_text() == render_certificate(record, parent)
     assert "Change since the parent" in page.read_text()
-
-
-def test_unwritable_output_is_reported_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    missing = tmp_path / "nowhere" / "page.html"
-    assert main(["calibrate", "six-position", str(SESSION), *OPTIONS, "--html", str(missing)]) == 2
-    assert f"{missing}: cannot be written" in capsys.readouterr().err

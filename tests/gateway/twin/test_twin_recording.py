@@ -84,8 +84,6 @@ def test_same_seed_gives_the_same_recording(rig: Path, tmp_path: Path) -> None:
         ),
         (["--out", "log.csv", "--effect", "double_pendulum:rigging_length_m=9"], "should be from 0.2 to 8.55 m here"),
         (["--out", "log.csv", "--duration", "0.01"], "holds no two samples"),
-        (["--out", "no/such/folder/log.mcap"], "cannot be written"),
-        (["--out", "no/such/folder/log.csv"], "cannot be written"),
     ],
 )
 def test_bad_input_is_one_line(
