@@ -7,6 +7,7 @@ import numpy as np
 
 from gateway.motion.bin_noise import BinNoise
 from gateway.motion.binning import Binning, ForceBin
+from gateway.motion.motion_tracker import possible_structures
 from gateway.numerics.array import Array
 from gateway.swing.data.bins import BINS_PER_PERIOD, Bins
 from gateway.swing.data.input_checks import find_constant_axis, find_implausible_mean
@@ -31,6 +32,8 @@ class FaultDetector:
 
     def __init__(self, rig: MountedHousing) -> None:
         self._rig = rig
+        self._is_on_rope = possible_structures(rig) == ["rope"]
+        """The axes belong together as on a single rope; on a spreader or one of several ropes x and y read less of a swing."""
         self._bin_s = rig.small_swing_period_s / BINS_PER_PERIOD
         self._binning = Binning(self._bin_s)
         self._bins: deque[ForceBin] = deque(maxlen=round(WINDOW_PERIODS * BINS_PER_PERIOD))
@@ -83,7 +86,7 @@ class FaultDetector:
 
     def _check_axes(self, means_g: Array) -> None:
         """Look for an axis that shows nothing of a swing that the others show."""
-        if len(self._bins) < BINS_PER_PERIOD:
+        if len(self._bins) < BINS_PER_PERIOD or not self._is_on_rope:
             return
         time_s = np.array([one.time_s for one in self._bins])
         count = np.array([float(one.count) for one in self._bins])

@@ -23,6 +23,9 @@ MIN_ASYMMETRY, APART_SIGMA = 0.04, 3.0
 """Relative difference between the two sides, and standard uncertainties of it, from which on they do not belong together."""
 MAX_UNEXPLAINED_SHARE = 0.12
 """By harmonics: in a driven stretch nothing can be said."""
+MAX_NOISE_SHARE = 0.5
+"""Rms of the noise over that of the readings, beyond which nothing can be said. Basis: a rope that rings after a drive leaves 1
+to 1.7 times as much as there is, and live axes were called dead in it; a swing of a degree has 0.4."""
 PERIOD_LENGTH_U_REL = 0.005
 """Relative standard uncertainty of a rope's length by the period, where no pendulum fits."""
 WINDOW_PERIODS = 3.0
@@ -105,7 +108,8 @@ class _AmplitudeComparison:
     def of(cls, harmonics: Harmonics, rig: MountedHousing, length_m: float) -> "_AmplitudeComparison | None":
         """Return both sides; None where nothing can be said."""
         rho = rig.rho_at(length_m)
-        if harmonics.unexplained > MAX_UNEXPLAINED_SHARE or rho > MAX_SEEN_RHO:
+        is_clear = harmonics.unexplained <= MAX_UNEXPLAINED_SHARE and harmonics.noise_share <= MAX_NOISE_SHARE
+        if not is_clear or rho > MAX_SEEN_RHO:
             return None
         size, u_g = np.abs(harmonics.amplitude_g), harmonics.u_g
         axial_gain, transverse_gain = rho / 2 + 0.25, (1 - rho) ** 2

@@ -1,5 +1,6 @@
 """The harmonics of a small swing in a window: x and y at the swing's frequency f, z at 2 f."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,7 +41,9 @@ class Harmonics:
     largest_angle_rad: float
     """By the axial force at the turning points, where it is the cosine of the angle at every place on the rope."""
     unexplained: float
-    """Rms of the residual of the harmonics over the rms of the signal's variation."""
+    """Rms of the residual of the harmonics beyond the noise, over the rms of the signal's variation."""
+    noise_share: float
+    """Rms of the noise over the rms of the signal's variation."""
 
 
 def angle_by_axial_force(bins: Bins) -> float:
@@ -79,7 +82,9 @@ def find_harmonics(
         gain = (transverse_gain / per_sample[:2]).sum(axis=1) + axial_gain
     best = int(np.argmax((axial_gain if axial else gain) - prior_cost))
     variance = weight @ (bins.force_g - weight @ bins.force_g) ** 2
-    left = variance - np.append(transverse_gain[best], axial_variance[best]) - (noise_g**2 / bins.count.mean())
+    noise_variance = noise_g**2 / bins.count.mean()
+    left = variance - np.append(transverse_gain[best], axial_variance[best]) - noise_variance
+    total = max(float(variance.sum()), 1e-14)
     coefficients = np.concatenate([transverse[best], axial_fit[best]], axis=1)
     return Harmonics(
         frequency_hz=float(nominal_hz * ratio[best]),
@@ -90,7 +95,8 @@ def find_harmonics(
         gain=float(gain[best]),
         axial_gain=float(axial_gain[best] - prior_cost[best]),
         largest_angle_rad=largest_angle_rad,
-        unexplained=float(np.sqrt(max(left.sum(), 0.0) / max(variance.sum(), 1e-14))),
+        unexplained=math.sqrt(max(float(left.sum()), 0.0) / total),
+        noise_share=math.sqrt(float(noise_variance.sum()) / total),
     )
 
 

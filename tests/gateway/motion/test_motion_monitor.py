@@ -104,6 +104,33 @@ def test_a_noisy_dead_axis_is_reported(axis: int, level_g: float, rho: float) ->
     assert all("xyz"[axis] in e.reasons[0].split(" shows")[0] for e in later)
 
 
+def known_share(recording: Recording) -> float:
+    return float(np.mean([e.angle_rad is not None for e in follow(recording) if e.time_s > recording.rig.length_m / 2]))
+
+
+@pytest.mark.slow
+def test_a_rope_that_rings_after_a_drive_is_no_dead_axis() -> None:
+    recording = swing(seed=5, amplitude_deg=1.0, rho=0.4, duration_s=45.0)
+    since_s = np.maximum(recording.time_s - 12.0, 0.0)
+    ringing_g = 0.05 * np.exp(-since_s / 60) * np.sin(2 * np.pi * 2.5 * since_s)
+    bounce_g = 0.5e-3 * np.sin(2 * np.pi * 0.36 * since_s)
+
+    rings = spoilt(recording, lambda force_g: force_g + np.column_stack([ringing_g, ringing_g, bounce_g]))
+
+    assert known_share(rings) > 0.99
+
+
+@pytest.mark.slow
+def test_a_swing_along_one_axis_on_converging_ropes_is_no_dead_axis() -> None:
+    recording = swing(seed=5, amplitude_deg=4.0, rho=0.9, duration_s=40.0)
+    converging = replace(recording.rig, position_m=None, above_load_m=0.1 * recording.rig.length_m)
+    less_across = spoilt(
+        recording, lambda force_g: force_g * [0.58, 0.0, 1.0] + 1e-3 * force_g[:, [1, 0, 2]] * [0, 1, 0]
+    )
+
+    assert known_share(replace(less_across, rig=converging)) > 0.99
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.8, 1.2])
 def test_a_housing_that_is_elsewhere_widens_the_interval(share: float) -> None:
