@@ -54,6 +54,11 @@ LARGEST_SINE_SQUARED = 1 - SMALLEST_COSINE**2
 """Definition."""
 LONGEST_SHARE = 4.0
 """Of the rope's length as stated: a longer one, or a shorter one than its inverse, is not believed."""
+SHORTEST_PER_PLACE = 0.85
+"""Shortest rope that is believed, over the distance of a housing on it above the load. Basis: the housing is below the pivot; ropes
+that converge swing as one on a rope that is a tenth shorter."""
+SHORTEST_PLACE_M = 0.01
+"""Distance above the load that a logarithm is taken of; a housing at the load bounds no length."""
 SPIN_TIME_S = 60.0
 """Time after which a turning housing has come to rest."""
 PIVOT_VELOCITY_TIME_S = 60.0
@@ -228,6 +233,9 @@ class RopeModel:
         if squared.max() > LARGEST_SINE_SQUARED:
             u *= np.sqrt(LARGEST_SINE_SQUARED / np.maximum(squared, LARGEST_SINE_SQUARED))[:, None]
         np.clip(ln_length, *self._ln_bounds, out=ln_length)
+        if self.is_clamped and not self.on_spreader:  # the housing is below the pivot
+            place_m = np.maximum(x[:, PLACE], SHORTEST_PLACE_M)
+            np.maximum(ln_length, np.log(SHORTEST_PER_PLACE * place_m), out=ln_length)
 
 
 def axial_curvature(covariance: Array, place_s2: Array) -> tuple[Array, Array]:

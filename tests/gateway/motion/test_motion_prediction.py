@@ -7,7 +7,7 @@ import pytest
 
 from gateway.motion.initial_state import Constants
 from gateway.motion.motion_filter import MotionFilter
-from gateway.motion.rope_model import LONGEST_SHARE, RopeModel
+from gateway.motion.rope_model import LONGEST_SHARE, SHORTEST_PER_PLACE, RopeModel
 from gateway.motion.state_vector import (
     DAMPING,
     GRAVITY,
@@ -115,4 +115,4 @@ def test_states_beyond_the_domain_are_limited_to_it() -> None:
     assert np.isfinite(model.rate(x)[0]).all()
     assert np.isfinite(model.reading(x)[0]).all()
     np.testing.assert_allclose(x[:, 1] / x[:, 0], 1 / 3)
-    np.testing.assert_allclose(np.exp(x[:3, LN_LENGTH]), [LONGEST_SHARE * LENGTH_M, LENGTH_M / LONGEST_SHARE, 9.0])
+    np.testing.assert_allclose(np.exp(x[:3, LN_LENGTH]), [LONGEST_SHARE * LENGTH_M, SHORTEST_PER_PLACE * 4.0, 9.0])

@@ -5,7 +5,7 @@ import pytest
 
 from devices.pendulum import equations, pendulum
 from gateway.motion.hypotheses import N_HYPOTHESES
-from gateway.motion.rope_model import RopeModel
+from gateway.motion.rope_model import SHORTEST_PER_PLACE, RopeModel
 from gateway.motion.state_vector import (
     DAMPING,
     GRAVITY,
@@ -264,3 +264,12 @@ def test_constants_of_a_gyroscope_change_no_force(model: RopeModel) -> None:
         np.testing.assert_array_equal(found[0], expected[0])
         np.testing.assert_array_equal(found[1][..., :N_STATES], expected[1])
         assert not found[1][..., N_STATES:].any()
+
+
+def test_no_rope_is_much_shorter_than_the_distance_of_its_housing_from_the_load() -> None:
+    x = np.zeros((N_HYPOTHESES, N_STATES))
+    x[:, PLACE], x[:, LN_LENGTH] = 7.5, np.log(LENGTH_M / 3)
+
+    RopeModel(GRAVITY_M_S2, LENGTH_M, is_clamped=True).keep_in_domain(x)
+
+    np.testing.assert_allclose(np.exp(x[:, LN_LENGTH]), SHORTEST_PER_PLACE * 7.5)
