@@ -198,9 +198,11 @@ class MotionTracker:
         sigma_g = self._sigma_g(one.count)
         for candidate in self.candidates:
             candidate.take(one, sigma_g)
-        best = self.leader
-        self.candidates = [c for c in self.candidates if best.evidence - c.evidence < EXCLUDED_EVIDENCE]
-        if all(candidate.filter.is_broken for candidate in self.candidates):
+        working = [candidate for candidate in self.candidates if not candidate.filter.is_broken]
+        if working:
+            best = max(candidate.evidence for candidate in working)
+            self.candidates = [candidate for candidate in working if best - candidate.evidence < EXCLUDED_EVIDENCE]
+        else:
             self._begin_anew()
         self._state = self._over_candidates()
 
