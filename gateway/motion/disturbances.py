@@ -29,6 +29,9 @@ STILL_ACCELERATION_M_S2, STILL_RATE_1_S = 5e-4, 6.0
 """The same of a winch that rests or runs steadily: what is left of its acceleration."""
 STILL_SPEED_WALK_M_S = 2e-3
 """Random walk of such a speed, m/s/sqrt(s): a rope that settles on its drum."""
+RESTING_SPEED_TIME_S = 1.0
+"""Time in which the speed of a winch that rests returns to zero: 1.4 mm/s are left. Basis: with 5 mm/s the speed takes up an
+error of the damping, and the length goes with it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,9 +118,10 @@ def _hoist(time_s: float) -> tuple[Array, Array]:
     rest = math.exp(-STILL_RATE_1_S * time_s)
     slow, fast = math.exp(-time_s / HOIST_MEMORY_S), math.exp(-HOIST_JERK_RATE_1_S * time_s)
     reached_s = (slow - fast) / (HOIST_JERK_RATE_1_S - 1 / HOIST_MEMORY_S)
-    still = [[1.0, time_s], [0.0, rest]]
+    resting = [[math.exp(-time_s / RESTING_SPEED_TIME_S), time_s], [0.0, rest]]
+    steady = [[1.0, time_s], [0.0, rest]]
     still_noise = np.diag([STILL_SPEED_WALK_M_S**2 * time_s, STILL_ACCELERATION_M_S2**2 * (1 - rest**2)])
     density = 2 * HOIST_JERK_RATE_1_S * HOIST_JERK_SIGMA_M_S2**2
     changing_noise = density * np.array([[time_s**3 / 3, time_s**2 / 2], [time_s**2 / 2, time_s]])
-    steps = np.array([still, still, [[slow, reached_s], [0.0, fast]]])
+    steps = np.array([resting, steady, [[slow, reached_s], [0.0, fast]]])
     return steps, np.array([still_noise, still_noise, changing_noise])

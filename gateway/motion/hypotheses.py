@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gateway.numerics.array import Array
 
@@ -123,6 +124,13 @@ IS_FREE = ~IS_DRIVEN & ~IS_GUST & ~IS_HOISTING
 _WEIGHTS = np.array([_PIVOT_WEIGHTS[p] * _WIND_WEIGHTS[w] * _WINCH_WEIGHTS[h] for p, w, h in _ALL])
 INITIAL_WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
 _KINDS = np.column_stack([IS_DRIVEN, IS_GUST & ~IS_DRIVEN, IS_HOISTING]).astype(float)
+
+
+def stops() -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the hypotheses of a winch that runs, and for each the one that it becomes when the winch stops, shapes (k,)."""
+    found = [(i, _ALL.index((pivot, wind, RESTING))) for i, (pivot, wind, winch) in enumerate(_ALL) if winch != RESTING]
+    sources, targets = np.array(found).T
+    return sources, targets
 
 
 def probabilities(weight: Array) -> tuple[float, float, float]:

@@ -12,9 +12,9 @@ import numpy as np
 from gateway.motion.disturbances import DisturbanceStep
 from gateway.motion.fast_oscillation import FastOscillation
 from gateway.motion.gyro_reading import BIAS_WALK_RAD_S, GyroPrior, expected_rate, rate_variance, with_gyro_states
-from gateway.motion.hypotheses import BOUNCE_RATE_1_S, IS_FLOATING, N_HYPOTHESES, WIND_LEVEL, WIND_LEVELS
+from gateway.motion.hypotheses import BOUNCE_RATE_1_S, IS_FLOATING, N_HYPOTHESES, WIND_LEVEL, WIND_LEVELS, stops
 from gateway.motion.initial_state import Constants, initial_mixture
-from gateway.motion.mixture import Mixture, exchange
+from gateway.motion.mixture import Ending, Mixture, exchange
 from gateway.motion.rope_model import RopeModel, axial_curvature
 from gateway.motion.state_vector import (
     GUST,
@@ -73,6 +73,10 @@ SMALLEST_WEIGHT = 1e-30
 """Keeps weights positive; a hypothesis revives by transitions from the others."""
 STEP_RESOLUTION_S = 1e-3
 """Resolution of the time for which disturbances change within a step. Basis: bins of a stream differ by less."""
+STOPPED_SPEED_M_S = 0.02
+"""Standard deviation of the speed of a winch that has just stopped."""
+_STOPS = Ending(*stops(), HOIST_SPEED, STOPPED_SPEED_M_S**2)
+"""A winch rests once its speed is zero."""
 _N_OBSERVED = 3 + N_STATED
 _DIAGONAL = np.arange(_N_OBSERVED)
 
@@ -124,8 +128,9 @@ class MotionFilter:
         """
         self._step_s = time_s
         step = _disturbance_step(round(time_s / STEP_RESOLUTION_S))
-        mixed, share = exchange(self.mixture, step.exchange)
-        self._misfit_g2 = share @ self._misfit_g2
+        mixed, share, exchanged = exchange(self.mixture, step.exchange, _STOPS)
+        misfit_g2 = np.concatenate([self._misfit_g2, self._misfit_g2[_STOPS.sources]])
+        self._misfit_g2 = share @ misfit_g2[: share.shape[1]]
         x, covariance = mixed.state.copy(), mixed.covariance.copy()
         transition = self._flow(x, time_s)
         _follow_levels(x, transition, step)
@@ -140,7 +145,7 @@ class MotionFilter:
             factor *= self._stated.draw_back(x, covariance, self._since_return_s)
             self._since_return_s = 0.0
         self.mixture = Mixture(x, covariance, mixed.weight)
-        return mixed, transition, factor, step.exchange
+        return mixed, transition, factor, exchanged
 
     def _flow(self, x: Array, time_s: float) -> Array:
         """Advance states in place by a Taylor step of fourth order; return that of the moving ones, shape (m, N_MOVING, n)."""

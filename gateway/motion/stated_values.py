@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from gateway.motion.hypotheses import IS_HOISTING, N_HYPOTHESES
+from gateway.motion.hypotheses import N_HYPOTHESES
 from gateway.motion.mixture import Mixture
 from gateway.motion.state_vector import (
     AXIAL_OFFSET,
@@ -44,8 +44,6 @@ LN_LENGTH_SIGMA, LN_LENGTH_TIME_S = 0.5, 30.0
 """The same of the logarithm of the rope's length against what was stated: hoists change it, but not to anything."""
 HOIST_SPEED_M_S, HOIST_SPEED_TIME_S = 0.5, 25.0
 """The same of the speed of a winch that runs. Basis: cranes hoist at up to 1.2 m/s."""
-RESTING_SPEED_M_S = 0.02
-"""Standard deviation of the speed of a winch that rests, at each update: what ends must have come to rest."""
 OBSERVED = [*indices(PIVOT_VELOCITY), LN_LENGTH, HOIST_SPEED]
 """States of which something is stated as an observation."""
 N_STATED = len(OBSERVED)
@@ -74,7 +72,7 @@ class StatedValues:
         found = np.empty((N_HYPOTHESES, N_STATED))
         found[:, :2] = PIVOT_SPEED_M_S**2 * PIVOT_SPEED_TIME_S / time_s
         found[:, 2] = LN_LENGTH_SIGMA**2 * LN_LENGTH_TIME_S / time_s
-        found[:, 3] = np.where(IS_HOISTING, HOIST_SPEED_M_S**2 * HOIST_SPEED_TIME_S / time_s, RESTING_SPEED_M_S**2)
+        found[:, 3] = HOIST_SPEED_M_S**2 * HOIST_SPEED_TIME_S / time_s
         return found
 
     def draw_back(self, x: Array, covariance: Array, time_s: float) -> Array:

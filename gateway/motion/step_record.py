@@ -1,6 +1,6 @@
 """The steps of a filter over a recording, and their correction by what came later."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -49,14 +49,15 @@ class StepRecord:
     ) -> "StepRecord":
         """Return the record of a prediction.
 
-        `mixed`: after the exchange of probability, before the motion; `transition`: of all kept states, shape (m, k, k).
+        `mixed`: after the exchange of probability, before the motion: a winch that stopped had no speed; `transition`: of all
+        kept states, shape (m, k, k).
         """
         mixed_x, after_x = mixed.state[:, KEPT], after.state[:, KEPT]
         joint = np.tensordot(after.weight, mixed.covariance[:, KEPT, KEPT] @ transition.transpose(0, 2, 1), 1)
         deviation, moved = mixed_x - after.weight @ mixed_x, after_x - after.weight @ after_x
         return cls(
             time_s,
-            Moments.of(before),
+            replace(Moments.of(mixed), weight=before.weight),
             Moments.of(after),
             joint + (after.weight[:, None] * deviation).T @ moved,
             exchange,

@@ -25,6 +25,7 @@ from gateway.numerics.stats import NORMAL_975
 from tests.gateway.motion.conftest import GRAVITY_M_S2
 
 BIN_S, BINS, RUNS = 0.1, 50, 80
+UNKNOWN_BINS = 5
 NOISE_G = 1e-3
 """Of a bin; the filter's allowance for what its equations leave out is small beside it."""
 FREE = int(np.flatnonzero(IS_FREE)[0])
@@ -115,10 +116,14 @@ def test_mean_normalised_innovation_squared_is_at_most_three(
 
 
 def test_readings_are_not_farther_from_the_expected_than_stated(runs: tuple[Array, Array, Array]) -> None:
-    """Over all hypotheses the innovations are smaller than white ones of a known model, never larger."""
-    _, overall, _ = runs
+    """Over all hypotheses the innovations are smaller than white ones of a known model, never larger.
 
-    assert overall.mean() < 3.0 + 4 * np.sqrt(6 / len(overall))
+    In the first half second the angle is not known yet, and the equations are not linear over what it could be.
+    """
+    _, overall, _ = runs
+    known = overall.reshape(RUNS, BINS)[:, UNKNOWN_BINS:]
+
+    assert 2.0 < known.mean() < 3.0
 
 
 def test_intervals_of_angle_and_rate_hold_as_often_as_stated(runs: tuple[Array, Array, Array]) -> None:

@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 
 from devices.simulated.schedule import Event, Gust, Hoist, TrolleyMove
-from gateway.motion.binning import Binning
+from gateway.motion.binning import Binning, ForceBin
 from gateway.motion.candidate import FORGOTTEN_PERIODS, LONGEST_STEP_BINS, MotionCandidate
+from gateway.motion.hypotheses import INITIAL_WEIGHTS, RESTING, STEADY, WINCH_LEVEL
 from gateway.motion.initial_state import Constants
+from gateway.motion.mixture import Mixture
 from gateway.motion.motion_filter import MotionFilter
 from gateway.motion.motion_tracker import BINS_PER_PERIOD
 from gateway.motion.rope_model import RopeModel
+from gateway.motion.state_vector import HOIST_SPEED
 from gateway.numerics.array import Array
 from tests.gateway.motion.conftest import (
     GRAVITY_M_S2,
@@ -45,6 +48,23 @@ def new_candidate() -> MotionCandidate:
     constants = Constants(LENGTH_M, 0.05, ABOVE_M, 0.02, (3e-4, 3e-4, 3e-4), 1e-3)
     model = RopeModel(GRAVITY_M_S2, LENGTH_M, is_clamped=True)
     return MotionCandidate(MotionFilter(model, constants), BIN_S, PERIOD_S, None, "rope")
+
+
+def test_a_winch_that_seems_to_stand_is_soon_taken_to_rest() -> None:
+    """After a hoist its speed is known to a decimetre a second: steadier readings cannot show that it is zero."""
+    candidate = new_candidate()
+    motion_filter = candidate.filter
+    is_steady = WINCH_LEVEL == STEADY
+    covariance = motion_filter.mixture.covariance.copy()
+    covariance[is_steady, HOIST_SPEED, HOIST_SPEED] = 0.12**2
+    weight = np.where(is_steady, INITIAL_WEIGHTS, 1e-12)
+    motion_filter.mixture = Mixture(motion_filter.mixture.state, covariance, weight / weight.sum())
+
+    for number in range(round(30.0 / BIN_S)):
+        candidate.take(ForceBin(number * BIN_S, np.array([0.0, 0.0, 1.0]), 5, is_clipped=False), SIGMA_G)
+
+    weight = motion_filter.mixture.weight
+    assert weight[WINCH_LEVEL == RESTING].sum() > 0.5
 
 
 def is_healthy(covariance: Array) -> bool:
