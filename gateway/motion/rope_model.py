@@ -55,8 +55,8 @@ LARGEST_SINE_SQUARED = 1 - SMALLEST_COSINE**2
 LONGEST_SHARE = 4.0
 """Of the rope's length as stated: a longer one, or a shorter one than its inverse, is not believed."""
 SHORTEST_PER_PLACE = 0.85
-"""Shortest rope that is believed, over the distance of a housing on it above the load. Basis: the housing is below the pivot; ropes
-that converge swing as one on a rope that is a tenth shorter."""
+"""Shortest rope that is believed, over the distance of a housing on it above the load. Basis: the housing is below the pivot;
+ropes that converge swing as one that is a tenth shorter."""
 SHORTEST_PLACE_M = 0.01
 """Distance above the load that a logarithm is taken of; a housing at the load bounds no length."""
 SPIN_TIME_S = 60.0

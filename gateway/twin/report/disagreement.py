@@ -9,7 +9,7 @@ from gateway.documents.format import format_number
 from gateway.documents.plots import add_legend, add_panels, plot_curve, render_svg
 from gateway.twin.reconcile.output.result import Curves, Disagreement, Reconciliation
 from gateway.twin.report.gap_table import held_out_name
-from gateway.twin.report.wording import AXES, AXIS_NAMES, is_same_model, single_model_name
+from gateway.twin.report.text import AXES, AXIS_NAMES, is_same_model, single_model_name
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.output import result as result_module
 from gateway.twin.reconcile.output.result import Curves, Gap, Reconciliation
 from gateway.twin.report.rope_angle import RopeAngleError, rope_angle_error
-from gateway.twin.report.wording import format_change, noise_ratio
+from gateway.twin.report.text import format_change, noise_ratio
 
 NOT_EVALUATED = "not evaluated"
 NOT_DETERMINED = "not determined"

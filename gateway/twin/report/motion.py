@@ -12,7 +12,7 @@ from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 from gateway.twin.reconcile.output.estimates import NamedEffect
 from gateway.twin.reconcile.output.result import Curves, Reconciliation
 from gateway.twin.report.gap_table import fitted_part_name, held_out_name
-from gateway.twin.report.wording import AXES, NOMINAL, caution, final_model_name, is_same_model, single_model_name
+from gateway.twin.report.text import AXES, NOMINAL, caution, final_model_name, is_same_model, single_model_name
 from gateway.twin.report.zoom_window import effects_acting_in, most_informative_window, shows_gain
 
 INSTANT = 0.01

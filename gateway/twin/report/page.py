@@ -20,8 +20,7 @@ from gateway.twin.report.ranking import (
     twins_of_named,
 )
 from gateway.twin.report.residual import residual_figures
-from gateway.twin.report.verdict import verdict_content
-from gateway.twin.report.wording import (
+from gateway.twin.report.text import (
     COUNTED,
     REFITTED,
     caution,
@@ -30,6 +29,7 @@ from gateway.twin.report.wording import (
     model_value,
     rig_facts,
 )
+from gateway.twin.report.verdict import verdict_content
 
 Content = Mapping[str, object]
 

@@ -8,7 +8,7 @@ from gateway.documents.figures import AFTER, BEFORE, INK, Figure
 from gateway.documents.plots import add_legend, add_panels, label_decades, plot_curve, render_svg
 from gateway.twin.reconcile.output.result import Curves, Peak, Reconciliation, Residual, Spectrum
 from gateway.twin.report.disagreement import residual_sigma
-from gateway.twin.report.wording import AXES, AXIS_NAMES, is_same_model, single_model_name
+from gateway.twin.report.text import AXES, AXIS_NAMES, is_same_model, single_model_name
 
 Array = NDArray[np.float64]
 BANDS = 240

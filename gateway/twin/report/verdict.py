@@ -10,7 +10,7 @@ from gateway.twin.reconcile.output.estimates import Law, NamedEffect
 from gateway.twin.reconcile.output.result import Equivalent, Reconciliation
 from gateway.twin.report.effect_size import Size, effect_sizes
 from gateway.twin.report.gap_table import part_rows
-from gateway.twin.report.wording import format_noise_ratio
+from gateway.twin.report.text import format_noise_ratio
 
 LABELS = {
     "data_unusable": ("No answer", "unusable"),

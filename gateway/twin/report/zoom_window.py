@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from gateway.twin.reconcile.output.estimates import NamedEffect
 from gateway.twin.reconcile.output.result import Curves, Disagreement, Reconciliation
-from gateway.twin.report.wording import is_same_model
+from gateway.twin.report.text import is_same_model
 
 Array = NDArray[np.float64]
 PERIODS = 3.0

@@ -19,11 +19,11 @@ from gateway.twin.reconcile.fit.initial_conditions import (
     reverse_swing,
     segment_initial_conditions,
 )
-from gateway.twin.reconcile.fit.large_swing_windows import window_bounds
 from gateway.twin.reconcile.fit.levenberg_marquardt import FIT_ITERATIONS
 from gateway.twin.reconcile.fit.multiple_shooting import SEGMENT_S, uniform_segments
 from gateway.twin.reconcile.fit.prior import prior_of_parts
 from gateway.twin.reconcile.fit.rigging_length import profile_rigging_length
+from gateway.twin.reconcile.fit.swing_windows import window_bounds
 from gateway.twin.reconcile.fit.trajectory_fit import fit_trajectory
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING

@@ -16,7 +16,7 @@ from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.fit_result import Fit
-from gateway.twin.reconcile.fit.large_swing_windows import window_bounds
+from gateway.twin.reconcile.fit.swing_windows import window_bounds
 from gateway.twin.reconcile.fit.windowed_fit import project_out_initial_states
 from gateway.twin.reconcile.residual.isolability import orthonormal
 from gateway.twin.simulator.simulator import Simulator

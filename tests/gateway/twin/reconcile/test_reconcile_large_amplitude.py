@@ -7,7 +7,7 @@ from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations, make_observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.fit_result import Fit
-from gateway.twin.reconcile.fit.large_swing_windows import initial_state_from_samples, window_bounds
+from gateway.twin.reconcile.fit.swing_windows import initial_state_from_samples, window_bounds
 from gateway.twin.reconcile.fit.validation import evaluate_on_validation
 from gateway.twin.reconcile.fit.windowed_fit import fit_windows
 from gateway.twin.reconcile.search.score_test import compute_signatures
