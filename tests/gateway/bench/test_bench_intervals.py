@@ -21,6 +21,7 @@ def scores(method: str, folder: Path, seed: int) -> Array:
     random = np.random.default_rng([seed, len(method)])
     sensor = draw_sensor(random)
     out = folder / "record.json"
+    out.unlink(missing_ok=True)  # a record is never written over
     assert main([*SOUND[method](Session(random, folder, sensor)), "--json", str(out)]) == 0
     record = CalibrationRecord.model_validate(json.loads(out.read_text()))
     matrix = np.array(record.correction_matrix)

@@ -104,9 +104,9 @@ def test_text_and_json_have_the_same_content(recorded: Path) -> None:
         "closed properly",
         "2026-01-01 00:00:02.000 to 2026-01-01 00:00:12.015 UTC, 10.0 s",
         "yard/crane-2/hook, software 0.1.0",
-        "9952 at 1000.000 Hz, 64 lost, 0 invalid, 1 gaps (longest 0.065 s), 2 blocks missing",
+        "9952 at 1000.000 Hz, 64 lost, 0 invalid, 1 gap (longest 0.065 s), 2 blocks missing",
         "4.250 deg (u 0.050 deg)",
-        "alerts: 1, of them 1 trips",
+        "alerts: 1, of them 1 trip",
         "TRIP swing",
     ):
         assert part in text
