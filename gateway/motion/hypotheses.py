@@ -126,11 +126,16 @@ INITIAL_WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
 _KINDS = np.column_stack([IS_DRIVEN, IS_GUST & ~IS_DRIVEN, IS_HOISTING]).astype(float)
 
 
-def stops() -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the hypotheses of a winch that runs, and for each the one that it becomes when the winch stops, shapes (k,)."""
-    found = [(i, _ALL.index((pivot, wind, RESTING))) for i, (pivot, wind, winch) in enumerate(_ALL) if winch != RESTING]
-    sources, targets = np.array(found).T
-    return sources, targets
+def stops() -> tuple[tuple[NDArray[np.intp], NDArray[np.intp]], ...]:
+    """Return the hypotheses of a winch that runs, steadily and at a changing speed, and what each becomes when it stops."""
+    found = []
+    for level in (STEADY, CHANGING):
+        running = [
+            (i, _ALL.index((pivot, wind, RESTING))) for i, (pivot, wind, winch) in enumerate(_ALL) if winch == level
+        ]
+        sources, targets = np.array(running).T
+        found.append((sources, targets))
+    return tuple(found)
 
 
 def probabilities(weight: Array) -> tuple[float, float, float]:

@@ -26,59 +26,62 @@ class Mixture:
         return mean, covariance + (self.weight[:, None] * deviation).T @ deviation
 
 
+Pairs = tuple[IndexArray, IndexArray]
+"""Hypotheses, and one that follows each; nobody follows two of them. Shapes (k,)."""
+
+
 @dataclass(frozen=True, slots=True)
 class Ending:
     """Hypotheses that end only where one of the states is zero."""
 
-    sources: IndexArray
-    """Hypotheses that may end, shape (k,)."""
-    targets: IndexArray
-    """Those that follow them, shape (k,)."""
+    pairs: tuple[Pairs, ...]
     state: int
     variance: float
     """Of the state once it has ended."""
 
 
-NO_ENDING = Ending(np.empty(0, np.intp), np.empty(0, np.intp), 0, 1.0)
-NEGLIGIBLE = 1e-9
-"""Weight of all that may end, below which it makes no difference how it does."""
+NO_ENDING = Ending((), 0, 1.0)
 
 
 def exchange(mixture: Mixture, transition: Array, ending: Ending = NO_ENDING) -> tuple[Mixture, Array, Array]:
-    """Return the mixture after the hypotheses have exchanged probability, what each (row) took from each and, behind, from each
-    ending one, shape (m, m + k), and the probabilities of the exchange, shape (m, m).
+    """Return the mixture after the hypotheses have exchanged probability, what each (row) took from each, and the probabilities
+    of the exchange, shapes (m, m).
 
     `transition`: probabilities from row to column, shape (m, m), of an ending one if its state were zero. Without its condition
     an ending would bring all speeds with it, at each step anew, and what has come to rest would never be sure of it.
     """
     joint = mixture.weight[:, None] * transition
-    state, covariance = mixture.state, mixture.covariance
-    if mixture.weight[ending.sources].sum() > NEGLIGIBLE:
-        ended, overlap = _conditioned(mixture, ending)
-        ends = np.zeros((len(ending.sources), len(joint)))
-        ends[np.arange(len(ends)), ending.targets] = joint[ending.sources, ending.targets] * overlap
-        joint[ending.sources, ending.targets] = 0.0
-        joint = np.concatenate([joint, ends])
-        joint /= joint.sum()
-        state, covariance = np.concatenate([state, ended.state]), np.concatenate([covariance, ended.covariance])
+    ended = [_conditioned(mixture, pair, ending) for pair in ending.pairs]
+    ends = [joint[pair] * overlap for pair, (_, overlap) in zip(ending.pairs, ended, strict=True)]
+    for pair in ending.pairs:
+        joint[pair] = 0.0
     weight = joint.sum(axis=0)
     share = (joint / weight).T
-    mean = share @ state
-    deviation = state - mean[:, None]
-    spread = (share @ covariance.reshape(len(covariance), -1)).reshape(mixture.covariance.shape)
-    spread += (deviation * share[:, :, None]).transpose(0, 2, 1) @ deviation
-    exchanged = joint[: len(weight)].copy()
-    np.add.at(exchanged, ending.sources[: len(joint) - len(weight)], joint[len(weight) :])
-    return Mixture(mean, spread, weight), share, exchanged / mixture.weight[:, None]
+    state = share @ mixture.state
+    deviation = mixture.state - state[:, None]
+    covariance = (share @ mixture.covariance.reshape(len(weight), -1)).reshape(mixture.covariance.shape)
+    covariance += (deviation * share[:, :, None]).transpose(0, 2, 1) @ deviation
+    for pair, each, (part, _) in zip(ending.pairs, ends, ended, strict=True):
+        _, into = pair
+        joint[pair] = each
+        weight[into] += each
+        taken = each / weight[into]
+        apart = part.state - state[into]
+        state[into] += taken[:, None] * apart
+        spread = part.covariance - covariance[into]
+        spread += ((1 - taken)[:, None] * apart)[:, :, None] * apart[:, None]
+        covariance[into] += taken[:, None, None] * spread
+    total = weight.sum()
+    return Mixture(state, covariance, weight / total), (joint / weight).T, joint / total / mixture.weight[:, None]
 
 
-def _conditioned(mixture: Mixture, ending: Ending) -> tuple[Mixture, Array]:
+def _conditioned(mixture: Mixture, pair: Pairs, ending: Ending) -> tuple[Mixture, Array]:
     """Return what may end as it is where the state is zero, and how probable that is, 1 where it is certain, shape (k,)."""
-    x, covariance = mixture.state[ending.sources], mixture.covariance[ending.sources]
+    x, covariance = mixture.state[pair[0]], mixture.covariance[pair[0]]
     column = covariance[:, :, ending.state]
     total = column[:, ending.state] + ending.variance
     gain = column / total[:, None]
     value = x[:, ending.state]
     overlap = np.sqrt(ending.variance / total) * np.exp(-0.5 * value**2 / total)
     after = covariance - gain[:, :, None] * column[:, None]
-    return Mixture(x - gain * value[:, None], after, mixture.weight[ending.sources]), overlap
+    return Mixture(x - gain * value[:, None], after, mixture.weight[pair[0]]), overlap

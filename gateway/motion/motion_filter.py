@@ -75,7 +75,7 @@ STEP_RESOLUTION_S = 1e-3
 """Resolution of the time for which disturbances change within a step. Basis: bins of a stream differ by less."""
 STOPPED_SPEED_M_S = 0.02
 """Standard deviation of the speed of a winch that has just stopped."""
-_STOPS = Ending(*stops(), HOIST_SPEED, STOPPED_SPEED_M_S**2)
+_STOPS = Ending(stops(), HOIST_SPEED, STOPPED_SPEED_M_S**2)
 """A winch rests once its speed is zero."""
 _N_OBSERVED = 3 + N_STATED
 _DIAGONAL = np.arange(_N_OBSERVED)
@@ -129,8 +129,7 @@ class MotionFilter:
         self._step_s = time_s
         step = _disturbance_step(round(time_s / STEP_RESOLUTION_S))
         mixed, share, exchanged = exchange(self.mixture, step.exchange, _STOPS)
-        misfit_g2 = np.concatenate([self._misfit_g2, self._misfit_g2[_STOPS.sources]])
-        self._misfit_g2 = share @ misfit_g2[: share.shape[1]]
+        self._misfit_g2 = share @ self._misfit_g2
         x, covariance = mixed.state.copy(), mixed.covariance.copy()
         transition = self._flow(x, time_s)
         _follow_levels(x, transition, step)

@@ -84,7 +84,7 @@ def two_hypotheses(speed: float, sigma: float) -> Mixture:
     return Mixture(state, np.array([running, resting]), np.array([1.0, 1e-30]))
 
 
-STOP = Ending(np.array([0]), np.array([1]), 0, 0.02**2)
+STOP = Ending(((np.array([0]), np.array([1])),), 0, 0.02**2)
 OFTEN = np.array([[0.9, 0.1], [0.0, 1.0]])
 
 
