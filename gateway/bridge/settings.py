@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field, ValidationError, field_validator, mo
 from gateway.configuration.bus_section import is_loopback
 from gateway.configuration.section import Section
 from gateway.errors import InputError, describe_problems
-from gateway.file_input import MAX_TOML_BYTES, parse_toml, read_bounded, reason_of
+from gateway.file_input import read_toml, reason_of
 
 
 def _check_address(text: str) -> str:
@@ -125,7 +125,7 @@ def load_settings(path: Path | None) -> BridgeSettings:
     if path is None:
         return BridgeSettings()
     try:
-        return BridgeSettings.model_validate(parse_toml(read_bounded(path, MAX_TOML_BYTES).decode()))
+        return BridgeSettings.model_validate(read_toml(path))
     except ValidationError as error:
         raise InputError(f"{path}: " + "; ".join(describe_problems(error))) from error
     except (OSError, ValueError) as error:

@@ -18,6 +18,7 @@ from devices.regular_file import open_regular
 from devices.tables.columns import RECORD_GRAVITY
 from devices.tables.foreign import TableOptions, read_foreign_table
 from gateway.errors import InputError
+from gateway.extras import require_extra
 from gateway.swing.data.input_checks import lacks_gravity
 
 LEAST_BYTES = 16_000_000
@@ -58,11 +59,10 @@ def write_matlab_table(path: Path, table: Path, columns: Sequence[str] | None) -
 
 
 def _load(path: Path) -> Mapping[str, Any]:
-    try:
-        from scipy.io import loadmat
-        from scipy.io.matlab import MatReadError
-    except ImportError as error:
-        raise InputError(f"{path}: MATLAB files need scipy; install plumbline-gateway[twin]") from error
+    require_extra("twin", ["scipy"])
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
     if not path.exists():
         raise InputError(f"{path}: no such file; check the path")
     _check_expansion(path)

@@ -41,6 +41,8 @@ def read_rig(path: Path, rope: Mapping[str, float] | None = None) -> Rig:
         if rope is not None:
             table = table | {"rope": dict(rope) | table.get("rope", {})}
         return Rig.model_validate(table)
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file; check the path of the rig") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     except ValidationError as error:

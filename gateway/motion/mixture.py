@@ -40,10 +40,7 @@ class Ending:
     """Of the state once it has ended."""
 
 
-NO_ENDING = Ending((), 0, 1.0)
-
-
-def exchange(mixture: Mixture, transition: Array, ending: Ending = NO_ENDING) -> tuple[Mixture, Array, Array]:
+def exchange(mixture: Mixture, transition: Array, ending: Ending) -> tuple[Mixture, Array, Array]:
     """Return the mixture after the hypotheses have exchanged probability, what each (row) took from each, and the probabilities
     of the exchange, shapes (m, m).
 

@@ -9,6 +9,7 @@ from gateway.motion.mixture import Ending, Mixture, exchange
 
 N = 4
 SEEDS = range(5)
+NO_ENDING = Ending((), 0, 1.0)
 
 
 def random_mixture(rng: np.random.Generator) -> Mixture:
@@ -41,7 +42,7 @@ def test_exchange_keeps_overall_mean_and_covariance(seed: int) -> None:
     """Nothing has moved yet: only what each hypothesis takes for granted has changed."""
     mixture = random_mixture(np.random.default_rng(seed))
 
-    after, share, _ = exchange(mixture, DisturbanceStep.of(0.5).exchange)
+    after, share, _ = exchange(mixture, DisturbanceStep.of(0.5).exchange, NO_ENDING)
 
     assert after.weight.sum() == pytest.approx(1.0, abs=1e-12)
     np.testing.assert_allclose(share.sum(axis=1), 1.0, atol=1e-12)
@@ -57,7 +58,7 @@ def test_exchange_of_equal_states_changes_weights_alone() -> None:
     )
     transition = DisturbanceStep.of(2.0).exchange
 
-    after, share, _ = exchange(mixture, transition)
+    after, share, _ = exchange(mixture, transition, NO_ENDING)
 
     np.testing.assert_allclose(after.state, mixture.state, atol=1e-14)
     np.testing.assert_allclose(after.covariance, mixture.covariance, atol=1e-13)
@@ -68,7 +69,7 @@ def test_exchange_of_equal_states_changes_weights_alone() -> None:
 def test_without_an_exchange_everything_stays() -> None:
     mixture = random_mixture(np.random.default_rng(2))
 
-    after, share, _ = exchange(mixture, np.eye(N_HYPOTHESES))
+    after, share, _ = exchange(mixture, np.eye(N_HYPOTHESES), NO_ENDING)
 
     np.testing.assert_allclose(after.state, mixture.state, atol=1e-14)
     np.testing.assert_allclose(after.covariance, mixture.covariance, atol=1e-13)
