@@ -1,6 +1,7 @@
 """`plumbline`: finds the command, and turns bad input into one line and an exit code."""
 
 import argparse
+import os
 import re
 import sys
 from collections.abc import Sequence
@@ -147,6 +148,8 @@ def join_axes(arguments: Sequence[str]) -> list[str]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; return 0: done, 1: the answer is no, 2: wrong usage or input, 3: done with losses."""
+    # Before the library of linear algebra is loaded: its threads double the cost of small matrices.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     given = join_axes(sys.argv[1:] if arguments is None else arguments)
     chosen = parser(given[0] if given and given[0] in COMMANDS else None).parse_args(given)
     try:

@@ -55,9 +55,11 @@ def exchange(mixture: Mixture, transition: Array, ending: Ending) -> tuple[Mixtu
     weight = joint.sum(axis=0)
     share = (joint / weight).T
     state = share @ mixture.state
-    deviation = mixture.state - state[:, None]
-    covariance = (share @ mixture.covariance.reshape(len(weight), -1)).reshape(mixture.covariance.shape)
-    covariance += (deviation * share[:, :, None]).transpose(0, 2, 1) @ deviation
+    centre = mixture.weight @ mixture.state  # near to all of them, so that little cancels
+    from_centre, to_centre = mixture.state - centre, state - centre
+    second = mixture.covariance + from_centre[:, :, None] * from_centre[:, None]
+    covariance = (share @ second.reshape(len(weight), -1)).reshape(second.shape)
+    covariance -= to_centre[:, :, None] * to_centre[:, None]
     for pair, each, (part, _) in zip(ending.pairs, ends, ended, strict=True):
         _, into = pair
         joint[pair] = each

@@ -68,7 +68,6 @@ def _measure(tree: Path, rate_hz: int, page: str, figures: Figures) -> None:
     with tempfile.TemporaryDirectory() as folder:
         settings = {
             "PYTHONPATH": str(tree),
-            "OPENBLAS_NUM_THREADS": "1",
             "PLUMBLINE_GATEWAY__DATA_DIR": folder,
             "PLUMBLINE_BUS__LISTEN": "[]",
             "PLUMBLINE_BUS__CONNECT": json.dumps([listener.endpoint]),

@@ -147,8 +147,6 @@ def run(arguments: argparse.Namespace) -> int:
         return run_plan(arguments)
     from gateway.extras import require_extra
 
-    # Before the library of linear algebra is loaded: its threads slow down small matrices, and take the cores of other processes.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     require_extra("twin")
     import time
 
