@@ -22,6 +22,8 @@ class ForceBin:
     is_clipped: bool
     rate_rad_s: Array | None = None
     """Mean angular rate, shape (3,); None where a sample has none."""
+    scatter_g: Array | None = None
+    """Standard deviation of the mean by how far its parts lie off a line, shape (3,); None where it has too few."""
 
     @property
     def is_usable(self) -> bool:
@@ -95,7 +97,7 @@ class Binning:
 class BinGroups:
     """Joins a fixed number of short bins to a longer one, leaving out those that cannot be used.
 
-    The filter takes long bins, which average the fast motion of slings, strings and engines; noise is measured on short ones.
+    The filter takes long bins, which average the fast motion of slings, strings and engines; the short ones tell how well.
     """
 
     def __init__(self, width_s: float, size: int) -> None:
@@ -131,4 +133,17 @@ class BinGroups:
             rate_rad_s = (
                 np.add.reduce([one.count * one.rate_rad_s for one in kept if one.rate_rad_s is not None]) / count
             )
-        return [ForceBin(time_s, force_g, count, not usable, rate_rad_s)]
+        return [ForceBin(time_s, force_g, count, not usable, rate_rad_s, _scatter_g(usable))]
+
+
+def _scatter_g(parts: list[ForceBin]) -> Array | None:
+    spare = len(parts) - 2
+    if spare < 1:
+        return None
+    time_s = np.array([one.time_s for one in parts])
+    time_s -= time_s.mean()
+    force_g = np.array([one.force_g for one in parts])
+    force_g -= force_g.mean(axis=0)
+    left_g2 = np.square(force_g).sum(axis=0) - np.square(time_s @ force_g) / (time_s @ time_s)
+    scatter_g: Array = np.sqrt(np.maximum(left_g2, 0.0) / (spare * len(parts)))
+    return scatter_g

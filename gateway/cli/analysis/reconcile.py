@@ -4,7 +4,6 @@ With `--plan`: the experiment that separates effects.
 """
 
 import argparse
-import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING

@@ -212,3 +212,26 @@ def test_long_bin_has_a_rate_where_all_of_its_short_ones_have() -> None:
 
     assert present(found[0].rate_rad_s) == pytest.approx(np.full(3, 2.0))
     assert found[1].rate_rad_s is None
+
+
+def test_scatter_within_a_long_bin_is_the_spread_of_its_mean() -> None:
+    rng = np.random.default_rng(9)
+    time_s: Array = np.arange(100_000) / 100
+    slope_g_s: Array = np.array([0.2, -0.1, 0.05])
+    force_g = np.multiply.outer(time_s % 1.0, slope_g_s) + 1e-3 * rng.normal(
+        size=(100_000, 3)
+    )  # breaks between bins alone
+
+    found = long_bins(time_s, force_g, np.zeros(100_000, dtype=bool), 1000)
+
+    squared_g2 = np.mean([np.square(present(one.scatter_g)) for one in found], axis=0)
+    assert np.sqrt(squared_g2) == pytest.approx(np.full(3, 1e-3 / np.sqrt(50)), rel=0.06)
+
+
+def test_scatter_needs_three_short_bins() -> None:
+    groups, found = BinGroups(0.1, 5), []
+    for n in range(7):
+        found += groups.add(ForceBin(0.1 * n + 0.05, np.array([0.0, 0.0, 1.0]), 10, n in (1, 2, 3)))
+    found += groups.finish()
+
+    assert [one.scatter_g for one in found] == [None, None]

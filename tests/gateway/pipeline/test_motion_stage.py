@@ -35,7 +35,9 @@ def test_the_angle_follows_the_rope(swinging: Run) -> None:
     assert motion.text.startswith("Free swing 4.0° ± 0.")
     assert motion.phi_max_deg == pytest.approx(4.0, abs=4 * present(motion.phi_max_u_deg) + 0.02)
     assert present(motion.angle_deg) < present(motion.phi_max_deg) + 0.05
-    assert motion.length_m == pytest.approx(8.0, rel=0.01)
+    # a swing in one plane does not tell a shorter rope from one that hangs stiffer
+    assert motion.length_m == pytest.approx(8.0, abs=2 * present(motion.length_u_m))
+    assert present(motion.length_u_m) < 0.25
     assert motion.predicted_phi_max_deg == pytest.approx(4.0, abs=0.1)
     assert 0 <= present(motion.time_to_peak_s) <= PERIOD_S / 2 + 0.01
 
