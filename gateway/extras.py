@@ -7,7 +7,19 @@ from typing import Literal
 from gateway.errors import InputError
 
 Extra = Literal[
-    "archive", "cluster", "foxglove", "laser", "mqtt", "opcua", "page", "parquet", "relay", "security", "twin"
+    "archive",
+    "cluster",
+    "foxglove",
+    "laser",
+    "mqtt",
+    "opcua",
+    "page",
+    "parquet",
+    "relay",
+    "security",
+    "signing",
+    "timestamp",
+    "twin",
 ]
 LIBRARIES: dict[Extra, tuple[str, ...]] = {
     "archive": ("cryptography", "deltalake", "duckdb", "obstore", "pyarrow"),
@@ -20,6 +32,8 @@ LIBRARIES: dict[Extra, tuple[str, ...]] = {
     "parquet": ("pyarrow",),
     "relay": ("gpiod",),
     "security": ("cryptography",),
+    "signing": ("cryptography",),
+    "timestamp": ("cryptography", "rfc3161_client"),
     "twin": ("casadi", "matplotlib", "scipy"),
 }
 """The modules that each extra brings."""
@@ -30,10 +44,16 @@ def missing_libraries(extra: Extra, libraries: Sequence[str] = ()) -> list[str]:
     return [name for name in libraries or LIBRARIES[extra] if importlib.util.find_spec(name) is None]
 
 
+def what_is_missing(extra: Extra, libraries: Sequence[str] = ()) -> str | None:
+    """Return in words which libraries of an extra are missing, and the remedy; None where none is."""
+    missing = missing_libraries(extra, libraries)
+    return f"{' and '.join(missing)} not installed; try pip install 'plumbline-gateway[{extra}]'" if missing else None
+
+
 def require_extra(extra: Extra, libraries: Sequence[str] = ()) -> None:
     """Raise `InputError` where libraries of an extra are missing; of those that are named, if any are."""
-    if missing := missing_libraries(extra, libraries):
-        raise InputError(f"{' and '.join(missing)} not installed; try pip install 'plumbline-gateway[{extra}]'")
+    if (missing := what_is_missing(extra, libraries)) is not None:
+        raise InputError(missing)
 
 
 def require_plots() -> None:

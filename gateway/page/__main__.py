@@ -2,14 +2,12 @@
 
 import sys
 
-from gateway.extras import LIBRARIES
+from gateway.extras import what_is_missing
 
-try:
-    from gateway.page.server import main
-except ModuleNotFoundError as missing:
-    if missing.name not in LIBRARIES["page"]:
-        raise
-    print(f"page: {missing.name} is not installed; try pip install 'plumbline-gateway[page]'", file=sys.stderr)
+if (missing := what_is_missing("page")) is not None:
+    print(f"page: {missing}", file=sys.stderr)
     sys.exit(2)
+
+from gateway.page.server import main
 
 sys.exit(main())

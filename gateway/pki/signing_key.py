@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from gateway.atomic_io import write_private
 from gateway.errors import PlumblineError
+from gateway.extras import what_is_missing
 from gateway.file_input import read_bounded, reason_of
 
 if TYPE_CHECKING:
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
 KEY_NAME = "signing-key.pem"
 PUBLIC_SUFFIX = ".pub"
-MISSING_EXTRA = "the package cryptography is not installed; `pip install 'plumbline-gateway[signing]'`"
 
 
 class KeyFileError(PlumblineError):
@@ -49,12 +49,12 @@ def load_or_create_key(path: Path) -> SigningKey | None:
 
     The public half stands beside it, in a file that ends with `.pub`. Raises `KeyFileError`.
     """
-    try:
-        from cryptography.exceptions import InternalError, UnsupportedAlgorithm  # noqa: PLC0415  (an extra)
-        from cryptography.hazmat.primitives import serialization  # noqa: PLC0415  (an extra)
-        from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey  # noqa: PLC0415
-    except ImportError:
+    if what_is_missing("signing") is not None:
         return None
+    from cryptography.exceptions import InternalError, UnsupportedAlgorithm  # noqa: PLC0415  (an extra)
+    from cryptography.hazmat.primitives import serialization  # noqa: PLC0415  (an extra)
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey  # noqa: PLC0415
+
     try:
         if not path.exists():
             private = Ed25519PrivateKey.generate()
@@ -99,11 +99,11 @@ def read_public_key(text: str) -> str:
 
 def is_valid(public_hex: str, text: str, signature_hex: str) -> bool:
     """Return whether a signature belongs to a text and a public key. Raises `KeyFileError` without the extra `signing`."""
-    try:
-        from cryptography.exceptions import InvalidSignature  # noqa: PLC0415  (an extra)
-        from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey  # noqa: PLC0415
-    except ImportError as error:
-        raise KeyFileError(f"signatures cannot be checked: {MISSING_EXTRA}") from error
+    if (missing := what_is_missing("signing")) is not None:
+        raise KeyFileError(f"signatures cannot be checked: {missing}")
+    from cryptography.exceptions import InvalidSignature  # noqa: PLC0415  (an extra)
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey  # noqa: PLC0415
+
     try:
         Ed25519PublicKey.from_public_bytes(bytes.fromhex(public_hex)).verify(
             bytes.fromhex(signature_hex), text.encode()

@@ -12,7 +12,7 @@ from gateway.authorization.authoriser import Authoriser
 from gateway.authorization.credential import TOKEN_BYTES, TOKEN_NAME, parse_token
 from gateway.configuration.bus_section import TlsSection
 from gateway.errors import PlumblineError
-from gateway.extras import missing_libraries
+from gateway.extras import what_is_missing
 from gateway.file_input import read_bounded
 from gateway.pki.signing_key import SigningKey
 
@@ -28,10 +28,8 @@ def read_certificates(tls: TlsSection) -> "SiteCertificates | None":
     """Return the certificates of a site; None without a CA, or without the library that reads them."""
     if not tls.enabled:
         return None
-    if missing := missing_libraries("security"):
-        log.error(
-            "bus.tls: %s is not installed: pip install 'plumbline-gateway[security]'; commands are refused", *missing
-        )
+    if (missing := what_is_missing("security")) is not None:
+        log.error("bus.tls: %s; commands are refused", missing)
         return None
     from gateway.daemon.commands.site_certificates import SiteCertificates  # noqa: PLC0415 (an extra)
 

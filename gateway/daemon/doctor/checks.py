@@ -26,7 +26,7 @@ from gateway.daemon.runtime.resources import disk_free_mb
 from gateway.daemon.runtime.wall_clock import WallClockMonitor
 from gateway.daemon.sampling.device_factory import make_device
 from gateway.errors import PlumblineError
-from gateway.extras import missing_libraries
+from gateway.extras import what_is_missing
 from gateway.recording.chain.chain_state import ChainStateError, list_aside, read_state
 
 LOW_DISK_MB = 500.0
@@ -179,8 +179,8 @@ def _page(configuration: Configuration) -> Iterator[CheckResult]:
     if not configuration.page.enabled:
         yield CheckResult("note", "page", "off (page.enabled = false)")
         return
-    if missing := missing_libraries("page"):
-        yield CheckResult("bad", "page", f"{', '.join(missing)} not installed; install plumbline-gateway[page]")
+    if (missing := what_is_missing("page")) is not None:
+        yield CheckResult("bad", "page", missing)
         return
     try:
         socket.create_server(configuration.page.address).close()
@@ -226,8 +226,8 @@ def check_relay(configuration: Configuration) -> Iterator[CheckResult]:
 
 
 def _check_gpio(relay: GpioRelay) -> CheckResult:
-    if missing_libraries("relay"):
-        return CheckResult("bad", "relay", "gpiod is not installed; install plumbline-gateway[relay]")
+    if (missing := what_is_missing("relay")) is not None:
+        return CheckResult("bad", "relay", missing)
     if not relay.chip.exists():
         return CheckResult(
             "bad", "relay", f"{relay.chip}: no such GPIO chip; correct relay.chip (gpiodetect lists them)"

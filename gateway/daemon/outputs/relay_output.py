@@ -4,6 +4,7 @@ import subprocess
 import time
 from typing import Any, Protocol
 
+from gateway.extras import what_is_missing
 from gateway.relay.protocol import RelayParameters
 
 
@@ -75,11 +76,11 @@ class GpioOutput:
 
     def __init__(self, parameters: RelayParameters) -> None:
         """Request the line, inactive. Raises `OutputError`."""
-        try:
-            import gpiod
-            from gpiod.line import Direction, Value
-        except ModuleNotFoundError as error:
-            raise OutputError(f"{error.name} is not installed; install plumbline-gateway[relay]") from error
+        if (missing := what_is_missing("relay")) is not None:
+            raise OutputError(missing)
+        import gpiod
+        from gpiod.line import Direction, Value
+
         self._off, self._on = Value.INACTIVE, Value.ACTIVE
         self._line = parameters.line
         self._half_s = None if parameters.pulse_hz is None else 0.5 / parameters.pulse_hz

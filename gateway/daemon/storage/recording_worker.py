@@ -16,9 +16,10 @@ from gateway.daemon.runtime.instance import FolderError, InstanceError
 from gateway.daemon.runtime.resources import DISK_RETRY_S, disk_free_mb
 from gateway.daemon.runtime.worker import BoundedQueue, Worker
 from gateway.daemon.storage.compaction_worker import RewriteRequest
+from gateway.extras import what_is_missing
 from gateway.messages import NewestStatement, Samples
 from gateway.pipeline.outgoing_message import EncodedMessage
-from gateway.pki.signing_key import KEY_NAME, MISSING_EXTRA, KeyFileError, fingerprint, load_or_create_key
+from gateway.pki.signing_key import KEY_NAME, KeyFileError, fingerprint, load_or_create_key
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.format.header import RecordingHeader
 from gateway.recording.segments.calibration_files import CalibrationFiles
@@ -263,5 +264,6 @@ def load_key(configuration: Configuration, chain: SegmentChain, faults: FaultReg
 def describe_key(chain: SegmentChain, faults: FaultRegister) -> str:
     """Return the public key as text, or why there is none."""
     if chain.key is None:
-        return f"no, chained by hashes only: {faults.standing.get(SIGNING, MISSING_EXTRA)}"
+        why = faults.standing.get(SIGNING) or what_is_missing("signing")
+        return f"no, chained by hashes only: {why}"
     return f"public key {chain.key.public_hex}, fingerprint {fingerprint(chain.key.public_hex)}"

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from gateway.errors import InputError, PlumblineError
+from gateway.extras import what_is_missing
 from gateway.file_input import decode_json, read_bounded, reason_of
 from gateway.messages import NewestStatement
 
@@ -24,7 +25,6 @@ NAME = "time-stamps.jsonl"
 """The file in the data folder; its predecessor ends with `.previous.jsonl`."""
 MAX_RESPONSE_BYTES = 65_536
 """Largest response of an authority. Basis: a choice; ten times one with the certificates of its chain."""
-MISSING_EXTRA = "the package rfc3161-client is not installed; `pip install 'plumbline-gateway[timestamp]'`"
 
 
 class TimeStampError(PlumblineError):
@@ -49,12 +49,16 @@ class ProvenTime:
     """By the clock of the authority."""
 
 
+def _require_library() -> None:
+    if (missing := what_is_missing("timestamp")) is not None:
+        raise TimeStampError(missing)
+
+
 def make_request(statement: NewestStatement) -> "TimeStampRequest":
     """Return the request for a time stamp, with a random number. Raises `TimeStampError` without the extra `timestamp`."""
-    try:
-        from rfc3161_client import HashAlgorithm, TimestampRequestBuilder  # noqa: PLC0415  (an extra)
-    except ImportError as error:
-        raise TimeStampError(MISSING_EXTRA) from error
+    _require_library()
+    from rfc3161_client import HashAlgorithm, TimestampRequestBuilder  # noqa: PLC0415  (an extra)
+
     return TimestampRequestBuilder().data(_stamped(statement)).hash_algorithm(HashAlgorithm.SHA256).build()
 
 
@@ -83,11 +87,10 @@ def read_time_stamps(path: Path) -> tuple[list[StoredTimeStamp], int]:
 
 def load_verifier(path: Path) -> "Verifier":
     """Return the verifier by the certificates of an authority's CA, in PEM. Raises `InputError`, and `TimeStampError`."""
-    try:
-        from cryptography.x509 import load_pem_x509_certificates  # noqa: PLC0415  (an extra)
-        from rfc3161_client import VerifierBuilder  # noqa: PLC0415  (an extra)
-    except ImportError as error:
-        raise TimeStampError(MISSING_EXTRA) from error
+    _require_library()
+    from cryptography.x509 import load_pem_x509_certificates  # noqa: PLC0415  (an extra)
+    from rfc3161_client import VerifierBuilder  # noqa: PLC0415  (an extra)
+
     try:
         certificates = load_pem_x509_certificates(read_bounded(path))
         roots = [each for each in certificates if each.issuer == each.subject]
@@ -157,10 +160,9 @@ def _stamped(statement: NewestStatement) -> bytes:
 
 
 def _decode(content: bytes) -> "TimeStampResponse":
-    try:
-        from rfc3161_client import decode_timestamp_response  # noqa: PLC0415  (an extra)
-    except ImportError as error:
-        raise TimeStampError(MISSING_EXTRA) from error
+    _require_library()
+    from rfc3161_client import decode_timestamp_response  # noqa: PLC0415  (an extra)
+
     try:
         return decode_timestamp_response(content)
     except ValueError as error:
