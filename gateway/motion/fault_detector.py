@@ -7,7 +7,6 @@ import numpy as np
 
 from gateway.motion.bin_noise import BinNoise
 from gateway.motion.binning import Binning, ForceBin
-from gateway.motion.motion_tracker import possible_structures
 from gateway.numerics.array import Array
 from gateway.swing.data.bins import BINS_PER_PERIOD, Bins
 from gateway.swing.data.input_checks import find_constant_axis, find_implausible_mean
@@ -32,7 +31,7 @@ class FaultDetector:
 
     def __init__(self, rig: MountedHousing) -> None:
         self._rig = rig
-        self._is_on_rope = possible_structures(rig) == ["rope"]
+        self._is_on_rope = rig.possible_structures == ["rope"]
         """The axes belong together as on a single rope; on a spreader or one of several ropes x and y read less of a swing."""
         self._bin_s = rig.small_swing_period_s / BINS_PER_PERIOD
         self._binning = Binning(self._bin_s)

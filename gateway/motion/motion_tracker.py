@@ -42,12 +42,9 @@ LARGEST_SETBACK_S = 10.0
 """Bins that come late by less are left out; times that go back by more begin anew."""
 LONGEST_AHEAD_S = 1.5
 """Longest time for which the motion is extrapolated beyond the newest bin. Basis: lasting clipping is unknown after a second."""
-SPREADER_REACH_M, SPREADER_REACH = 1.0, 0.08
-"""Distance above the load, and its share of the rope's length, up to which the housing may be on a spreader."""
-CONVERGING_REACH, CONVERGING, CONVERGING_U = 0.15, 0.05, 0.03
-"""Distance above the load, as a share of the rope's length, up to which the housing may be on one of several ropes that converge;
-the share by which such a housing reads as if it were nearer to the load, and its standard deviation. Basis: 0.03 to 0.09 on
-simulated container cranes, because the other ropes hold the spreader too."""
+CONVERGING, CONVERGING_U = 0.05, 0.03
+"""Share by which a housing on one of several ropes that converge reads as if it were nearer to the load, and its standard
+deviation. Basis: 0.03 to 0.09 on simulated container cranes, because the other ropes hold the spreader too."""
 EXCLUDED_EVIDENCE = 40.0
 """Evidence by which a candidate falls behind the best one when it ends. Basis: on one of 80 simulated cranes a wrong structure
 was ahead by 20 for a while; errors of the equations last, so that these are no odds of 5e8."""
@@ -150,7 +147,7 @@ class MotionTracker:
                 candidate.filter.widen(GYRO_BIAS, u_rad_s)
 
     def _new_candidates(self) -> list[MotionCandidate]:
-        return [self._new_candidate(mounted_on) for mounted_on in possible_structures(self._rig)]
+        return [self._new_candidate(mounted_on) for mounted_on in self._rig.possible_structures]
 
     def _new_candidate(self, mounted_on: MountedOn) -> MotionCandidate:
         constants, on_spreader = self._constants, mounted_on == "spreader"
@@ -254,15 +251,3 @@ class MotionTracker:
             return None
         time_s, angle_rad, u_rad = max(self._angles, key=lambda one: one[1])
         return PeakEstimate(angle_rad=angle_rad, u_rad=u_rad, in_s=time_s - now_s)
-
-
-def possible_structures(rig: MountedHousing) -> list[MountedOn]:
-    """Return what may carry the housing: what is stated, or all that its distance above the load allows."""
-    if rig.mounted_on is not None:
-        return [rig.mounted_on]
-    found: list[MountedOn] = ["rope"]
-    if rig.above_load_m is not None and rig.above_load_m <= CONVERGING_REACH * rig.length_m:
-        found.append("converging_ropes")
-    if rig.above_load_m is not None and rig.above_load_m <= max(SPREADER_REACH_M, SPREADER_REACH * rig.length_m):
-        found.append("spreader")
-    return found

@@ -10,6 +10,11 @@ NOMINAL_LENGTH_U_REL = 0.2
 """Standard uncertainty of a nominal length over it, where none is stated. Basis: a choice; a rope a fifth longer or shorter
 starts in the reach of a fit, and the measured period takes precedence."""
 
+SPREADER_REACH_M, SPREADER_REACH = 1.0, 0.08
+"""Distance above the load, and its share of the rope's length, up to which the housing may be on a spreader."""
+CONVERGING_REACH = 0.15
+"""Share of the rope's length above the load up to which it may be on one of several ropes that converge."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MountedHousing:
@@ -68,6 +73,18 @@ class MountedHousing:
     def small_swing_period_s(self) -> float:
         """Period of a small swing on the nominal rope."""
         return small_swing_period_s(self.length_m, self.gravity_m_s2)
+
+    @property
+    def possible_structures(self) -> list[MountedOn]:
+        """What may carry the housing: what is stated, or all that its distance above the load allows."""
+        if self.mounted_on is not None:
+            return [self.mounted_on]
+        found: list[MountedOn] = ["rope"]
+        if self.above_load_m is not None and self.above_load_m <= CONVERGING_REACH * self.length_m:
+            found.append("converging_ropes")
+        if self.above_load_m is not None and self.above_load_m <= max(SPREADER_REACH_M, SPREADER_REACH * self.length_m):
+            found.append("spreader")
+        return found
 
     def length_of(self, rate_1_s: float) -> float:
         """Return the length of a rope on which a small swing has this angular frequency."""
