@@ -23,7 +23,7 @@ from gateway.bus.alert_sequence import AlertEvent, AlertPage, AlertRequest, Aler
 from gateway.bus.authenticity import UNANSWERED, Authenticity, Doubt
 from gateway.bus.client import open_client_session
 from gateway.bus.credentials import Credentials, load_credentials
-from gateway.bus.fleet_inbox import LARGEST_PAYLOAD
+from gateway.bus.fleet_inbox import LARGEST_STATE_BYTES
 from gateway.bus.heard_gateway import AlertArrival, HeardGateway, read_states, write_states
 from gateway.bus.session import UnreachableError
 from gateway.bus.untrusted import GATEWAY_KEY, make_question, read_attachment, send_question
@@ -33,7 +33,7 @@ from gateway.topics import adapter
 
 INBOX = 4096
 """Messages that may wait. Basis: a choice; sixteen for each of the gateways, and a bound of the memory."""
-MOST_GATEWAYS = 256
+MOST_FOLLOWED = 256
 """Bound of the memory that a peer with invented names can take. Basis: a choice; more than a site has cranes."""
 PATIENCE_S = 0.6
 """A gateway whose alert message is overdue by this time is silent. Basis: a choice; a lost packet is repeated within less, and
@@ -164,7 +164,7 @@ class AlertReceiver:
 
     def _receive_alert(self, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr).removesuffix("/alert")
-        if len(sample.payload) > LARGEST_PAYLOAD:
+        if len(sample.payload) > LARGEST_STATE_BYTES:
             self.refused += 1
         else:
             payload, attachment = sample.payload.to_bytes(), read_attachment(sample)
@@ -180,7 +180,7 @@ class AlertReceiver:
     def _receive_page(
         self, key: str, request: AlertRequest, question: Question, sent_s: float, reply: zenoh.Reply
     ) -> None:
-        if reply.ok is not None and len(reply.ok.payload) <= LARGEST_PAYLOAD:
+        if reply.ok is not None and len(reply.ok.payload) <= LARGEST_STATE_BYTES:
             doubt = self._authenticity.judge_reply(f"{key}/rpc/alerts", question, reply, sent_s)
             self._put(AlertArrival(key, reply.ok.payload.to_bytes(), request, doubt=doubt))
 
@@ -300,10 +300,10 @@ class AlertReceiver:
 
         Names that were never authenticated make room: they may be invented.
         """
-        if len(self._gateways) >= MOST_GATEWAYS:
+        if len(self._gateways) >= MOST_FOLLOWED:
             doubtful = (name for name, each in self._gateways.items() if not (each.is_authentic or each.is_remembered))
             self._gateways.pop(next(doubtful, ""), None)
-        if len(self._gateways) >= MOST_GATEWAYS or GATEWAY_KEY.fullmatch(key) is None:
+        if len(self._gateways) >= MOST_FOLLOWED or GATEWAY_KEY.fullmatch(key) is None:
             return None
         presence = GatewayPresence(connected_s=time.monotonic() if self._linked else float("-inf"))
         self._gateways[key] = HeardGateway(AlertSequence(self._since, state), presence, is_remembered=state is not None)

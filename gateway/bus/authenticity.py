@@ -24,7 +24,7 @@ from gateway.authorization.message_signature import (
     split_signature,
 )
 from gateway.bus.known_gateways import NO_SIGNERS, Signers, can_pin, known_statement, pin_key
-from gateway.bus.untrusted import GATEWAY_KEY, LONGEST_KEY, make_question, read_attachment, send_question
+from gateway.bus.untrusted import GATEWAY_KEY, LONGEST_KEY, MOST_GATEWAYS, make_question, read_attachment, send_question
 from gateway.pki.signing_key import KEY_NAME, PUBLIC_SUFFIX, KeyFileError, fingerprint
 
 MAX_AGE_S = 5.0
@@ -40,8 +40,6 @@ RENEWAL_S = 600.0
 """The gateway's time is asked for again after this time. Basis: two clocks that differ by 100 ppm part by 0.06 s in it."""
 MOST_QUESTIONS = 50
 """Questions that are sent at once. Basis: a choice; invented names cost little, and a fleet is asked within seconds."""
-MOST_GATEWAYS = 5000
-"""Bound of the memory that invented names can take. Basis: a choice; more than any fleet."""
 MOST_BOOTS = 4
 """Boots of a gateway that are remembered. Basis: a choice; two gateways of one name, and a restart of each."""
 CHALLENGE = "rpc/challenge"

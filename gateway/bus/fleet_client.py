@@ -12,13 +12,13 @@ from gateway.authorization.message_signature import Question
 from gateway.bus.authenticity import Authenticity
 from gateway.bus.client import ANSWER_S, STATUS, open_client_session
 from gateway.bus.credentials import Credentials, load_credentials
-from gateway.bus.fleet_inbox import LARGEST_PAYLOAD, FleetBatch, FleetInbox
+from gateway.bus.fleet_inbox import LARGEST_STATE_BYTES, FleetBatch, FleetInbox
 from gateway.bus.untrusted import make_question, read_attachment, send_question
 from gateway.topics import STATE_TOPICS, UNSIGNED_TOPICS
 
 ALIVE = "alive"
 LARGEST_STATUS = 1 << 20
-"""Largest status of a gateway, bytes. Basis: as for any message, `untrusted.LARGEST_PAYLOAD`."""
+"""Largest status of a gateway, bytes. Basis: as for any message, `untrusted.LARGEST_STATE_BYTES`."""
 
 
 class FleetClient:
@@ -83,7 +83,7 @@ class FleetClient:
             self._put(reply.ok, live=False)
 
     def _put(self, sample: zenoh.Sample, *, live: bool) -> None:
-        if len(sample.payload) > LARGEST_PAYLOAD:
+        if len(sample.payload) > LARGEST_STATE_BYTES:
             self.inbox.count_refused()
             return
         key_expr, payload, at_s = str(sample.key_expr), sample.payload.to_bytes(), time.monotonic()

@@ -4,12 +4,10 @@ import threading
 from dataclasses import dataclass, field
 
 from gateway.bus.authenticity import Doubt, newer_doubt
-from gateway.bus.untrusted import GATEWAY_KEY, LONGEST_KEY
+from gateway.bus.untrusted import GATEWAY_KEY, LONGEST_KEY, MOST_GATEWAYS
 
-LARGEST_PAYLOAD = 65536
+LARGEST_STATE_BYTES = 65536
 """Largest message of a fleet, bytes. Basis: alerts, health and conditions have a few kilobytes."""
-MOST_GATEWAYS = 5000
-"""Bound of the memory that a peer with invented names can take. Basis: a choice; more than any fleet, some ten kilobytes each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +48,7 @@ class FleetInbox:
         """Add a payload under `<gateway>/<topic>`. An older message never replaces a live one, nor a doubtful one another."""
         key, _, topic = key_expression.rpartition("/")
         with self._lock:
-            if len(payload) > LARGEST_PAYLOAD or not self._admit(key):
+            if len(payload) > LARGEST_STATE_BYTES or not self._admit(key):
                 self.refused += 1
                 return
             if doubt is not None:

@@ -11,9 +11,9 @@ from typing import Any
 import zenoh
 
 from gateway.bus.access_control import EVERY_GATEWAY, READ, WRITE, access_rule, deny_all_but
-from gateway.bus.fleet_inbox import LARGEST_PAYLOAD, MOST_GATEWAYS
+from gateway.bus.fleet_inbox import LARGEST_STATE_BYTES
 from gateway.bus.session import ACCEPT_MS, LARGEST_ANSWER, LEASE_MS, LONGEST_BLOCKED_US, MOST_PENDING, TlsFiles
-from gateway.bus.untrusted import GATEWAY_KEY, read_attachment
+from gateway.bus.untrusted import GATEWAY_KEY, MOST_GATEWAYS, read_attachment
 from gateway.topics import STATE_TOPICS
 
 CLEANING = {"period": 3600, "lifespan": 86400}
@@ -128,7 +128,7 @@ class LatestStates:
 
     def _keep(self, sample: zenoh.Sample) -> None:
         key_expression, size = str(sample.key_expr), len(sample.payload)
-        if sample.kind != zenoh.SampleKind.PUT or size > LARGEST_PAYLOAD:
+        if sample.kind != zenoh.SampleKind.PUT or size > LARGEST_STATE_BYTES:
             return
         with self._lock:
             known = key_expression in self._latest or (

@@ -20,13 +20,15 @@ GATEWAY_KEY = re.compile(f"plumbline/v1(/{KEY_PATTERN.strip('^$')}){{3}}")
 """Key of a gateway: the names that a configuration allows."""
 LONGEST_KEY = 256
 """Basis: a choice; keys have a prefix, a name of 64 characters and a topic."""
-LARGEST_PAYLOAD = 1 << 20
+MOST_GATEWAYS = 5000
+"""Bound of the memory that a peer with invented names can take. Basis: a choice; more than any fleet, some ten kilobytes each."""
+LARGEST_MESSAGE_BYTES = 1 << 20
 """Largest message. Basis: a calibration with all poses and its record is the largest one, some 60 kB."""
 
 
 def parse_message(topic: str, payload: bytes) -> dict[str, Any] | None:
     """Return the fields of a message; None where it is too large or not valid by the type of its topic."""
-    if len(payload) > LARGEST_PAYLOAD or topic not in TOPICS:
+    if len(payload) > LARGEST_MESSAGE_BYTES or topic not in TOPICS:
         return None
     try:
         return _plain(topic, adapter(topic).validate_json(payload))
@@ -36,7 +38,7 @@ def parse_message(topic: str, payload: bytes) -> dict[str, Any] | None:
 
 def parse_status(payload: bytes) -> dict[str, dict[str, Any]] | None:
     """Return the valid messages of a status by topic; None where it is not a status."""
-    if len(payload) > LARGEST_PAYLOAD:
+    if len(payload) > LARGEST_MESSAGE_BYTES:
         return None
     try:
         content = json.loads(payload)

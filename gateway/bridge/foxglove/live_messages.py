@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pydantic import ValidationError
 
 from gateway.bus.authenticity import Doubt
-from gateway.bus.fleet_inbox import LARGEST_PAYLOAD, FleetInbox
+from gateway.bus.fleet_inbox import LARGEST_STATE_BYTES, FleetInbox
 from gateway.messages import Message
 from gateway.topics import TOPICS, adapter
 
@@ -38,7 +38,7 @@ class LiveMessages(FleetInbox):
         """
         super().put(key_expression, payload, at_s, live=live, doubt=doubt)
         is_own = doubt is None or doubt.kind == "unsigned"
-        if live and is_own and len(payload) <= LARGEST_PAYLOAD:
+        if live and is_own and len(payload) <= LARGEST_STATE_BYTES:
             with self._queue_lock:
                 self.dropped += len(self._waiting) == MOST_WAITING
                 self._waiting.append((key_expression.rpartition("/")[2], payload))

@@ -7,7 +7,7 @@ import pytest
 import zenoh
 
 from gateway.bus import router
-from gateway.bus.alert_receiver import MOST_GATEWAYS, AlertReceiver
+from gateway.bus.alert_receiver import MOST_FOLLOWED, AlertReceiver
 from gateway.bus.router import LatestStates
 from gateway.messages import Alert
 from gateway.topics import encode
@@ -53,11 +53,11 @@ def test_a_gateway_that_comes_after_many_invented_ones_is_heard(bus: zenoh.Sessi
         wait_until(
             lambda: bus.put("plumbline/v1/a/b/first/alert", ALERT) or heard("plumbline/v1/a/b/first"), "the link"
         )
-        for number in range(MOST_GATEWAYS):
+        for number in range(MOST_FOLLOWED):
             bus.put(f"plumbline/v1/a/b/invented-{number}/alert", ALERT)
         bus.put("plumbline/v1/yard/c1/hook/alert", ALERT)
         wait_until(lambda: heard("plumbline/v1/yard/c1/hook"), "the true one")
-        assert len(receiver.present_states) == MOST_GATEWAYS
+        assert len(receiver.present_states) == MOST_FOLLOWED
 
 
 @pytest.mark.slow

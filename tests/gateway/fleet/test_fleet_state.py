@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from gateway.bus.fleet_inbox import LARGEST_PAYLOAD, MOST_GATEWAYS, FleetInbox
+from gateway.bus.fleet_inbox import LARGEST_STATE_BYTES, FleetInbox
+from gateway.bus.untrusted import MOST_GATEWAYS
 from gateway.fleet.fleet_state import DUPLICATE_S, FleetState
 from gateway.fleet.gateway_status import GatewayStatus
 from gateway.messages import Message
@@ -226,7 +227,7 @@ def test_a_name_that_no_configuration_allows_is_refused(name: str) -> None:
 @pytest.mark.slow
 def test_memory_is_bounded_against_large_payloads_and_invented_names() -> None:
     inbox = FleetInbox()
-    inbox.put(f"{KEY}/alert", b"x" * (LARGEST_PAYLOAD + 1), 0.0, live=True)
+    inbox.put(f"{KEY}/alert", b"x" * (LARGEST_STATE_BYTES + 1), 0.0, live=True)
     for k in range(MOST_GATEWAYS + 10):
         inbox.put(f"plumbline/v1/a/b/{k}/alert", b"{}", 0.0, live=True)
     assert inbox.refused == 11
