@@ -3,29 +3,15 @@
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
+from gateway.configuration.address import Address
 from gateway.configuration.bus_section import is_loopback
 from gateway.configuration.section import Section
 from gateway.errors import InputError, describe_problems
 from gateway.file_input import read_toml, reason_of
 
-
-def _check_address(text: str) -> str:
-    host, _, port = text.rpartition(":")
-    if not host or not (port.isascii() and port.isdecimal()) or not 0 < int(port) < 65_536:
-        raise ValueError("an address has the form 127.0.0.1:5020, with a port of 1 to 65535")
-    return text
-
-
 TopicPrefix = Annotated[str, Field(pattern=r"^[^/+#$\s][^+#\s]*$", max_length=100)]
-Address = Annotated[str, AfterValidator(_check_address)]
-
-
-def host_and_port(address: str) -> tuple[str, int]:
-    """Return the parts of an address."""
-    host, _, port = address.rpartition(":")
-    return host.strip("[]"), int(port)
 
 
 class ModbusSection(Section):

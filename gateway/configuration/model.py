@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2, normal_gravity_m_s2
+from gateway.configuration.address import Address, host_and_port
 from gateway.configuration.bus_section import BusSection
 from gateway.configuration.device_sections import AnyDevice, SimulatedDevice
 from gateway.configuration.relay_section import AnyRelay, NoRelay
 from gateway.configuration.section import KEY_PATTERN, Section, one_of
-from gateway.errors import pattern_of
 from gateway.languages import LANGUAGES
 
 MAX_CUTOFF_SHARE = 0.4
@@ -164,7 +164,6 @@ MAX_EVENT_S = 86_400.0
 """Definition: a day."""
 MAX_QUOTA_MB = 1e9
 """Basis: a choice; a petabyte, larger than any disk."""
-MAX_PORT = 65535
 
 
 class RecorderSection(Section):
@@ -223,11 +222,7 @@ class PageSection(Section):
     """The operator's page."""
 
     enabled: bool = True
-    listen: str = Field(
-        "127.0.0.1:8321",
-        pattern=pattern_of(r"^[^:\s]+:\d{1,5}$", "an address and a port, such as 127.0.0.1:8321"),
-        description="address:port",
-    )
+    listen: Address = Field("127.0.0.1:8321", description="address:port")
     language: Language = "en"
     directions: DirectionsSection = DirectionsSection()
     hosts: list[str] = Field(
@@ -244,18 +239,10 @@ class PageSection(Section):
         description="names offered to a person who acknowledges, for a panel without keys",
     )
 
-    @field_validator("listen")
-    @classmethod
-    def _check_port(cls, listen: str) -> str:
-        if int(listen.rpartition(":")[2]) > MAX_PORT:
-            raise ValueError(f"listen: a port is at most {MAX_PORT}")
-        return listen
-
     @property
     def address(self) -> tuple[str, int]:
         """Host and port."""
-        host, _, port = self.listen.rpartition(":")
-        return host, int(port)
+        return host_and_port(self.listen)
 
 
 class Configuration(Section):

@@ -15,9 +15,10 @@ from gateway.bridge.opcua.opcua_values import NAMESPACE, data_value, engineering
 from gateway.bridge.plant_snapshot import BRIDGE_GONE, PlantSnapshot
 from gateway.bridge.plant_state import PlantState
 from gateway.bridge.plant_values import PLANT_VALUES, PlantValue
-from gateway.bridge.settings import OpcuaSection, host_and_port, read_password
+from gateway.bridge.settings import OpcuaSection, read_password
 from gateway.bus.alert_receiver import AlertReceiver
 from gateway.bus.alert_sequence import AlertEvent
+from gateway.configuration.address import host_and_port
 from gateway.errors import InputError
 
 STEP_S = 0.1

@@ -6,8 +6,9 @@ import time
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from gateway.cli.options.argument_types import parse_address, parsed_by
+from gateway.cli.options.argument_types import parsed_by
 from gateway.cli.options.bus_link import add_connect, add_expect, expected_gateways, fleet_client
+from gateway.configuration.address import host_and_port
 from gateway.extras import require_extra
 from gateway.languages import LANGUAGES
 
@@ -73,8 +74,8 @@ def _add_listen(verb: argparse.ArgumentParser, default: str) -> None:
     """Add `--listen`."""
     verb.add_argument(
         "--listen",
-        type=parsed_by(parse_address),
-        default=parse_address(default),
+        type=parsed_by(host_and_port),
+        default=host_and_port(default),
         metavar="ADDRESS:PORT",
         help=f"where to serve (default {default}: only this machine)",
     )

@@ -90,11 +90,3 @@ def parsed_by(parse: Callable[[str], Value]) -> Callable[[str], Value]:
             raise argparse.ArgumentTypeError(str(error)) from None
 
     return read
-
-
-def parse_address(text: str) -> tuple[str, int]:
-    """Parse the address that a server listens on. Raises `ValueError`."""
-    host, _, port = text.rpartition(":")
-    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
-        raise ValueError(f"{text} is no address such as 127.0.0.1:8322")
-    return host, int(port)

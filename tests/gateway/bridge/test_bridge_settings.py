@@ -15,7 +15,7 @@ KEY = "plumbline/v1/yard/crane-1/hook"
     ("toml", "why"),
     [
         ("[modbuss]\n", "modbuss: Extra inputs are not permitted"),
-        ('[modbus]\nlisten = "5020"\n', "modbus.listen: an address has the form 127.0.0.1:5020"),
+        ('[modbus]\nlisten = "5020"\n', "modbus.listen: 5020 is not an address with a port"),
         ("[modbus]\nmax_connections = 0\n", "modbus.max_connections"),
         ("[mqtt\n", "config/bridge.toml is an example"),
         ('[mqtt]\nhost = "10.0.0.9"\n', "10.0.0.9 is reached without TLS; set ca, or allow_unencrypted = true"),

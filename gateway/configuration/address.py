@@ -1,0 +1,26 @@
+"""The address of a server: a host and a port."""
+
+import re
+from typing import Annotated
+
+from pydantic import AfterValidator
+
+MAX_PORT = 65535
+
+
+def host_and_port(address: str) -> tuple[str, int]:
+    """Return the parts of an address such as 127.0.0.1:8321 or [::1]:8321. Raises `ValueError` for anything else."""
+    host, _, port = address.rpartition(":")
+    if not re.fullmatch(r"[^:\s]+|\[[^\s]+\]", host) or not re.fullmatch(r"[0-9]{1,5}", port):
+        raise ValueError(f"{address} is not an address with a port, such as 127.0.0.1:8321")
+    if not 0 < int(port) <= MAX_PORT:
+        raise ValueError(f"{address}: a port is a number of 1 to {MAX_PORT}")
+    return host.strip("[]"), int(port)
+
+
+def _check_address(address: str) -> str:
+    host_and_port(address)
+    return address
+
+
+Address = Annotated[str, AfterValidator(_check_address)]
