@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gateway.motion.mixture import Pairs
 from gateway.numerics.array import Array
 
 BOUNCE_RATE_1_S, BOUNCE_DAMPING = 5.3, 0.03
@@ -65,9 +65,10 @@ CALM, TURBULENT, HELD = range(3)
 WIND_LEVELS = (
     WindLevel(sigma=2e-4, rate_1_s=0.3, side_sigma=3e-3, side_walk=0.0),
     WindLevel(sigma=5e-3, rate_1_s=0.2, side_sigma=1.2e-2, side_walk=3e-4),
-    WindLevel(sigma=3e-2, rate_1_s=1.0, side_sigma=1.2e-2, side_walk=3e-4),
+    WindLevel(sigma=3e-2, rate_1_s=1.0, side_sigma=0.1, side_walk=3e-4),
 )
-"""Basis: leans of 0.2 degrees by a breeze; 5 to 10 m/s on a load of some m^2 per tonne; ground or snag that hold a load."""
+"""Basis: leans of 0.2 degrees by a breeze; 5 to 10 m/s on a load of some m^2 per tonne; ground or snag that hold a load, by whose
+friction a rope may stand aslant by several degrees."""
 
 _NEVER = 1e-15
 """Basis: a base floats or it does not. Evidence for the other, in some ten seconds, is what a wrong beginning needs to mend."""
@@ -126,7 +127,7 @@ INITIAL_WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
 _KINDS = np.column_stack([IS_DRIVEN, IS_GUST & ~IS_DRIVEN, IS_HOISTING]).astype(float)
 
 
-def stops() -> tuple[tuple[NDArray[np.intp], NDArray[np.intp]], ...]:
+def stops() -> tuple[Pairs, ...]:
     """Return the hypotheses of a winch that runs, steadily and at a changing speed, and what each becomes when it stops."""
     found = []
     for level in (STEADY, CHANGING):
@@ -136,6 +137,17 @@ def stops() -> tuple[tuple[NDArray[np.intp], NDArray[np.intp]], ...]:
         sources, targets = np.array(running).T
         found.append((sources, targets))
     return tuple(found)
+
+
+def releases() -> tuple[tuple[Pairs, ...], list[int]]:
+    """Return the hypotheses of a load that is held, what each becomes when it is let go, and the level of the wind then."""
+    levels = [CALM, TURBULENT]
+    found = []
+    for level in levels:
+        held = [(i, _ALL.index((pivot, level, winch))) for i, (pivot, wind, winch) in enumerate(_ALL) if wind == HELD]
+        sources, targets = np.array(held).T
+        found.append((sources, targets))
+    return tuple(found), levels
 
 
 def probabilities(weight: Array) -> tuple[float, float, float]:

@@ -31,6 +31,16 @@ Pairs = tuple[IndexArray, IndexArray]
 
 
 @dataclass(frozen=True, slots=True)
+class Renewal:
+    """Hypotheses between which states are not handed on: they begin anew, at zero."""
+
+    pairs: tuple[Pairs, ...]
+    states: slice
+    variances: Array
+    """Of these states, for each of the pairs."""
+
+
+@dataclass(frozen=True, slots=True)
 class Ending:
     """Hypotheses that end only where one of the states is zero."""
 
@@ -40,7 +50,7 @@ class Ending:
     """Of the state once it has ended."""
 
 
-def exchange(mixture: Mixture, transition: Array, ending: Ending) -> tuple[Mixture, Array, Array]:
+def exchange(mixture: Mixture, transition: Array, ending: Ending, renewal: Renewal) -> tuple[Mixture, Array, Array]:
     """Return the mixture after the hypotheses have exchanged probability, what each (row) took from each, and the probabilities
     of the exchange, shapes (m, m).
 
@@ -48,9 +58,14 @@ def exchange(mixture: Mixture, transition: Array, ending: Ending) -> tuple[Mixtu
     an ending would bring all speeds with it, at each step anew, and what has come to rest would never be sure of it.
     """
     joint = mixture.weight[:, None] * transition
+    pairs = (*ending.pairs, *renewal.pairs)
     ended = [_conditioned(mixture, pair, ending) for pair in ending.pairs]
-    ends = [joint[pair] * overlap for pair, (_, overlap) in zip(ending.pairs, ended, strict=True)]
-    for pair in ending.pairs:
+    ended += [
+        _renewed(mixture, pair, renewal.states, variance)
+        for pair, variance in zip(renewal.pairs, renewal.variances, strict=True)
+    ]
+    ends = [joint[pair] * overlap for pair, (_, overlap) in zip(pairs, ended, strict=True)]
+    for pair in pairs:
         joint[pair] = 0.0
     weight = joint.sum(axis=0)
     share = (joint / weight).T
@@ -60,7 +75,7 @@ def exchange(mixture: Mixture, transition: Array, ending: Ending) -> tuple[Mixtu
     second = mixture.covariance + from_centre[:, :, None] * from_centre[:, None]
     covariance = (share @ second.reshape(len(weight), -1)).reshape(second.shape)
     covariance -= to_centre[:, :, None] * to_centre[:, None]
-    for pair, each, (part, _) in zip(ending.pairs, ends, ended, strict=True):
+    for pair, each, (part, _) in zip(pairs, ends, ended, strict=True):
         _, into = pair
         joint[pair] = each
         weight[into] += each
@@ -84,3 +99,13 @@ def _conditioned(mixture: Mixture, pair: Pairs, ending: Ending) -> tuple[Mixture
     overlap = np.sqrt(ending.variance / total) * np.exp(-0.5 * value**2 / total)
     after = covariance - gain[:, :, None] * column[:, None]
     return Mixture(x - gain * value[:, None], after, mixture.weight[pair[0]]), overlap
+
+
+def _renewed(mixture: Mixture, pair: Pairs, states: slice, variance: float) -> tuple[Mixture, Array]:
+    """Return what follows with these states unknown but for their variance, and that nothing speaks against it."""
+    x, covariance = mixture.state[pair[0]], mixture.covariance[pair[0]]
+    x[:, states] = 0.0
+    covariance[:, states], covariance[:, :, states] = 0.0, 0.0
+    places = np.arange(states.start, states.stop)
+    covariance[:, places, places] = variance
+    return Mixture(x, covariance, mixture.weight[pair[0]]), np.ones(len(x))

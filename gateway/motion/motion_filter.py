@@ -12,9 +12,17 @@ import numpy as np
 from gateway.motion.disturbances import DisturbanceStep
 from gateway.motion.fast_oscillation import FastOscillation
 from gateway.motion.gyro_reading import BIAS_WALK_RAD_S, GyroPrior, expected_rate, rate_variance, with_gyro_states
-from gateway.motion.hypotheses import BOUNCE_RATE_1_S, IS_FLOATING, N_HYPOTHESES, WIND_LEVEL, WIND_LEVELS, stops
+from gateway.motion.hypotheses import (
+    BOUNCE_RATE_1_S,
+    IS_FLOATING,
+    N_HYPOTHESES,
+    WIND_LEVEL,
+    WIND_LEVELS,
+    releases,
+    stops,
+)
 from gateway.motion.initial_state import Constants, initial_mixture
-from gateway.motion.mixture import Ending, Mixture, exchange
+from gateway.motion.mixture import Ending, Mixture, Renewal, exchange
 from gateway.motion.rope_model import RopeModel, axial_curvature
 from gateway.motion.state_vector import (
     GUST,
@@ -75,6 +83,9 @@ STEP_RESOLUTION_S = 1e-3
 """Resolution of the time for which disturbances change within a step. Basis: bins of a stream differ by less."""
 STOPPED_SPEED_M_S = 0.02
 """Standard deviation of the speed of a winch that has just stopped."""
+_RELEASED, _LEVELS = releases()
+_RELEASES = Renewal(_RELEASED, SIDE_FORCE, np.square([WIND_LEVELS[level].side_sigma for level in _LEVELS]))
+"""The steady force by which ground or a snag hold a load ends when they let go of it."""
 _STOPS = Ending(stops(), HOIST_SPEED, STOPPED_SPEED_M_S**2)
 """A winch rests once its speed is zero."""
 _N_OBSERVED = 3 + N_STATED
@@ -128,7 +139,7 @@ class MotionFilter:
         """
         self._step_s = time_s
         step = _disturbance_step(round(time_s / STEP_RESOLUTION_S))
-        mixed, share, exchanged = exchange(self.mixture, step.exchange, _STOPS)
+        mixed, share, exchanged = exchange(self.mixture, step.exchange, _STOPS, _RELEASES)
         self._misfit_g2 = share @ self._misfit_g2
         x, covariance = mixed.state.copy(), mixed.covariance.copy()
         transition = self._flow(x, time_s)

@@ -102,8 +102,10 @@ def test_constants_return_to_what_was_stated() -> None:
     for states, return_s in RETURN_TIMES_S:
         factor = np.exp(-duration_s / return_s)
         mean = prior.state[0, states] + factor * (state[0, states] - prior.state[0, states])
-        np.testing.assert_allclose(found[states], mean, atol=1e-12)
-        if states != SIDE_FORCE:  # a turbulent wind changes it, too
+        if states == SIDE_FORCE:  # a turbulent wind changes it, too, and what was held and let go forgets it
+            np.testing.assert_allclose(found[states], mean, rtol=0.03)
+        else:
+            np.testing.assert_allclose(found[states], mean, atol=1e-12)
             expected = np.square(sigma[0, states]) * (1 - 0.99 * factor**2)
             np.testing.assert_allclose(variance[states], expected, rtol=1e-9)
 

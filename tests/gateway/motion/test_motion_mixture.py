@@ -5,11 +5,11 @@ import pytest
 
 from gateway.motion.disturbances import DisturbanceStep
 from gateway.motion.hypotheses import N_HYPOTHESES
-from gateway.motion.mixture import Ending, Mixture, exchange
+from gateway.motion.mixture import Ending, Mixture, Renewal, exchange
 
 N = 4
 SEEDS = range(5)
-NO_ENDING = Ending((), 0, 1.0)
+NO_ENDING, NO_RENEWAL = Ending((), 0, 1.0), Renewal((), slice(0, 1), np.array([]))
 
 
 def random_mixture(rng: np.random.Generator) -> Mixture:
@@ -42,7 +42,7 @@ def test_exchange_keeps_overall_mean_and_covariance(seed: int) -> None:
     """Nothing has moved yet: only what each hypothesis takes for granted has changed."""
     mixture = random_mixture(np.random.default_rng(seed))
 
-    after, share, _ = exchange(mixture, DisturbanceStep.of(0.5).exchange, NO_ENDING)
+    after, share, _ = exchange(mixture, DisturbanceStep.of(0.5).exchange, NO_ENDING, NO_RENEWAL)
 
     assert after.weight.sum() == pytest.approx(1.0, abs=1e-12)
     np.testing.assert_allclose(share.sum(axis=1), 1.0, atol=1e-12)
@@ -58,7 +58,7 @@ def test_exchange_of_equal_states_changes_weights_alone() -> None:
     )
     transition = DisturbanceStep.of(2.0).exchange
 
-    after, share, _ = exchange(mixture, transition, NO_ENDING)
+    after, share, _ = exchange(mixture, transition, NO_ENDING, NO_RENEWAL)
 
     np.testing.assert_allclose(after.state, mixture.state, atol=1e-14)
     np.testing.assert_allclose(after.covariance, mixture.covariance, atol=1e-13)
@@ -69,7 +69,7 @@ def test_exchange_of_equal_states_changes_weights_alone() -> None:
 def test_without_an_exchange_everything_stays() -> None:
     mixture = random_mixture(np.random.default_rng(2))
 
-    after, share, _ = exchange(mixture, np.eye(N_HYPOTHESES), NO_ENDING)
+    after, share, _ = exchange(mixture, np.eye(N_HYPOTHESES), NO_ENDING, NO_RENEWAL)
 
     np.testing.assert_allclose(after.state, mixture.state, atol=1e-14)
     np.testing.assert_allclose(after.covariance, mixture.covariance, atol=1e-13)
@@ -93,7 +93,7 @@ def test_what_ends_is_conditioned_on_its_end_as_by_an_observation_of_zero() -> N
     speed, sigma = 0.05, 0.12
     variance = sigma**2 + 0.02**2
 
-    after, _, exchanged = exchange(two_hypotheses(speed, sigma), OFTEN, STOP)
+    after, _, exchanged = exchange(two_hypotheses(speed, sigma), OFTEN, STOP, NO_RENEWAL)
 
     density_over_that_at_rest = 0.02 / np.sqrt(variance) * np.exp(-0.5 * speed**2 / variance)
     ended = 0.1 * density_over_that_at_rest
@@ -105,13 +105,24 @@ def test_what_ends_is_conditioned_on_its_end_as_by_an_observation_of_zero() -> N
 
 
 def test_what_runs_for_certain_does_not_end() -> None:
-    after, _, _ = exchange(two_hypotheses(0.4, 0.02), OFTEN, STOP)
+    after, _, _ = exchange(two_hypotheses(0.4, 0.02), OFTEN, STOP, NO_RENEWAL)
 
     assert after.weight[1] < 1e-20
     np.testing.assert_allclose(after.moments()[0], [0.4, 2.2])
 
 
 def test_what_is_at_rest_ends_as_often_as_stated() -> None:
-    after, _, _ = exchange(two_hypotheses(0.0, 1e-4), OFTEN, STOP)
+    after, _, _ = exchange(two_hypotheses(0.0, 1e-4), OFTEN, STOP, NO_RENEWAL)
 
     assert after.weight == pytest.approx([0.9, 0.1], rel=1e-4)
+
+
+def test_what_follows_a_renewal_has_nothing_of_the_state_before() -> None:
+    renewal = Renewal(((np.array([0]), np.array([1])),), slice(0, 1), np.array([0.3**2]))
+
+    after, _, exchanged = exchange(two_hypotheses(0.4, 0.02), OFTEN, NO_ENDING, renewal)
+
+    assert after.weight == pytest.approx([0.9, 0.1])
+    assert exchanged[0] == pytest.approx([0.9, 0.1])
+    np.testing.assert_allclose(after.state, [[0.4, 2.2], [0.0, 2.2]], atol=1e-12)
+    np.testing.assert_allclose(after.covariance[1], np.diag([0.3**2, 9 * 0.02**2 + 0.1**2]), atol=1e-12)
