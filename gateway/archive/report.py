@@ -12,6 +12,7 @@ import numpy as np
 
 from gateway.archive.limit_cost import LimitCost, tried_limits
 from gateway.archive.query import open_database
+from gateway.archive.replay_changes import VersionComparison, compare_replays
 from gateway.archive.rows import Trust
 from gateway.archive.tables import Archive
 from gateway.calibration.drift.fleet_drift import SensorDrift, fleet_drift
@@ -23,7 +24,7 @@ from gateway.numerics.array import Array
 DRIFT_LIMIT_DEG = 0.5
 """Tilt error at which a sensor is calibrated again. Basis: the default of `plumbline fleet drift`."""
 MAX_WORST = 20
-"""Worst swings that are listed. Basis: a choice; more than anybody looks into."""
+"""Worst swings, and replays, that are listed. Basis: a choice; more than anybody looks into."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +108,8 @@ class ArchiveReport:
     at_rest: tuple[RestDrift, ...]
     unknown: tuple[UnknownTime, ...]
     limits: tuple[LimitCost, ...]
+    replays: VersionComparison
+    """What was computed again, compared with what was recorded."""
 
 
 def make_report(archive: Archive, question: ReportQuestion, now: datetime) -> ArchiveReport:
@@ -131,6 +134,7 @@ def make_report(archive: Archive, question: ReportQuestion, now: datetime) -> Ar
             _at_rest(database, question),
             _unknown(database, question),
             tried_limits(database),
+            compare_replays(database, None, "utc >= ? AND utc < ?", [question.begin, question.end]),
         )
 
 

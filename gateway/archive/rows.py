@@ -193,7 +193,7 @@ class ResultRow:
     """First message of the first recording."""
     kind: str
     task: str
-    """Hash of kind, software and recordings: the same task is done once."""
+    """Hash of kind, software, other calibration and recordings: the same task is done once."""
     software: str
     state: TaskState
     verdict: str
@@ -202,6 +202,10 @@ class ResultRow:
     """The command's own JSON; empty where there is none."""
     recordings: int
     """Number of them."""
+    subject: str
+    """Hash of the recordings: the same for every version and calibration."""
+    calibration: str | None
+    """Record that took the place of the recorded ones in a replay; None: none did."""
     attempts: int
     duration_s: float
 

@@ -183,11 +183,12 @@ def _cranes(writers: Iterable[str]) -> list[str | None]:
 def _in(column: str, values: Collection[str | None]) -> str:
     """Return whether a column has one of the values, in SQL, in which nothing is equal to NULL."""
     known = sorted({value for value in values if value is not None})
-    listed = f"{column} IN ({', '.join(map(_text, known))})" if known else "false"
+    listed = f"{column} IN ({', '.join(map(sql_text, known))})" if known else "false"
     return f"({listed} OR {column} IS NULL)" if None in values else listed
 
 
-def _text(value: str) -> str:
+def sql_text(value: str) -> str:
+    """Return a text as SQL has it."""
     return "'" + value.replace("'", "''") + "'"
 
 
