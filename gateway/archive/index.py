@@ -11,7 +11,7 @@ from functools import cache
 
 import pyarrow as pa
 
-from gateway.archive.admission import Admission, KeyOf, admit
+from gateway.archive.admission import Admission, Authority, KeyOf, admit
 from gateway.archive.rows import RECORDINGS, TABLES, RecordingRow, schema_of
 from gateway.archive.source import RecordingSource, StoredFile
 from gateway.archive.tables import (
@@ -55,7 +55,11 @@ class IndexResult:
 
 
 def index(
-    source: RecordingSource, archive: Archive, key_of: KeyOf, report: ReportProgress = ignore_progress
+    source: RecordingSource,
+    archive: Archive,
+    key_of: KeyOf,
+    authority: Authority | None = None,
+    report: ReportProgress = ignore_progress,
 ) -> IndexResult:
     """Put what is new in a source into the tables. Raises `InputError`, `ArchiveError` and `KeyFileError`."""
     listed = source.list()
@@ -65,10 +69,10 @@ def index(
     batch: list[NewFile] = []
     for number, stored in enumerate(listed):
         report(number / len(listed))
-        if not _is_new(stored, known[stored.path], key_of):
+        if not _is_new(stored, known[stored.path], key_of, authority):
             continue
         with source.local(stored.path) as path:
-            batch.append(_new_file(stored, admit(path, key_of)))
+            batch.append(_new_file(stored, admit(path, key_of, authority)))
         if len(batch) == BATCH_FILES:
             result.read += commit(archive, batch)
             batch = []
@@ -140,18 +144,22 @@ class KnownFile:
     version: str
     gateway: str | None
     given_key: str
+    asked_ca: str
 
 
 def _known_files(archive: Archive) -> dict[str, list[KnownFile]]:
     """Return what the table knows of each name."""
-    columns = select(archive.open(RECORDINGS), "path, version, site, crane, sensor, given_key", "true")
+    columns = select(archive.open(RECORDINGS), "path, version, site, crane, sensor, given_key, asked_ca", "true")
     known: dict[str, list[KnownFile]] = defaultdict(list)
-    for path, version, site, crane, sensor, given_key in zip(*(each.to_pylist() for each in columns), strict=True):
-        known[path].append(KnownFile(version, None if crane is None else f"{site}/{crane}/{sensor}", given_key))
+    for path, version, site, crane, sensor, given_key, asked_ca in zip(
+        *(each.to_pylist() for each in columns), strict=True
+    ):
+        gateway = None if crane is None else f"{site}/{crane}/{sensor}"
+        known[path].append(KnownFile(version, gateway, given_key, asked_ca or ""))
     return known
 
 
-def _is_new(stored: StoredFile, known: Sequence[KnownFile], key_of: KeyOf) -> bool:
+def _is_new(stored: StoredFile, known: Sequence[KnownFile], key_of: KeyOf, authority: Authority | None) -> bool:
     """Return whether a file was not read yet, has changed, or may now be judged by another key."""
     file = next((each for each in known if each.version == stored.version), None)
     if file is None:
@@ -159,6 +167,8 @@ def _is_new(stored: StoredFile, known: Sequence[KnownFile], key_of: KeyOf) -> bo
     if file.gateway is None:
         return bool(file.given_key)  # refused by a key that may have been the wrong one
     key = key_of(file.gateway)
+    if key is None and authority is not None and not file.given_key:
+        return file.asked_ca != authority.sha256
     return key is not None and key != file.given_key
 
 
@@ -178,6 +188,7 @@ def _new_file(stored: StoredFile, found: Admission) -> NewFile:
         software=found.software,
         public_key=found.public_key,
         given_key=found.given_key,
+        asked_ca=found.asked_ca,
         statement_sha256=found.statement_sha256,
         previous_sha256=found.previous_sha256,
         is_final=found.is_final,

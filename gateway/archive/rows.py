@@ -177,6 +177,8 @@ class RecordingRow:
     """The key that has signed it; empty: none."""
     given_key: str
     """The key that it was compared with; empty: none was known."""
+    asked_ca: str | None
+    """SHA-256 of the site's CA, where it was asked for the key; None: of an older version."""
     statement_sha256: str
     previous_sha256: str
     is_final: bool
