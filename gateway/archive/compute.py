@@ -15,7 +15,7 @@ from typing import Any
 import pyarrow as pa
 
 from gateway.archive.rows import RECORDINGS, RESULTS, ResultRow
-from gateway.archive.tables import Archive, partition_of, row_places, select, sql_text, table_of
+from gateway.archive.tables import Archive, partition_of, row_places, select, sql_in, table_of
 from gateway.archive.task_run import PROCESSES, TaskLimits, TaskOutcome, run_task
 from gateway.archive.tasks import Task, TaskKind, plan_tasks
 from gateway.calibration.record import CalibrationRecord
@@ -97,7 +97,7 @@ def compute(
 
 def _of_device(archive: Archive, tasks: Sequence[Task], calibration: CalibrationRecord) -> list[Task]:
     """Return the tasks over recordings of the device of a calibration. Raises `InputError` where there are none."""
-    own = select(archive.open("calibrations"), "recording", f"device_id = {sql_text(calibration.device_id)}")
+    own = select(archive.open("calibrations"), "recording", sql_in("device_id", [calibration.device_id]))
     recordings = set(own["recording"].to_pylist())
     found = [task for task in tasks if any(file.recording in recordings for file in task.files)]
     if not found:

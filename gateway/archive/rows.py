@@ -13,9 +13,9 @@ import pyarrow as pa
 Trust = Literal["verified", "consistent", "unsigned", "refused"]
 """verified: signed with the gateway's key, known from elsewhere; consistent: with a key that stands in the recording alone;
 unsigned: nothing or not everything in it is signed; refused: not taken into the tables."""
-Status = Literal["counted", "copy", "superseded", "refused"]
+Status = Literal["counted", "copy", "superseded", "refused", "deleted"]
 """counted: its rows are in the tables; copy: the same bytes under another name; superseded: a better version of the segment is
-counted; refused: see `reason`."""
+counted; refused: see `reason`; deleted: its rows and its file were, see `reason`."""
 
 TaskState = Literal["done", "refused", "poison"]
 """done: the command has answered; refused: it said why it cannot answer; poison: it died or took too much in every attempt."""

@@ -2,6 +2,7 @@
 
 import argparse
 import hashlib
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -58,3 +59,12 @@ def keys(arguments: argparse.Namespace) -> "KeyOf":
     from gateway.archive.admission import known_key, read_keys
 
     return known_key if arguments.keys is None else read_keys(arguments.keys)
+
+
+def day(text: str) -> datetime:
+    """Return the begin of a day, UTC. Raises `ValueError`."""
+    try:
+        begin = datetime.fromisoformat(text)
+    except ValueError:
+        raise ValueError(f"{text} is no day such as 2026-11-22") from None
+    return begin if begin.tzinfo is not None else begin.replace(tzinfo=UTC)

@@ -34,6 +34,8 @@ class SmallCrane:
     start_ns: int = START_NS
     wall_offset_ns: int = 0
     boot: str = "b00t"
+    calibration: dict[str, Any] = field(default_factory=dict)
+    """The record."""
     voucher: str | None = None
     """Of the CA for the key."""
     closed: bool = True
@@ -129,7 +131,7 @@ class SmallCrane:
                     **calibrated,
                     status="calibrated",
                     device_id=f"part-{self.crane}",
-                    record={},
+                    record=self.calibration,
                     in_force={},
                     text="c-1",
                 ),
