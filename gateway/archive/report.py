@@ -23,6 +23,8 @@ from gateway.numerics.array import Array
 
 DRIFT_LIMIT_DEG = 0.5
 """Tilt error at which a sensor is calibrated again. Basis: the default of `plumbline fleet drift`."""
+TABLES_READ = ("minutes", "conditions", "health", "calibrations", "recordings", "results")
+"""Definition: what the questions below are put to."""
 MAX_WORST = 20
 """Worst swings, and replays, that are listed. Basis: a choice; more than anybody looks into."""
 
@@ -114,7 +116,7 @@ class ArchiveReport:
 
 def make_report(archive: Archive, question: ReportQuestion, now: datetime) -> ArchiveReport:
     """Return the report. Raises `InputError` where nothing is there, and `ArchiveError`."""
-    with open_database(archive) as database:
+    with open_database(archive, TABLES_READ) as database:
         _minutes(database, question)
         if not database.execute("SELECT count(*) FROM m").fetchall()[0][0]:
             raise InputError(

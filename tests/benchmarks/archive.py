@@ -10,6 +10,7 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -136,7 +137,7 @@ def _grow(folder: Path, recordings: int, cranes: int) -> None:
         archive.compact()
         costs["query"] = _cost(lambda: ask(archive, QUESTION), wanted)
         end = BEGIN + timedelta(days=wanted // cranes + 1)
-        costs["report"] = _cost(lambda: make_report(archive, ReportQuestion(BEGIN, end, 5.0), end), wanted)
+        costs["report"] = _cost(partial(make_report, archive, ReportQuestion(BEGIN, end, 5.0), end), wanted)
         with patch("gateway.archive.compute.run_task", return_value=TaskOutcome("done", "equal", "", "{}")):
             costs["replay without the command"] = _cost(
                 lambda: compute(archive, str(source), "replay", Workers(2), TaskLimits()), wanted - done

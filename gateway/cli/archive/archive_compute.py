@@ -133,7 +133,7 @@ def _compared(archive: "Archive", against: str, calibration: "CalibrationRecord 
     from gateway.cli.archive.replay_changes_text import changes_json, changes_text
 
     record = None if calibration is None else calibration.id
-    with open_database(archive) as database:
+    with open_database(archive, ("recordings", "results")) as database:
         found = compare_replays(
             database, against or None, "software = ? AND calibration IS NOT DISTINCT FROM ?", [__version__, record]
         )
