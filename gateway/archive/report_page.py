@@ -9,7 +9,8 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import FuncFormatter
 
 from gateway.archive.replay_changes import ReplayChange
-from gateway.archive.report import MAX_WORST, ArchiveReport, GatewayMonth, WorstSwing
+from gateway.archive.report import DRIFT_LIMIT_DEG, MAX_WORST, ArchiveReport, GatewayMonth, WorstSwing
+from gateway.calibration.drift.type_drift import TypeDrift
 from gateway.certificate.bench_report import ReportTable, render_bench_report
 from gateway.certificate.drift_report import SENSOR_HEADER, sensor_row
 from gateway.documents.figures import AFTER, ALARM, BEFORE, Figure
@@ -82,6 +83,24 @@ def _tables(report: ArchiveReport, shown: Sequence[GatewayMonth], source: str) -
             "Calibrations, the most urgent first",
             SENSOR_HEADER,
             tuple(map(sensor_row, report.sensors)),
+        ),
+        ReportTable(
+            "How long a calibration holds, by type of sensor",
+            ("type", "sensors", "days", "95 % interval"),
+            tuple(
+                (kind, str(each.sensors), format_fixed(each.days, 0), _interval(each))
+                for kind, each in report.types.items()
+            ),
+            f"Until the error of one sensor in twenty reaches {DRIFT_LIMIT_DEG:g}°, learned from those calibrated twice.",
+        ),
+        ReportTable(
+            "Proposals: calibrate earlier than the sensor's own records say",
+            ("sensor", "type", "by its records", "proposed"),
+            tuple(
+                (each.device_id, each.kind, f"{each.next_utc:%Y-%m-%d}", f"{each.proposed_utc:%Y-%m-%d}")
+                for each in report.proposals
+            ),
+            "By the lower end of the interval of its type. A proposal, which nothing applies by itself.",
         ),
         ReportTable(
             "Drift at rest, as the gateways say",
@@ -157,6 +176,10 @@ def _worst_row(each: WorstSwing, source: str) -> tuple[str, ...]:
         format_fixed(each.upper_deg, 2),
         incident_command(each, source),
     )
+
+
+def _interval(drift: TypeDrift) -> str:
+    return f"{format_fixed(drift.low_days, 0)} to {format_fixed(drift.high_days, 0)}"
 
 
 def _replay_row(each: ReplayChange) -> tuple[str, ...]:

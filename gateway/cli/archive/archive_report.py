@@ -105,6 +105,11 @@ def _as_json(report: "ArchiveReport") -> dict[str, Any]:
         "worst": [asdict(each) | {"utc": each.utc.isoformat()} for each in report.worst],
         "unknown": [asdict(each) for each in report.unknown],
         "limits": [asdict(each) for each in report.limits],
+        "types": {kind: asdict(each) for kind, each in report.types.items()},
+        "proposals": [
+            asdict(each) | {"next_utc": each.next_utc.isoformat(), "proposed_utc": each.proposed_utc.isoformat()}
+            for each in report.proposals
+        ],
     }
 
 
