@@ -8,13 +8,14 @@ from pathlib import Path
 from devices.errors import RecordingError
 from gateway.archive.rows import Trust
 from gateway.archive.segment_rows import SegmentRows, read_rows
-from gateway.bus.known_gateways import known_statement
+from gateway.bus.known_gateways import RefuseKey, known_statement
 from gateway.bus.untrusted import GATEWAY_KEY
 from gateway.errors import InputError
 from gateway.fleet.selection import KEY_PREFIX, read_expected
 from gateway.pki.signing_key import read_public_key
 from gateway.recording.chain.file_verification import FileVerification, verify_file
 from gateway.recording.chain.statements import SIGNATURE, hash_of, parse_statement
+from gateway.recording.chain.vouched_key import VouchedKey, find_vouched_key
 from gateway.recording.format.header import ORIGIN
 from gateway.recording.reading.recording_file import read_index
 from gateway.recording.reading.timeline import GATEWAY_KEYS
@@ -44,12 +45,22 @@ class Admission:
     segment: int | None = None
     public_key: str = ""
     given_key: str = ""
+    asked_ca: str = ""
     statement_sha256: str = ""
     previous_sha256: str = ""
     is_final: bool = False
     is_trimmed: bool = False
     rows: SegmentRows | None = None
     """None: it is refused."""
+
+
+@dataclass(frozen=True, slots=True)
+class Authority:
+    """The CA of a site, which is asked for the keys of gateways that are not known otherwise."""
+
+    refuse: RefuseKey
+    sha256: str
+    """Of its certificates."""
 
 
 def known_key(gateway: str) -> str | None:
@@ -72,13 +83,13 @@ class RefusedFileError(InputError):
         self.given_key = given_key
 
 
-def admit(path: Path, key_of: KeyOf) -> Admission:
+def admit(path: Path, key_of: KeyOf, authority: Authority | None = None) -> Admission:
     """Verify a file and read its rows; a file that cannot be taken is refused with the reason."""
     sha256 = ""
     try:
         with path.open("rb") as file:
             sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-        return _admit(path, sha256, key_of)
+        return _admit(path, sha256, key_of, authority)
     except OSError as error:
         return Admission(sha256, None, "refused", f"cannot be read: {error.strerror or error}")
     except RecordingError as error:
@@ -87,15 +98,19 @@ def admit(path: Path, key_of: KeyOf) -> Admission:
         return Admission(sha256, None, "refused", str(error), given_key=error.given_key)
 
 
-def _admit(path: Path, sha256: str, key_of: KeyOf) -> Admission:
+def _admit(path: Path, sha256: str, key_of: KeyOf, authority: Authority | None) -> Admission:
     metadata = read_index(path).metadata
     origin = metadata.get(ORIGIN, {})
     stated = parse_statement(metadata.get(SIGNATURE, {}).get("statement", ""))  # its signature is checked below
     name = _gateway(origin, None if stated is None else stated.gateway)
-    key = key_of(name) or ""
+    key, asked, vouched = key_of(name) or "", "", VouchedKey()
+    if not key and authority is not None:
+        asked, vouched = authority.sha256, find_vouched_key([path], authority.refuse)
+        key = vouched.public_key or ""
     found = verify_file(path, key or None)
     statement = found.statement
-    trust, reason = _trust(found, key), "; ".join((*found.problems, *found.remarks))
+    not_vouched = () if vouched.refusal is None else (f"NOT VOUCHED FOR: {vouched.refusal}",)
+    trust, reason = _trust(found, key), "; ".join((*found.problems, *not_vouched, *found.remarks))
     if trust == "refused":
         raise RefusedFileError(reason, key)
     _gateway(origin, None if statement is None else statement.gateway)
@@ -112,6 +127,7 @@ def _admit(path: Path, sha256: str, key_of: KeyOf) -> Admission:
         segment=found.segment,
         public_key="" if statement is None else statement.public_key,
         given_key=key,
+        asked_ca=asked,
         statement_sha256=hash_of(found.statement_text) if found.statement_text else "",
         previous_sha256="" if statement is None else statement.previous_sha256,
         is_final=found.is_final,

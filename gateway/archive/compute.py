@@ -14,11 +14,11 @@ from typing import Any
 
 import pyarrow as pa
 
-from gateway import __version__
 from gateway.archive.rows import RECORDINGS, RESULTS, ResultRow
-from gateway.archive.tables import Archive, partition_of, row_places, select, table_of
+from gateway.archive.tables import Archive, partition_of, row_places, select, sql_in, table_of
 from gateway.archive.task_run import PROCESSES, TaskLimits, TaskOutcome, run_task
 from gateway.archive.tasks import Task, TaskKind, plan_tasks
+from gateway.calibration.record import CalibrationRecord
 from gateway.errors import InputError
 from gateway.recording.reading.timeline import ReportProgress, ignore_progress
 
@@ -65,11 +65,18 @@ def compute(
     workers: Workers,
     limits: TaskLimits,
     *,
+    calibration: CalibrationRecord | None = None,
     again: bool = False,
     report: ReportProgress = ignore_progress,
 ) -> ComputeResult:
-    """Run the tasks of a kind that have no result; `again`: also those that failed. Raises `InputError` and `ArchiveError`."""
-    planned = plan_tasks(kind, archive.files(archive.open(RECORDINGS)))
+    """Run the tasks of a kind that have no result; `again`: also those that failed. Raises `InputError` and `ArchiveError`.
+
+    With another calibration: those over recordings of its device.
+    """
+    planned = plan_tasks(kind, archive.files(archive.open(RECORDINGS)), calibration)
+    archive.create()  # a table of an older version lacks columns
+    if calibration is not None:
+        planned = _of_device(archive, planned, calibration)
     known = _known(archive, kind, with_failed=not again)
     tasks = [task for task in planned if task.id not in known]
     result = ComputeResult(len(planned), len(planned) - len(tasks))
@@ -86,6 +93,16 @@ def compute(
     finally:
         _write(archive, waiting)
     return result
+
+
+def _of_device(archive: Archive, tasks: Sequence[Task], calibration: CalibrationRecord) -> list[Task]:
+    """Return the tasks over recordings of the device of a calibration. Raises `InputError` where there are none."""
+    own = select(archive.open("calibrations"), "recording", sql_in("device_id", [calibration.device_id]))
+    recordings = set(own["recording"].to_pylist())
+    found = [task for task in tasks if any(file.recording in recordings for file in task.files)]
+    if not found:
+        raise InputError(f"{calibration.id}: no recording is of its device, {calibration.device_id}; give another one")
+    return found
 
 
 def _known(archive: Archive, kind: TaskKind, *, with_failed: bool) -> set[str]:
@@ -148,12 +165,14 @@ def _row(task: Task, outcome: TaskOutcome) -> pa.Table:
         gateway_time_ns=first.row.gateway_time_ns,
         kind=task.kind,
         task=task.id,
-        software=__version__,
+        software=task.software,
         state=outcome.state,
         verdict=outcome.verdict,
         reason=outcome.reason,
         content=outcome.content,
         recordings=len(task.files),
+        subject=task.subject,
+        calibration=None if task.calibration is None else task.calibration.id,
         attempts=outcome.attempts,
         duration_s=outcome.duration_s,
     )

@@ -5,13 +5,13 @@ recordings is written last and decides what counts.
 """
 
 from collections import defaultdict
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import pyarrow as pa
 
-from gateway.archive.admission import Admission, KeyOf, admit
+from gateway.archive.admission import Admission, Authority, KeyOf, admit
 from gateway.archive.rows import RECORDINGS, TABLES, RecordingRow, schema_of
 from gateway.archive.source import RecordingSource, StoredFile
 from gateway.archive.tables import (
@@ -34,6 +34,7 @@ minutes, and a transaction in each table costs a second on an object store."""
 
 Key = tuple[str, str]
 """Gateway and name of a file: one that was refused under a name may be followed by one that is not."""
+Files = dict[Key, IndexedFile]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +56,11 @@ class IndexResult:
 
 
 def index(
-    source: RecordingSource, archive: Archive, key_of: KeyOf, report: ReportProgress = ignore_progress
+    source: RecordingSource,
+    archive: Archive,
+    key_of: KeyOf,
+    authority: Authority | None = None,
+    report: ReportProgress = ignore_progress,
 ) -> IndexResult:
     """Put what is new in a source into the tables. Raises `InputError`, `ArchiveError` and `KeyFileError`."""
     listed = source.list()
@@ -65,10 +70,10 @@ def index(
     batch: list[NewFile] = []
     for number, stored in enumerate(listed):
         report(number / len(listed))
-        if not _is_new(stored, known[stored.path], key_of):
+        if not _is_new(stored, known[stored.path], key_of, authority):
             continue
         with source.local(stored.path) as path:
-            batch.append(_new_file(stored, admit(path, key_of)))
+            batch.append(_new_file(stored, admit(path, key_of, authority)))
         if len(batch) == BATCH_FILES:
             result.read += commit(archive, batch)
             batch = []
@@ -80,30 +85,50 @@ def index(
 def commit(archive: Archive, new: Sequence[NewFile]) -> list[IndexedFile]:
     """Put files into the tables; return them with their status."""
     fresh = {_key(each.file): each.file for each in new}
-    writers = {writer for writer, _ in fresh} | {NO_GATEWAY}
     taken = {path for writer, path in fresh if writer != NO_GATEWAY}
+
+    def with_new(before: Files) -> Files:
+        kept = {key: file for key, file in before.items() if key[0] != NO_GATEWAY or key[1] not in taken}
+        read = {key: _as_deleted(file, before.get(key)) for key, file in fresh.items()}
+        return _judged({**kept, **read})
+
+    after = change_files(archive, {writer for writer, _ in fresh} | {NO_GATEWAY}, with_new, new)
+    return [after[key] for key in fresh]
+
+
+def change_files(
+    archive: Archive, writers: Collection[str], change: Callable[[Files], Files], new: Sequence[NewFile] = ()
+) -> Files:
+    """Change what is known of the files of gateways, and the rows of recordings with it; return what is known then.
+
+    `new` are files whose rows may come in. `change` is asked again where another writer has been faster. Raises `ArchiveError`.
+    """
     for _ in range(MAX_ATTEMPTS):
         table = archive.open(RECORDINGS)
         before = {_key(file): file for file in archive.files(table, writers)}
         before = {key: file for key, file in before.items() if key[0] in writers}
-        kept = {key: file for key, file in before.items() if key[0] != NO_GATEWAY or key[1] not in taken}
-        after = _judged({**kept, **fresh})
+        after = change(before)
         _exchange_rows(archive, before, after, new)
         changed = [key for key in {**before, **after} if before.get(key) != after.get(key)]
         if not changed:
-            break
+            return after
         versions = [known[key] for key in changed for known in (before, after) if key in known]
         months = [partition_of(RECORDINGS, file) for file in versions]
         replaced = [path for _, path in changed] if any(key in before for key in changed) else []
         places = row_places(RECORDINGS, {writer for writer, _ in changed}, replaced, months)
         if archive.replace(table, places, recordings_table([after[key] for key in changed if key in after])):
-            break
-    else:
-        raise ArchiveError(f"{archive.place}: others are indexing the same gateways all the time; try again later")
-    return [after[key] for key in fresh]
+            return after
+    raise ArchiveError(f"{archive.place}: others are indexing the same gateways all the time; try again later")
 
 
-def _judged(files: dict[Key, IndexedFile]) -> dict[Key, IndexedFile]:
+def _as_deleted(file: IndexedFile, before: IndexedFile | None) -> IndexedFile:
+    """Return a file that was read, as deleted where it was deleted under its name, and is here again."""
+    if before is None or before.row.status != "deleted":
+        return file
+    return replace(file, row=replace(file.row, status="deleted", reason=before.row.reason))
+
+
+def _judged(files: Files) -> Files:
     by_writer: dict[str, list[IndexedFile]] = defaultdict(list)
     for (writer, _), file in files.items():
         by_writer[writer].append(file)
@@ -114,9 +139,7 @@ def _key(file: IndexedFile) -> Key:
     return NO_GATEWAY if file.gateway is None else "/".join(file.gateway), file.row.path
 
 
-def _exchange_rows(
-    archive: Archive, before: dict[Key, IndexedFile], after: dict[Key, IndexedFile], new: Sequence[NewFile]
-) -> None:
+def _exchange_rows(archive: Archive, before: Files, after: Files, new: Sequence[NewFile]) -> None:
     """Put the rows of the new files that count into the tables, and take out those of files that do not count."""
     counted = {file.recording for file in after.values() if file.row.status == "counted"}
     settled = {key for key in after if before.get(key) == after[key] and after[key].row.status == "counted"}
@@ -140,18 +163,22 @@ class KnownFile:
     version: str
     gateway: str | None
     given_key: str
+    asked_ca: str
 
 
 def _known_files(archive: Archive) -> dict[str, list[KnownFile]]:
     """Return what the table knows of each name."""
-    columns = select(archive.open(RECORDINGS), "path, version, site, crane, sensor, given_key", "true")
+    columns = select(archive.open(RECORDINGS), "path, version, site, crane, sensor, given_key, asked_ca", "true")
     known: dict[str, list[KnownFile]] = defaultdict(list)
-    for path, version, site, crane, sensor, given_key in zip(*(each.to_pylist() for each in columns), strict=True):
-        known[path].append(KnownFile(version, None if crane is None else f"{site}/{crane}/{sensor}", given_key))
+    for path, version, site, crane, sensor, given_key, asked_ca in zip(
+        *(each.to_pylist() for each in columns), strict=True
+    ):
+        gateway = None if crane is None else f"{site}/{crane}/{sensor}"
+        known[path].append(KnownFile(version, gateway, given_key, asked_ca or ""))
     return known
 
 
-def _is_new(stored: StoredFile, known: Sequence[KnownFile], key_of: KeyOf) -> bool:
+def _is_new(stored: StoredFile, known: Sequence[KnownFile], key_of: KeyOf, authority: Authority | None) -> bool:
     """Return whether a file was not read yet, has changed, or may now be judged by another key."""
     file = next((each for each in known if each.version == stored.version), None)
     if file is None:
@@ -159,6 +186,8 @@ def _is_new(stored: StoredFile, known: Sequence[KnownFile], key_of: KeyOf) -> bo
     if file.gateway is None:
         return bool(file.given_key)  # refused by a key that may have been the wrong one
     key = key_of(file.gateway)
+    if key is None and authority is not None and not file.given_key:
+        return file.asked_ca != authority.sha256
     return key is not None and key != file.given_key
 
 
@@ -178,6 +207,7 @@ def _new_file(stored: StoredFile, found: Admission) -> NewFile:
         software=found.software,
         public_key=found.public_key,
         given_key=found.given_key,
+        asked_ca=found.asked_ca,
         statement_sha256=found.statement_sha256,
         previous_sha256=found.previous_sha256,
         is_final=found.is_final,

@@ -1,7 +1,7 @@
 """Questions to an archive in SQL, by DuckDB over its tables. Rows that rest on recordings that are not verified are marked."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +9,7 @@ from urllib.parse import unquote
 
 import duckdb
 
-from gateway.archive.rows import ALL_TABLES, RECORDINGS, RESULTS, TABLES, schema_of
+from gateway.archive.rows import ALL_TABLES, RECORDINGS, TABLES, schema_of
 from gateway.archive.tables import Archive, partition_name
 from gateway.errors import InputError
 
@@ -29,25 +29,26 @@ class QueryAnswer:
 
 
 @contextmanager
-def open_database(archive: Archive, *, verified_only: bool = False) -> Iterator[duckdb.DuckDBPyConnection]:
-    """Yield a database with one view for each table, of the rows that count. Raises `ArchiveError`.
+def open_database(
+    archive: Archive, names: Collection[str] = ALL_TABLES.keys(), *, verified_only: bool = False
+) -> Iterator[duckdb.DuckDBPyConnection]:
+    """Yield a database with one view for each of these tables, of the rows that count. Raises `ArchiveError`.
 
-    It sees nothing but the tables: no other file and no network, whatever the SQL says.
+    It sees nothing but the tables: no other file and no network, whatever the SQL says. A table costs a look into each of its
+    files, and the motion has one for each crane and day.
     """
     with duckdb.connect(":memory:") as database:
         database.execute("SET TimeZone = 'UTC'; SET python_enable_replacements = false")
-        files = [file for name in ALL_TABLES for file in _attach(database, archive, name)]
+        attached = [name for name in ALL_TABLES if name in {*names, RECORDINGS}]
+        files = [file for name in attached for file in _attach(database, archive, name)]
         chosen = "status = 'counted'" + (" AND trust = 'verified'" if verified_only else "")
         database.execute(
             f"CREATE TEMP TABLE counted_recordings AS SELECT DISTINCT recording FROM all_{RECORDINGS} WHERE {chosen}"
         )
-        for name in TABLES:
-            database.execute(
-                f"CREATE TEMP VIEW {name} AS SELECT * FROM all_{name} WHERE recording IN (FROM counted_recordings)"
-            )
         shown = "trust = 'verified'" if verified_only else "true"
-        for name in (RECORDINGS, RESULTS):
-            database.execute(f"CREATE TEMP VIEW {name} AS SELECT * FROM all_{name} WHERE {shown}")
+        for name in attached:
+            rows = "recording IN (FROM counted_recordings)" if name in TABLES else shown
+            database.execute(f"CREATE TEMP VIEW {name} AS SELECT * FROM all_{name} WHERE {rows}")
         database.execute("SET allowed_paths = $1", [files])
         database.execute("SET enable_external_access = false; SET lock_configuration = true")
         yield database
@@ -76,16 +77,17 @@ def _attach(database: duckdb.DuckDBPyConnection, archive: Archive, name: str) ->
 
 def ask(archive: Archive, sql: str, *, verified_only: bool = False) -> QueryAnswer:
     """Return the answer to a question, with a mark at each row. Raises `InputError` for SQL that is none, and `ArchiveError`."""
-    return answer(archive, lambda database: _select(database, sql), verified_only=verified_only)
+    named = {name for name in ALL_TABLES if name in sql.lower()} or ALL_TABLES.keys()
+    return answer(archive, lambda database: _select(database, sql), named, verified_only=verified_only)
 
 
 Question = Callable[[duckdb.DuckDBPyConnection], tuple[tuple[str, ...], list[Row]]]
 """Returns columns and rows."""
 
 
-def answer(archive: Archive, question: Question, *, verified_only: bool = False) -> QueryAnswer:
-    """Put a question to all rows that count, and, where some are not verified, again to those that are."""
-    with open_database(archive, verified_only=verified_only) as database:
+def answer(archive: Archive, question: Question, names: Collection[str], *, verified_only: bool = False) -> QueryAnswer:
+    """Put a question to all rows of tables that count, and, where some are not verified, again to those that are."""
+    with open_database(archive, names, verified_only=verified_only) as database:
         counts = database.execute(
             f"SELECT trust, count(DISTINCT recording) FROM {RECORDINGS} WHERE status = 'counted' GROUP BY trust ORDER BY trust"
         )
@@ -93,7 +95,7 @@ def answer(archive: Archive, question: Question, *, verified_only: bool = False)
         columns, rows = question(database)
     if set(trust) <= {"verified"}:
         return QueryAnswer(columns, tuple(rows), (True,) * len(rows), trust)
-    with open_database(archive, verified_only=True) as database:
+    with open_database(archive, names, verified_only=True) as database:
         proven = Counter(map(repr, question(database)[1]))
     marks = []
     for row in rows:

@@ -4,17 +4,21 @@ Everything is made from the minutes, a hundredth of the seconds. An exceedance i
 angle reaches the limit.
 """
 
+from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime, time
+from datetime import UTC, datetime, time, timedelta
 
 import duckdb
 import numpy as np
 
 from gateway.archive.limit_cost import LimitCost, tried_limits
 from gateway.archive.query import open_database
+from gateway.archive.replay_changes import VersionComparison, compare_replays
 from gateway.archive.rows import Trust
 from gateway.archive.tables import Archive
 from gateway.calibration.drift.fleet_drift import SensorDrift, fleet_drift
+from gateway.calibration.drift.type_drift import TypeDrift, learn_type_drift
 from gateway.calibration.store import parse_record
 from gateway.errors import InputError
 from gateway.file_input import parse_json
@@ -22,8 +26,10 @@ from gateway.numerics.array import Array
 
 DRIFT_LIMIT_DEG = 0.5
 """Tilt error at which a sensor is calibrated again. Basis: the default of `plumbline fleet drift`."""
+TABLES_READ = ("minutes", "conditions", "health", "calibrations", "recordings", "results")
+"""Definition: what the questions below are put to."""
 MAX_WORST = 20
-"""Worst swings that are listed. Basis: a choice; more than anybody looks into."""
+"""Worst swings, and replays, that are listed. Basis: a choice; more than anybody looks into."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +95,17 @@ class UnknownTime:
 
 
 @dataclass(frozen=True, slots=True)
+class CalibrationProposal:
+    """An earlier date for a sensor, by what others of its type have shown. Nobody applies it but a person."""
+
+    device_id: str
+    kind: str
+    next_utc: datetime
+    """By its own records."""
+    proposed_utc: datetime
+
+
+@dataclass(frozen=True, slots=True)
 class ArchiveReport:
     """All figures of a report."""
 
@@ -107,11 +124,16 @@ class ArchiveReport:
     at_rest: tuple[RestDrift, ...]
     unknown: tuple[UnknownTime, ...]
     limits: tuple[LimitCost, ...]
+    types: dict[str, TypeDrift]
+    """Drift by type of sensor."""
+    proposals: tuple[CalibrationProposal, ...]
+    replays: VersionComparison
+    """What was computed again, compared with what was recorded."""
 
 
 def make_report(archive: Archive, question: ReportQuestion, now: datetime) -> ArchiveReport:
     """Return the report. Raises `InputError` where nothing is there, and `ArchiveError`."""
-    with open_database(archive) as database:
+    with open_database(archive, TABLES_READ) as database:
         _minutes(database, question)
         if not database.execute("SELECT count(*) FROM m").fetchall()[0][0]:
             raise InputError(
@@ -119,6 +141,7 @@ def make_report(archive: Archive, question: ReportQuestion, now: datetime) -> Ar
                 "choose another time with --from and --to"
             )
         sensors, not_judged = _sensors(database, question, now)
+        types, proposals = _proposals(database, sensors, now)
         return ArchiveReport(
             question,
             _trust(database, question),
@@ -131,6 +154,9 @@ def make_report(archive: Archive, question: ReportQuestion, now: datetime) -> Ar
             _at_rest(database, question),
             _unknown(database, question),
             tried_limits(database),
+            types,
+            proposals,
+            compare_replays(database, None, "utc >= ? AND utc < ?", [question.begin, question.end]),
         )
 
 
@@ -261,6 +287,30 @@ def _sensors(
         return (), tuple(problems)
     sensors, failures = fleet_drift(list(records.values()), now, limit_deg=DRIFT_LIMIT_DEG)
     return sensors, (*problems, *failures)
+
+
+def _proposals(
+    database: duckdb.DuckDBPyConnection, sensors: Sequence[SensorDrift], now: datetime
+) -> tuple[dict[str, TypeDrift], tuple[CalibrationProposal, ...]]:
+    """Learn the drift of each type, and return the sensors for which an earlier date than their own follows from it."""
+    kinds = dict(
+        database.execute(
+            "SELECT device_id, min(device_kind) FROM health WHERE device_id IS NOT NULL GROUP BY ALL"
+        ).fetchall()
+    )
+    by_kind: dict[str, list[SensorDrift]] = defaultdict(list)
+    for sensor in sensors:
+        if sensor.device_id in kinds:
+            by_kind[kinds[sensor.device_id]].append(sensor)
+    learned = {kind: learn_type_drift(own, DRIFT_LIMIT_DEG) for kind, own in sorted(by_kind.items())}
+    types = {kind: found for kind, found in learned.items() if found is not None}
+    proposals = [
+        CalibrationProposal(sensor.device_id, kind, sensor.next_utc, now + timedelta(found.low_days - sensor.age_days))
+        for kind, found in types.items()
+        for sensor in by_kind[kind]
+    ]
+    earlier = [each for each in proposals if each.proposed_utc < each.next_utc]
+    return types, tuple(sorted(earlier, key=lambda each: (each.proposed_utc, each.device_id)))
 
 
 def _at_rest(database: duckdb.DuckDBPyConnection, question: ReportQuestion) -> tuple[RestDrift, ...]:

@@ -8,7 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import FuncFormatter
 
-from gateway.archive.report import ArchiveReport, GatewayMonth, WorstSwing
+from gateway.archive.replay_changes import ReplayChange
+from gateway.archive.report import DRIFT_LIMIT_DEG, MAX_WORST, ArchiveReport, GatewayMonth, WorstSwing
+from gateway.calibration.drift.type_drift import TypeDrift
 from gateway.certificate.bench_report import ReportTable, render_bench_report
 from gateway.certificate.drift_report import SENSOR_HEADER, sensor_row
 from gateway.documents.figures import AFTER, ALARM, BEFORE, Figure
@@ -83,6 +85,24 @@ def _tables(report: ArchiveReport, shown: Sequence[GatewayMonth], source: str) -
             tuple(map(sensor_row, report.sensors)),
         ),
         ReportTable(
+            "How long a calibration holds, by type of sensor",
+            ("type", "sensors", "days", "95 % interval"),
+            tuple(
+                (kind, str(each.sensors), format_fixed(each.days, 0), _interval(each))
+                for kind, each in report.types.items()
+            ),
+            f"Until the error of one sensor in twenty reaches {DRIFT_LIMIT_DEG:g}°, learned from those calibrated twice.",
+        ),
+        ReportTable(
+            "Proposals: calibrate earlier than the sensor's own records say",
+            ("sensor", "type", "by its records", "proposed"),
+            tuple(
+                (each.device_id, each.kind, f"{each.next_utc:%Y-%m-%d}", f"{each.proposed_utc:%Y-%m-%d}")
+                for each in report.proposals
+            ),
+            "By the lower end of the interval of its type. A proposal, which nothing applies by itself.",
+        ),
+        ReportTable(
             "Drift at rest, as the gateways say",
             ("gateway", "sensor", "state", "error of the norm / mg", "said at, UTC"),
             tuple(
@@ -125,6 +145,14 @@ def _tables(report: ArchiveReport, shown: Sequence[GatewayMonth], source: str) -
             "By the rule of the alerts for the present angle, minute by minute: alarms less than a minute apart are one. "
             "False: the best estimate of the angle stayed below the limit. Alarms of coming peaks are not counted.",
         ),
+        ReportTable(
+            "What replays tell otherwise than was recorded",
+            ("gateway", "start, UTC", "version, calibration", "missed", "added", "other level", "largest angle / °"),
+            tuple(map(_replay_row, report.replays.changes[:MAX_WORST])),
+            f"Of {report.replays.compared} replays in the table, the {MAX_WORST} in which an operator would have noticed most. "
+            "Missed: alerts that were recorded and are not computed; added: the other way round; other level: a warning "
+            "in place of a trip, or the other way round.",
+        ),
     ]
 
 
@@ -147,6 +175,21 @@ def _worst_row(each: WorstSwing, source: str) -> tuple[str, ...]:
         format_fixed(each.angle_deg, 2),
         format_fixed(each.upper_deg, 2),
         incident_command(each, source),
+    )
+
+
+def _interval(drift: TypeDrift) -> str:
+    return f"{format_fixed(drift.low_days, 0)} to {format_fixed(drift.high_days, 0)}"
+
+
+def _replay_row(each: ReplayChange) -> tuple[str, ...]:
+    change = each.change
+    return (
+        each.gateway + _mark(each.is_verified),
+        f"{each.utc:%Y-%m-%d %H:%M:%S}",
+        each.software + (f", {each.calibration}" if each.calibration else ""),
+        *(str(len(alerts)) for alerts in (change.missed, change.added, change.other_level)),
+        " to ".join(UNKNOWN if angle is None else format_fixed(angle, 2) for angle in change.angle_deg),
     )
 
 

@@ -13,9 +13,9 @@ import pyarrow as pa
 Trust = Literal["verified", "consistent", "unsigned", "refused"]
 """verified: signed with the gateway's key, known from elsewhere; consistent: with a key that stands in the recording alone;
 unsigned: nothing or not everything in it is signed; refused: not taken into the tables."""
-Status = Literal["counted", "copy", "superseded", "refused"]
+Status = Literal["counted", "copy", "superseded", "refused", "deleted"]
 """counted: its rows are in the tables; copy: the same bytes under another name; superseded: a better version of the segment is
-counted; refused: see `reason`."""
+counted; refused: see `reason`; deleted: its rows and its file were, see `reason`."""
 
 TaskState = Literal["done", "refused", "poison"]
 """done: the command has answered; refused: it said why it cannot answer; poison: it died or took too much in every attempt."""
@@ -177,6 +177,8 @@ class RecordingRow:
     """The key that has signed it; empty: none."""
     given_key: str
     """The key that it was compared with; empty: none was known."""
+    asked_ca: str | None
+    """SHA-256 of the site's CA, where it was asked for the key; None: of an older version."""
     statement_sha256: str
     previous_sha256: str
     is_final: bool
@@ -193,7 +195,7 @@ class ResultRow:
     """First message of the first recording."""
     kind: str
     task: str
-    """Hash of kind, software and recordings: the same task is done once."""
+    """Hash of kind, software, other calibration and recordings: the same task is done once."""
     software: str
     state: TaskState
     verdict: str
@@ -202,6 +204,10 @@ class ResultRow:
     """The command's own JSON; empty where there is none."""
     recordings: int
     """Number of them."""
+    subject: str
+    """Hash of the recordings: the same for every version and calibration."""
+    calibration: str | None
+    """Record that took the place of the recorded ones in a replay; None: none did."""
     attempts: int
     duration_s: float
 

@@ -97,7 +97,7 @@ class Archive:
 
     def files(self, table: DeltaTable, writers: Collection[str] | None = None) -> list[IndexedFile]:
         """Return the files that a table of recordings knows; where gateways are given, those of their cranes."""
-        chosen = "true" if writers is None else _in("crane", _cranes(writers))
+        chosen = "true" if writers is None else sql_in("crane", _cranes(writers))
         return [indexed_file(row) for row in select(table, "*", chosen).to_pylist()]
 
     def exchange(self, name: str, places: "Places", rows: pa.Table) -> None:
@@ -163,7 +163,7 @@ def row_places(name: str, writers: Iterable[str], values: Sequence[str], partiti
     column = {RECORDINGS: "path", RESULTS: "task"}.get(name, "recording")
     if not values:
         return Places(written, column)
-    conditions = (_in("crane", _cranes(written)), _in(partition_name(name), partitions), _in(column, values))
+    conditions = (sql_in("crane", _cranes(written)), sql_in(partition_name(name), partitions), sql_in(column, values))
     return Places(written, column, " AND ".join(conditions))
 
 
@@ -180,7 +180,7 @@ def _cranes(writers: Iterable[str]) -> list[str | None]:
     return [None if writer == NO_GATEWAY else writer.split("/")[1] for writer in writers]
 
 
-def _in(column: str, values: Collection[str | None]) -> str:
+def sql_in(column: str, values: Collection[str | None]) -> str:
     """Return whether a column has one of the values, in SQL, in which nothing is equal to NULL."""
     known = sorted({value for value in values if value is not None})
     listed = f"{column} IN ({', '.join(map(_text, known))})" if known else "false"
@@ -188,6 +188,7 @@ def _in(column: str, values: Collection[str | None]) -> str:
 
 
 def _text(value: str) -> str:
+    """Return a text as SQL has it."""
     return "'" + value.replace("'", "''") + "'"
 
 

@@ -12,7 +12,10 @@ import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
+from gateway import __version__
 from gateway.archive.rows import TaskState
 from gateway.archive.source import open_source
 from gateway.archive.tasks import Task
@@ -101,6 +104,8 @@ PROCESSES = TaskProcesses()
 
 def run_task(source_name: str, task: Task, limits: TaskLimits) -> TaskOutcome:
     """Run a task; what kills it or takes too much is tried again, and is poison after the last attempt."""
+    if task.software != __version__:
+        return TaskOutcome("refused", reason=f"the worker has version {__version__}; install {task.software} there")
     outcome = TaskOutcome("poison")
     for attempt in range(1, limits.attempts + 1):
         begin_s = time.monotonic()
@@ -108,7 +113,7 @@ def run_task(source_name: str, task: Task, limits: TaskLimits) -> TaskOutcome:
             with ExitStack() as stack:
                 source = open_source(source_name)
                 paths = [str(stack.enter_context(source.local(file.row.path))) for file in task.files]
-                outcome = _attempt(task, paths, limits)
+                outcome = _attempt(task.command(paths, _calibration_file(task, stack)), task, limits)
         except InputError as error:
             outcome = TaskOutcome("refused", reason=str(error))
         except subprocess.TimeoutExpired:
@@ -120,8 +125,17 @@ def run_task(source_name: str, task: Task, limits: TaskLimits) -> TaskOutcome:
     return outcome
 
 
-def _attempt(task: Task, paths: Sequence[str], limits: TaskLimits) -> TaskOutcome:
-    program = [sys.executable, "-m", "gateway", *task.command(paths)]
+def _calibration_file(task: Task, stack: ExitStack) -> str:
+    """Write the other calibration of a task, if it has one, for the time of the stack, and return its place."""
+    if task.calibration is None:
+        return ""
+    path = Path(stack.enter_context(TemporaryDirectory(prefix="plumbline-"))) / "calibration.json"
+    path.write_text(task.calibration.model_dump_json())
+    return str(path)
+
+
+def _attempt(command: Sequence[str], task: Task, limits: TaskLimits) -> TaskOutcome:
+    program = [sys.executable, "-m", "gateway", *command]
     limited = ["sh", "-c", f"ulimit -v {limits.memory_mb * KB_PER_MB}; exec {shlex.join(program)}"]
     code, output, errors = PROCESSES.run(limited, limits.time_s)
     last_line = errors.strip().rpartition("\n")[2][:MAX_REASON_CHARACTERS]

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from gateway import __version__
 from gateway.archive.versions import TRUST_RANK, IndexedFile
+from gateway.calibration.record import CalibrationRecord
 
 TaskKind = Literal["verify", "replay", "measure", "reconcile"]
 
@@ -18,12 +19,24 @@ class Task:
 
     kind: TaskKind
     files: tuple[IndexedFile, ...]
+    calibration: CalibrationRecord | None = None
+    """Of a replay: in place of the recorded ones."""
+    software: str = __version__
 
     @property
     def id(self) -> str:
         """Hash of everything that the answer depends on."""
-        parts = (self.kind, __version__, self.key, *(file.recording for file in self.files))
-        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+        other = () if self.calibration is None else (self.calibration.sha256,)
+        return _hash_of(self.kind, self.software, self.key, *other, *self._recordings)
+
+    @property
+    def subject(self) -> str:
+        """Hash of the recordings: by it the answers of several versions and calibrations are compared."""
+        return _hash_of(*self._recordings)
+
+    @property
+    def _recordings(self) -> tuple[str, ...]:
+        return tuple(file.recording for file in self.files)
 
     @property
     def key(self) -> str:
@@ -36,13 +49,14 @@ class Task:
         least = min(self.files, key=lambda file: TRUST_RANK[file.trust])
         return replace(self.files[0], trust=least.trust)
 
-    def command(self, paths: Sequence[str]) -> list[str]:
-        """Return the arguments of the command, for the files in these places."""
+    def command(self, paths: Sequence[str], calibration: str) -> list[str]:
+        """Return the arguments of the command, for the files and the other calibration in these places."""
         match self.kind:
             case "verify":
                 return ["record", "verify", *paths, *(["--key", self.key] if self.key else []), "--json", "-"]
             case "replay":
-                return ["record", "replay", *paths, "--json", "-"]
+                other = [] if self.calibration is None else ["--calibration", calibration]
+                return ["record", "replay", *paths, *other, "--json", "-"]
             case "measure":
                 return ["measure", *paths, "--json", "-"]
             case "reconcile":
@@ -61,7 +75,13 @@ class Task:
                 return str(content["verdict"])
 
 
-def plan_tasks(kind: TaskKind, files: Iterable[IndexedFile]) -> list[Task]:
+def _hash_of(*parts: str) -> str:
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def plan_tasks(
+    kind: TaskKind, files: Iterable[IndexedFile], calibration: CalibrationRecord | None = None
+) -> list[Task]:
     """Return the tasks over the files that count: of all files of a gateway, of those of one start of it, or of each."""
 
     def group_of(file: IndexedFile) -> object:
@@ -73,4 +93,4 @@ def plan_tasks(kind: TaskKind, files: Iterable[IndexedFile]) -> list[Task]:
     for file in sorted(files, key=lambda each: (each.gateway or (), each.row.gateway_time_ns, each.row.path)):
         if file.row.status == "counted":
             groups[group_of(file)].append(file)
-    return [Task(kind, tuple(group)) for group in groups.values()]
+    return [Task(kind, tuple(group), calibration) for group in groups.values()]

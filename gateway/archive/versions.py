@@ -31,7 +31,15 @@ def judge_files(files: Iterable[IndexedFile]) -> list[IndexedFile]:
 
     Of equal files the first name counts. Of several versions of a segment of one start of the gateway, signed by the same key or
     not signed, the best one counts: first by trust, then the whole segment before a cut or a trimmed one, then the longest.
+    What was deleted comes back under no name and in no other version.
     """
+    files = list(files)
+    reasons = {
+        name: each.row.reason
+        for each in files
+        if each.row.status == "deleted"
+        for name in (each.recording, segment_of(each))
+    }
     by_content: dict[str, list[IndexedFile]] = defaultdict(list)
     for file in sorted(files, key=lambda each: each.row.path):
         by_content[file.recording].append(file)
@@ -41,19 +49,28 @@ def judge_files(files: Iterable[IndexedFile]) -> list[IndexedFile]:
     for same in by_content.values():
         for place, file in enumerate(same):
             status: Status = "counted" if file.recording in winners else "superseded"
+            reason = reasons.get(file.recording, reasons.get(segment_of(file)))
             if file.trust == "refused":
                 status = "refused"
+            elif reason is not None:
+                status = "deleted"
             elif place:
                 status = "copy"
-            judged.append(replace(file, row=replace(file.row, status=status)))
+            row = replace(file.row, status=status, reason=file.row.reason if reason is None else reason)
+            judged.append(replace(file, row=row))
     return judged
+
+
+def segment_of(file: IndexedFile) -> object:
+    """Return by what the versions of a segment are known."""
+    row = file.row
+    return file.recording if row.segment is None else (row.boot_id, row.segment)
 
 
 def _winners(files: Sequence[IndexedFile]) -> list[IndexedFile]:
     groups: dict[object, list[IndexedFile]] = defaultdict(list)
     for file in files:
-        row = file.row
-        groups[file.recording if row.segment is None else (row.boot_id, row.segment)].append(file)
+        groups[segment_of(file)].append(file)
     winners = []
     for versions in groups.values():
         keys = {file.row.public_key for file in versions} - {""}

@@ -103,7 +103,7 @@ COMMANDS: dict[str, str | CommandGroup] = {
     "archive": CommandGroup(
         "many gateways' recordings of years: index them into open tables, ask questions, upload, compute",
         "archive index /srv/recordings --into /srv/archive",
-        ("archive_index", "archive_query", "archive_report", "archive_upload", "archive_compute"),
+        ("archive_index", "archive_query", "archive_report", "archive_upload", "archive_compute", "archive_delete"),
     ),
     "simulate": "analysis",
     "reconcile": "analysis",

@@ -8,8 +8,10 @@ import os
 import resource
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -18,18 +20,22 @@ import numpy as np
 import pyarrow as pa
 
 from gateway.archive.admission import known_key
+from gateway.archive.compute import Workers, compute
 from gateway.archive.index import index
+from gateway.archive.query import ask
 from gateway.archive.report import ReportQuestion, make_report
 from gateway.archive.report_page import render_archive_report
 from gateway.archive.rows import RECORDINGS, schema_of
 from gateway.archive.source import open_source
 from gateway.archive.tables import Archive, row_places
-from tests.gateway.archive.small_recordings import SmallCrane
+from gateway.archive.task_run import TaskLimits, TaskOutcome
+from tests.gateway.archive.small_recordings import START_NS, SmallCrane
 
 BEGIN = datetime(2026, 1, 1, tzinfo=UTC)
 SEGMENT_MINUTES = 10
 MINUTES_PER_DAY = 1440
 NS_PER_MINUTE = 60_000_000_000
+QUESTION = "SELECT crane, calibration_id, max(phi_max_deg) FROM swings WHERE phi_max_deg > 5 GROUP BY ALL"
 
 
 def main(options: Sequence[str] = ()) -> None:
@@ -43,7 +49,7 @@ def main(options: Sequence[str] = ()) -> None:
     with tempfile.TemporaryDirectory() as folder:
         _report(Path(folder), chosen.cranes, chosen.days)
     with tempfile.TemporaryDirectory() as folder:
-        _index(Path(folder), chosen.recordings)
+        _grow(Path(folder), chosen.recordings, chosen.cranes)
 
 
 def _report(folder: Path, cranes: int, days: int) -> None:
@@ -116,20 +122,46 @@ def _table(name: str, columns: dict[str, Any]) -> pa.Table:
     return pa.table(arrays, schema=schema)
 
 
-def _index(folder: Path, recordings: int) -> None:
-    """Index ever more recordings into one archive, and print what each of the last ones cost."""
+def _grow(folder: Path, recordings: int, cranes: int) -> None:
+    """Put ever more recordings, one a day and crane, into one archive, and print what each of them costs."""
     archive = Archive(str(folder / "table"))
-    done, segments = 0, 10
-    while done < recordings:
-        wanted = min(recordings, max(10, 10 * done)) - done
+    source = folder / "source"
+    for done, wanted in pairwise([0, *(10**power for power in range(1, 9) if 10**power < recordings), recordings]):
         with patch("os.fsync"):  # nobody asks for these files after a power failure
-            for number in range(done // segments, (done + wanted) // segments):
-                place = folder / "source" / f"{number}"
-                SmallCrane(place, f"crane-{number % 100}", segments=segments, segment_s=10, boot=f"b{number}").record()
-        begin_s = time.process_time()
-        result = index(open_source(str(folder / "source")), archive, known_key)
-        cost_ms = 1e3 * (time.process_time() - begin_s) / len(result.read)
-        done += len(result.read)
-        print(f"index: {len(result.read)} new of {done} recordings of 10 s, {cost_ms:.1f} ms of CPU each", flush=True)
-    size_kb = sum(path.stat().st_size for path in (folder / "table").rglob("*.parquet")) / 1e3 / done
-    print(f"tables: {size_kb:.1f} kB a recording before compaction", flush=True)
+            for number in range(done, wanted):
+                _record(source, *divmod(number, cranes))
+        costs = {
+            "index": _cost(lambda: index(open_source(str(source)), archive, known_key), wanted - done),
+            "nothing new": _cost(lambda: index(open_source(str(source)), archive, known_key), wanted),
+        }
+        archive.compact()
+        costs["query"] = _cost(lambda: ask(archive, QUESTION), wanted)
+        end = BEGIN + timedelta(days=wanted // cranes + 1)
+        costs["report"] = _cost(partial(make_report, archive, ReportQuestion(BEGIN, end, 5.0), end), wanted)
+        with patch("gateway.archive.compute.run_task", return_value=TaskOutcome("done", "equal", "", "{}")):
+            costs["replay without the command"] = _cost(
+                lambda: compute(archive, str(source), "replay", Workers(2), TaskLimits()), wanted - done
+            )
+        told = ", ".join(
+            f"{name} {total_s:.2f} s ({each_ms:.1f} ms each)" for name, (total_s, each_ms) in costs.items()
+        )
+        memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+        print(f"{wanted} recordings, {wanted - done} new: {told}; {memory_mb:.0f} MB at most", flush=True)
+    size_kb = sum(path.stat().st_size for path in (folder / "table").rglob("*.parquet")) / 1e3 / recordings
+    print(f"tables: {size_kb:.1f} kB a recording, with what the next weeks delete", flush=True)
+
+
+def _record(source: Path, day: int, crane: int) -> None:
+    """Record ten seconds of a crane: the key and the chain of its folder go on."""
+    start_ns = START_NS + day * 1440 * NS_PER_MINUTE
+    SmallCrane(
+        source / f"{crane}", f"crane-{crane}", segments=1, segment_s=10, boot=f"d{day}", start_ns=start_ns
+    ).record()
+
+
+def _cost(work: Callable[[], object], count: int) -> tuple[float, float]:
+    """Return seconds of CPU of this process, and milliseconds for each of so many."""
+    begin_s = time.process_time()
+    work()
+    cost_s = time.process_time() - begin_s
+    return cost_s, 1e3 * cost_s / count

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from gateway.cli.main import main
+from gateway.messages import Calibration
 from gateway.pki.signing_key import read_public_key
 from tests.documentation import bench_files
 from tests.documentation.examples import ROOT
@@ -121,11 +122,13 @@ def recordings_and_gateway(reader: Reader) -> None:
 
 
 def archive(reader: Reader) -> None:
-    """Recordings of a crane, and an object store."""
+    """Recordings of a crane, another record of its sensor, and an object store."""
     source = reader.folder / "recordings"
     crane = record_crane(source / "crane-2", 20.0)
     key = read_public_key(str(crane.folder / "signing-key.pem.pub"))
     (reader.folder / "keys.txt").write_text(f"yard/crane-2/hook  {key}\n")
+    record = next(each.message.record for each in crane.messages if isinstance(each.message, Calibration))
+    (reader.folder / "record.json").write_text(json.dumps(record))
     server = reader.stack.enter_context(running_s3())
     (reader.folder / "s3.toml").write_text("".join(f"{k} = {json.dumps(v)}\n" for k, v in server.settings.items()))
     (reader.folder / "s3.toml").chmod(0o600)

@@ -3,8 +3,10 @@
 import argparse
 import os
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gateway import __version__
 from gateway.cli.archive.archive_options import add_source, add_table
 from gateway.cli.options.argument_types import above_zero, whole_number
 from gateway.cli.terminal.output import add_json
@@ -13,7 +15,9 @@ from gateway.extras import require_extra
 
 if TYPE_CHECKING:
     from gateway.archive.compute import ComputeResult
+    from gateway.archive.tables import Archive
     from gateway.archive.tasks import TaskKind
+    from gateway.calibration.record import CalibrationRecord
 
 VERBS: "dict[TaskKind, tuple[str, str]]" = {
     "verify": ("check the chain of each gateway: nothing changed, removed, exchanged or forged", "record verify"),
@@ -22,6 +26,8 @@ VERBS: "dict[TaskKind, tuple[str, str]]" = {
     "reconcile": ("fit the simulation to each recording, and name what it lacks", "reconcile"),
 }
 """Help of each verb, and the command that it runs."""
+AS_RECORDED = ""
+"""Of --against-version: compare with what was recorded. Definition: no version is named so."""
 MEMORY_MB, TIME_MINUTES = 4096, 60.0
 """Limits of a task. Basis: a choice; numerical libraries reserve a gigabyte, and a day of one crane is replayed in 40 minutes."""
 
@@ -58,8 +64,28 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
             "--minutes", type=above_zero, default=TIME_MINUTES, metavar="MIN", help="time of a task (%(default)g)"
         )
         verb.add_argument("--again", action="store_true", help="also what failed before")
+        if kind == "replay":
+            _add_comparison(verb)
         add_json(verb)
-        verb.set_defaults(run=partial(_run, kind))
+        verb.set_defaults(run=partial(_run, kind), calibration=None, against=None)
+
+
+def _add_comparison(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument(
+        "--calibration",
+        type=Path,
+        metavar="RECORD.json",
+        help="compute with this record in place of the recorded ones, where the recordings are of its device",
+    )
+    verb.add_argument(
+        "--against-version",
+        dest="against",
+        nargs="?",
+        const=AS_RECORDED,
+        metavar="VERSION",
+        help="then state what an operator would have seen otherwise than by this version of the program, of which the table has "
+        "replays, or, without a version, than was recorded: alerts missed and added first, then angles",
+    )
 
 
 def _run(kind: "TaskKind", arguments: argparse.Namespace) -> int:
@@ -72,18 +98,48 @@ def _run(kind: "TaskKind", arguments: argparse.Namespace) -> int:
     from gateway.archive.source import open_source
     from gateway.archive.tables import Archive
     from gateway.archive.task_run import TaskLimits
+    from gateway.calibration.offline.input_files import read_record
     from gateway.cli.terminal.output import show
     from gateway.cli.terminal.progress import ProgressBar
 
+    calibration = None if arguments.calibration is None else read_record(arguments.calibration)
     open_source(arguments.source)  # what cannot be read is told before anything is begun
     workers = Workers(max(1, arguments.processes or len(os.sched_getaffinity(0))), arguments.cluster)
     limits = TaskLimits(60 * arguments.minutes, arguments.memory_mb)
+    archive = Archive(arguments.table)
     with ProgressBar(f"archive {kind}") as bar:
         result = compute(
-            Archive(arguments.table), arguments.source, kind, workers, limits, again=arguments.again, report=bar.update
+            archive,
+            arguments.source,
+            kind,
+            workers,
+            limits,
+            calibration=calibration,
+            again=arguments.again,
+            report=bar.update,
         )
-    show(_text(result), _as_json(result), arguments.json)
+    text, content = _text(result), _as_json(result)
+    if arguments.against is not None:
+        told, changes = _compared(archive, arguments.against, calibration)
+        text, content = f"{text}\n{told}", content | {"changes": changes}
+    show(text, content, arguments.json)
     return ANSWER_IS_NO if result.failed else 0
+
+
+def _compared(archive: "Archive", against: str, calibration: "CalibrationRecord | None") -> tuple[str, dict[str, Any]]:
+    """Compare what this version has computed, as text and as JSON."""
+    from gateway.archive.query import open_database
+    from gateway.archive.replay_changes import compare_replays
+    from gateway.cli.archive.replay_changes_text import changes_json, changes_text
+
+    record = None if calibration is None else calibration.id
+    with open_database(archive, ("recordings", "results")) as database:
+        found = compare_replays(
+            database, against or None, "software = ? AND calibration IS NOT DISTINCT FROM ?", [__version__, record]
+        )
+    before = f"by version {against}" if against else "as recorded"
+    after = f"by version {__version__}" + (f" with calibration {record}" if record else "")
+    return changes_text(found, before, after), changes_json(found)
 
 
 def _text(result: "ComputeResult") -> str:

@@ -3,7 +3,7 @@
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from gateway.cli.archive.archive_options import add_keys, add_source, add_table, keys
+from gateway.cli.archive.archive_options import add_keys, add_source, add_table, authority_of, keys
 from gateway.cli.terminal.output import add_json
 from gateway.errors import WITH_LOSSES
 from gateway.extras import require_extra
@@ -43,10 +43,10 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.cli.terminal.output import show
     from gateway.cli.terminal.progress import ProgressBar
 
-    source, key_of = open_source(arguments.source), keys(arguments)
+    source, key_of, authority = open_source(arguments.source), keys(arguments), authority_of(arguments)
     with ProgressBar(f"indexing {source.name}") as bar:
         archive = Archive(arguments.table)
-        result = index(source, archive, key_of, bar.update)
+        result = index(source, archive, key_of, authority, bar.update)
         if arguments.compact:
             archive.compact()
     show(_text(result), _as_json(result), arguments.json)

@@ -5,7 +5,7 @@ from datetime import UTC, datetime, time, timedelta
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
-from gateway.cli.archive.archive_options import add_table
+from gateway.cli.archive.archive_options import add_table, day
 from gateway.cli.options.argument_types import above_zero, parsed_by
 from gateway.cli.terminal.output import add_json, output_file
 from gateway.extras import require_extra, require_plots
@@ -32,12 +32,12 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     verb.add_argument(
         "--from",
         dest="begin",
-        type=parsed_by(_day),
+        type=parsed_by(day),
         metavar="DAY",
         help=f"first day, UTC ({DEFAULT_DAYS} days before --to)",
     )
     verb.add_argument(
-        "--to", dest="end", type=parsed_by(_day), metavar="DAY", help="day after the last one, UTC (tomorrow)"
+        "--to", dest="end", type=parsed_by(day), metavar="DAY", help="day after the last one, UTC (tomorrow)"
     )
     verb.add_argument(
         "--limit", type=above_zero, default=5.0, metavar="DEG", help="angle above which a minute counts (5)"
@@ -105,15 +105,12 @@ def _as_json(report: "ArchiveReport") -> dict[str, Any]:
         "worst": [asdict(each) | {"utc": each.utc.isoformat()} for each in report.worst],
         "unknown": [asdict(each) for each in report.unknown],
         "limits": [asdict(each) for each in report.limits],
+        "types": {kind: asdict(each) for kind, each in report.types.items()},
+        "proposals": [
+            asdict(each) | {"next_utc": each.next_utc.isoformat(), "proposed_utc": each.proposed_utc.isoformat()}
+            for each in report.proposals
+        ],
     }
-
-
-def _day(text: str) -> datetime:
-    try:
-        day = datetime.fromisoformat(text)
-    except ValueError:
-        raise ValueError(f"{text} is no day such as 2026-11-22") from None
-    return day if day.tzinfo is not None else day.replace(tzinfo=UTC)
 
 
 def _shifts(text: str) -> tuple[time, ...]:

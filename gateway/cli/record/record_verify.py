@@ -6,15 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.cli.options.recording_options import add_paths
+from gateway.cli.options.site_authority import add_ca, refusal_by
 from gateway.cli.terminal.output import add_json
 from gateway.errors import ANSWER_IS_NO, WITH_LOSSES
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from gateway.recording.chain.chain_verification import ChainVerification
     from gateway.recording.chain.file_verification import FileVerification
-    from gateway.recording.chain.vouched_key import VouchedKey
 
 EXIT_CODES = {"genuine": 0, "differs": ANSWER_IS_NO, "consistent": WITH_LOSSES}
 """Definition: exit codes of the answers."""
@@ -44,13 +42,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         metavar="PUBLIC",
         help="the gateway's public key: 64 hexadecimal digits, or the file signing-key.pem.pub, kept apart from the recordings",
     )
-    verify.add_argument(
-        "--ca",
-        type=Path,
-        metavar="FILE",
-        help="ca.pem of the site: its CA must vouch today for the key, by the certificate of the gateway in the recordings; a "
-        "revoked.pem beside it counts",
-    )
+    add_ca(verify)
     verify.add_argument(
         "--heard",
         type=Path,
@@ -88,13 +80,14 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.recording.chain.chain_verification import verify_chain
     from gateway.recording.chain.file_verification import verify_file
     from gateway.recording.chain.time_stamps import describe_proven, list_time_stamp_files, load_verifier, prove_all
+    from gateway.recording.chain.vouched_key import find_vouched_key
     from gateway.recording.reading.catalogue import list_recordings
 
     paths = list_recordings(arguments.paths)
     known = known_statement(_gateway_of(paths[0]))
     heard = [statement for path in arguments.heard for statement in read_statements(path)]
     pinned = None if known is None else known.public_key
-    vouched = None if arguments.ca is None else _ask_authority(arguments.ca, paths)
+    vouched = None if arguments.ca is None else find_vouched_key(paths, refusal_by(arguments.ca))
     key = pinned or (vouched.public_key if vouched is not None else None)
     key = key if arguments.key is None else read_public_key(arguments.key)
     heard += [] if known is None or known.public_key != key else [known]
@@ -122,23 +115,6 @@ def run(arguments: argparse.Namespace) -> int:
     is_pinned = arguments.key is None and pinned is not None
     show(_text(chain, key, said, is_pinned=is_pinned), content, arguments.json)
     return EXIT_CODES[chain.answer]
-
-
-def _ask_authority(ca: Path, paths: "Sequence[Path]") -> "VouchedKey":
-    from gateway.extras import require_extra
-
-    require_extra("security")
-    from gateway.bus.site_authority import SiteAuthority
-    from gateway.errors import InputError
-    from gateway.pki.inspect import CertificateError, parse_authorities
-    from gateway.recording.chain.vouched_key import find_vouched_key
-
-    try:
-        parse_authorities(ca.read_bytes())
-    except (OSError, CertificateError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(f"--ca {ca}: {reason}; give the ca.pem that plumbline keys has made") from error
-    return find_vouched_key(paths, SiteAuthority(ca, ca.with_name("revoked.pem")).refuse)
 
 
 def _gateway_of(path: Path) -> str:

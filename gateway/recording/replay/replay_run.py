@@ -11,8 +11,15 @@ from gateway.calibration.record import CalibrationRecord
 from gateway.configuration.model import Configuration
 from gateway.errors import InputError
 from gateway.recording.reading.interval import RecordingInterval, iso_utc
-from gateway.recording.reading.recording_file import Selection
-from gateway.recording.reading.timeline import ReportProgress, Timeline, TimelineSegment, ignore_progress
+from gateway.recording.reading.recording_file import RecordingFile, Selection
+from gateway.recording.reading.timeline import (
+    SAMPLES,
+    SUMMARISED_PATHS,
+    ReportProgress,
+    Timeline,
+    TimelineSegment,
+    ignore_progress,
+)
 from gateway.recording.replay.replay_comparison import (
     AFTER_START,
     EXACT,
@@ -22,7 +29,7 @@ from gateway.recording.replay.replay_comparison import (
     Tolerance,
 )
 from gateway.recording.replay.replay_pipeline import ReplayPipeline
-from gateway.recording.replay.replay_steps import ReplayStep, read_steps
+from gateway.recording.replay.replay_steps import ReplayStep, StepMessage, read_steps
 from gateway.recording.summary.segment_summary import SegmentSummary
 from gateway.recording.summary.summary_builder import SummaryBuilder
 from gateway.topics import TOPICS
@@ -152,12 +159,8 @@ class ReplayRun:
             if recorded.log_time_ns >= self._from_ns:
                 if self._mode == "same":
                     self._comparison.add_recorded(recorded)
-                if (
-                    recorded.topic != "/samples"
-                    and (content := message.content or step.file.decode(recorded)) is not None
-                ):
-                    self._recorded.count(recorded.topic, recorded.log_time_ns, len(recorded.data))
-                    self._recorded.add(content, recorded.log_time_ns)
+                if recorded.topic != SAMPLES:
+                    self._note(message, step.file)
         for outgoing in self._pipeline.compute(step):
             if outgoing.log_time_ns >= self._from_ns:
                 if self._mode == "same":
@@ -167,3 +170,10 @@ class ReplayRun:
                     self._recomputed.add(outgoing.message, outgoing.log_time_ns)
         if self._mode == "same":
             self._comparison.compare_until(step.end_ns - MAX_COUNTERPART_DELAY_NS)
+
+    def _note(self, message: StepMessage, file: RecordingFile) -> None:
+        """Add a recorded message to the summary, which knows the others by their number."""
+        recorded = message.recorded
+        self._recorded.count(recorded.topic, recorded.log_time_ns, len(recorded.data))
+        if recorded.topic in SUMMARISED_PATHS:
+            self._recorded.add(message.content or file.decode(recorded), recorded.log_time_ns)

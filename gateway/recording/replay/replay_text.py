@@ -7,13 +7,10 @@ from typing import Any
 from gateway import messages
 from gateway.recording.reading.interval import zoned
 from gateway.recording.replay.replay_comparison import AFTER_START
+from gateway.recording.replay.replay_outcome import ReplayOutcome, outcome_of, paired_alerts
 from gateway.recording.replay.replay_run import ReplayResult
-from gateway.recording.summary.segment_summary import RecordedPeak, SegmentSummary
-from gateway.recording.summary.summary_builder import RecordedAlert, join_alerts, unknown_s
-
-SAME_BEGIN_NS = 5_000_000_000
-"""Alerts of one rule that begin within this time of each other are the same one. Basis: a choice; longer than the hold time that
-a shifted start moves, shorter than two alerts of a rule."""
+from gateway.recording.summary.segment_summary import RecordedPeak
+from gateway.recording.summary.summary_builder import RecordedAlert
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +29,7 @@ class ReplayRow:
 
 def replay_rows(result: ReplayResult, *, is_local: bool = False) -> list[ReplayRow]:
     """Return alerts, peaks and conditions as recorded and as computed again."""
-    return list(_rows(result.recorded, result.recomputed, is_local))
+    return list(_rows(outcome_of(result.recorded), outcome_of(result.recomputed), is_local))
 
 
 def has_difference(result: ReplayResult) -> bool:
@@ -60,6 +57,8 @@ def replay_json(result: ReplayResult) -> dict[str, Any]:
         "differing": dict(comparison.differing),
         "first_difference": None if first is None else {**asdict(first), **_as_texts(first.recorded, first.recomputed)},
         "table": [{**asdict(row), "differs": row.differs} for row in replay_rows(result)],
+        "recorded": asdict(outcome_of(result.recorded)),
+        "recomputed": asdict(outcome_of(result.recomputed)),
     }
 
 
@@ -96,43 +95,17 @@ def _short(value: Any) -> str:
     return text if len(text) <= 200 else f"{text[:200]}..."
 
 
-def _rows(recorded: SegmentSummary | None, recomputed: SegmentSummary | None, is_local: bool) -> Iterator[ReplayRow]:
-    before, after = (_alerts(summary) for summary in (recorded, recomputed))
-    for one, other in _paired(before, after):
+def _rows(recorded: ReplayOutcome, recomputed: ReplayOutcome, is_local: bool) -> Iterator[ReplayRow]:
+    for one, other in paired_alerts(recorded.alerts, recomputed.alerts):
         known = one or other
         name = f"{known.rule} alert" if known is not None else ""
         yield ReplayRow(name, _alert_text(one, is_local), _alert_text(other, is_local))
-    unknown = [0.0 if summary is None else unknown_s([summary]) for summary in (recorded, recomputed)]
-    yield ReplayRow("swing unknown", *(f"{seconds:.1f} s" for seconds in unknown))
-    for name, field in (("largest angle", "largest_angle"), ("largest swing", "largest_swing")):
-        peaks = [getattr(summary, field, None) for summary in (recorded, recomputed)]
-        yield ReplayRow(name, *(_peak_text(peak, is_local) for peak in peaks))
-    verdicts = [{} if summary is None else summary.verdict_s for summary in (recorded, recomputed)]
-    for verdict in sorted({*verdicts[0], *verdicts[1]}):
-        yield ReplayRow(verdict, *(f"{seconds.get(verdict, 0.0):.1f} s" for seconds in verdicts))
-
-
-def _alerts(summary: SegmentSummary | None) -> list[RecordedAlert]:
-    return [] if summary is None else join_alerts([("", summary)])
-
-
-def _paired(
-    before: list[RecordedAlert], after: list[RecordedAlert]
-) -> Iterator[tuple[RecordedAlert | None, RecordedAlert | None]]:
-    """Yield the alerts in order of their begin, each with its counterpart."""
-    left = list(after)
-    pairs: list[tuple[RecordedAlert | None, RecordedAlert | None]] = []
-    for one in before:
-        same = [
-            other
-            for other in left
-            if other.rule == one.rule and abs(other.from_utc_ns - one.from_utc_ns) < SAME_BEGIN_NS
-        ]
-        pairs.append((one, same[0] if same else None))
-        if same:
-            left.remove(same[0])
-    pairs += [(None, other) for other in left]
-    yield from sorted(pairs, key=lambda pair: (pair[0] or pair[1] or before[0]).from_utc_ns)
+    both = (recorded, recomputed)
+    yield ReplayRow("swing unknown", *(f"{each.unknown_s:.1f} s" for each in both))
+    yield ReplayRow("largest angle", *(_peak_text(each.largest_angle, is_local) for each in both))
+    yield ReplayRow("largest swing", *(_peak_text(each.largest_swing, is_local) for each in both))
+    for verdict in sorted({*recorded.verdict_s, *recomputed.verdict_s}):
+        yield ReplayRow(verdict, *(f"{each.verdict_s.get(verdict, 0.0):.1f} s" for each in both))
 
 
 def _alert_text(alert: RecordedAlert | None, is_local: bool) -> str:

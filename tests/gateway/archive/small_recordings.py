@@ -34,6 +34,10 @@ class SmallCrane:
     start_ns: int = START_NS
     wall_offset_ns: int = 0
     boot: str = "b00t"
+    calibration: dict[str, Any] = field(default_factory=dict)
+    """The record."""
+    voucher: str | None = None
+    """Of the CA for the key."""
     closed: bool = True
     """False: the last segment is cut off, as by a power failure."""
     sent: list[messages.Motion] = field(default_factory=list)
@@ -53,7 +57,7 @@ class SmallCrane:
     def record(self) -> "SmallCrane":
         """Write the segments."""
         chain = self._chain()
-        header = RecordingHeader("0.2.0", self.site, self.crane, "hook", self.boot, "")
+        header = RecordingHeader("0.2.0", self.site, self.crane, "hook", self.boot, "", lambda: self.voucher)
         recorder = Recorder(self.folder, header, segment_s=self.segment_s, fsync_s=1.0, quota_mb=1000.0, chain=chain)
         recorder.start(self.start_ns)
         for second in range(self.segments * self.segment_s - 1):
@@ -127,7 +131,7 @@ class SmallCrane:
                     **calibrated,
                     status="calibrated",
                     device_id=f"part-{self.crane}",
-                    record={},
+                    record=self.calibration,
                     in_force={},
                     text="c-1",
                 ),

@@ -15,6 +15,7 @@ from gateway.cli.main import main
 from gateway.errors import BAD_INPUT
 from tests.gateway.archive.archive_rows import indexed
 from tests.gateway.archive.small_recordings import NS_PER_S, START_NS, SmallCrane
+from tests.gateway.calibration.test_drift_table import sensor
 from tests.gateway.recorded_crane import RecordedCrane
 
 DAY = datetime(2026, 1, 1, tzinfo=UTC)
@@ -85,6 +86,32 @@ def test_the_cost_of_a_limit_counts_alarms_and_the_false_ones_among_them() -> No
 def test_time_that_is_not_known_is_told_by_reason(clean: Path) -> None:
     found = make_report(Archive(str(clean)), question(), DAY).unknown
     assert ("only # s of data", "not_known", 3) in [(each.reason, each.validity, each.gateways) for each in found]
+
+
+@pytest.mark.slow
+def test_a_type_of_sensor_proposes_an_earlier_calibration_to_its_others(tmp_path: Path) -> None:
+    """Three sensors that drift are calibrated twice; a fourth one of their type once."""
+    calibrated = {
+        "crane-1": ([0, 200], 0.01),
+        "crane-2": ([0, 200], -0.02),
+        "crane-3": ([0, 200], 0.03),
+        "crane-4": ([200], 0.0),
+    }
+    for crane, (days, mg_per_day) in calibrated.items():
+        for number, record in enumerate(sensor(f"part-{crane}", list(map(float, days)), mg_per_day)):
+            content = record.model_dump(mode="json")
+            start_ns = START_NS + number * 60 * NS_PER_S
+            folder = tmp_path / "source" / crane
+            SmallCrane(folder, crane, segments=1, boot=f"b{number}", start_ns=start_ns, calibration=content).record()
+    indexed(tmp_path / "source", tmp_path / "table")
+    report = make_report(Archive(str(tmp_path / "table")), question(), datetime(2027, 1, 1, tzinfo=UTC))
+    found = report.types["adxl355"]
+    assert found.sensors == 3
+    assert 0 < found.low_days < found.days < found.high_days
+    (fourth,) = (each for each in report.proposals if each.device_id == "part-crane-4")
+    (own,) = (each for each in report.sensors if each.device_id == "part-crane-4")
+    assert own.basis == "interval"
+    assert (fourth.next_utc - fourth.proposed_utc).days == pytest.approx(365 - found.low_days, abs=1)
 
 
 @pytest.mark.slow

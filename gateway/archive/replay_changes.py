@@ -1,0 +1,152 @@
+"""What another version or another calibration would have told: replays compared by what an operator would have seen.
+
+A result of `replay` has what was told then and what is computed now. Two versions are compared by their results over the same
+recordings, and one version with the recordings themselves.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+import duckdb
+
+from gateway.file_input import decode_json
+from gateway.recording.replay.replay_outcome import ReplayOutcome, paired_alerts
+from gateway.recording.summary.segment_summary import RecordedPeak
+from gateway.recording.summary.summary_builder import RecordedAlert
+
+SAME_ANGLE_DEG = 0.001
+"""Angles that differ by less are the same one. Basis: the last recorded digit; what is computed again is not rounded."""
+SAME_TIME_S = 0.1
+"""Likewise times without a statement on the swing. Basis: the time between two messages of the alerts."""
+
+
+@dataclass(frozen=True, slots=True)
+class OutcomeChange:
+    """What an operator would have seen otherwise."""
+
+    missed: tuple[RecordedAlert, ...]
+    """Alerts that are told no more."""
+    added: tuple[RecordedAlert, ...]
+    other_level: tuple[tuple[RecordedAlert, RecordedAlert], ...]
+    """Alerts that are a warning in place of a trip, or the other way round: before, after."""
+    angle_deg: tuple[float | None, float | None]
+    """Largest angle before and after."""
+    unknown_s: tuple[float, float]
+    """Time without a statement on the swing, before and after."""
+
+    @property
+    def angle_change_deg(self) -> float:
+        """Size of the change of the largest angle; one that is known on one side alone counts as a whole."""
+        before, after = self.angle_deg
+        return abs((after or 0.0) - (before or 0.0))
+
+    @property
+    def rank(self) -> tuple[float, ...]:
+        """The greater, the more an operator would notice: trips missed, alerts missed, added, of another level; angle; time."""
+        trips = sum(alert.level == "trip" for alert in self.missed)
+        alerts = (trips, len(self.missed), len(self.added), len(self.other_level))
+        return (*alerts, self.angle_change_deg, abs(self.unknown_s[1] - self.unknown_s[0]))
+
+    def __bool__(self) -> bool:
+        """Return whether anything is seen otherwise."""
+        *alerts, angle_change_deg, unknown_change_s = self.rank
+        return any(alerts) or angle_change_deg >= SAME_ANGLE_DEG or unknown_change_s >= SAME_TIME_S
+
+
+def change_between(before: ReplayOutcome, after: ReplayOutcome) -> OutcomeChange:
+    """Return what is told otherwise after than before."""
+    pairs = list(paired_alerts(before.alerts, after.alerts))
+    return OutcomeChange(
+        missed=tuple(one for one, other in pairs if one is not None and other is None),
+        added=tuple(other for one, other in pairs if one is None and other is not None),
+        other_level=tuple(
+            (one, other) for one, other in pairs if one is not None and other is not None and one.level != other.level
+        ),
+        angle_deg=(_degrees(before.largest_angle), _degrees(after.largest_angle)),
+        unknown_s=(before.unknown_s, after.unknown_s),
+    )
+
+
+def _degrees(peak: RecordedPeak | None) -> float | None:
+    return None if peak is None else peak.phi_max_deg
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayChange:
+    """A start of a gateway that would have been told otherwise."""
+
+    gateway: str
+    utc: datetime
+    """Of its first message."""
+    path: str
+    """Its first file, within the source of the archive."""
+    software: str
+    calibration: str | None
+    """In place of the recorded ones."""
+    is_verified: bool
+    change: OutcomeChange
+
+
+@dataclass(frozen=True, slots=True)
+class VersionComparison:
+    """The starts of gateways in the order of what an operator would have seen."""
+
+    compared: int
+    not_compared: int
+    """Replays without a counterpart."""
+    changes: tuple[ReplayChange, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Content:
+    """What is read of a result."""
+
+    recorded: ReplayOutcome
+    recomputed: ReplayOutcome
+
+
+def compare_replays(
+    database: duckdb.DuckDBPyConnection, against: str | None, condition: str = "true", values: Sequence[Any] = ()
+) -> VersionComparison:
+    """Compare replays, chosen by a condition in SQL on the table of results, and rank what has changed.
+
+    `against` is the version whose replays, with the recorded calibration, were before; None: what was recorded.
+    """
+    rows = database.execute(
+        f"""
+        WITH replays AS (SELECT * FROM results WHERE kind = 'replay' AND state = 'done'),
+        newest AS (
+            SELECT * FROM replays WHERE {condition}
+            QUALIFY row_number() OVER (PARTITION BY recording, software, calibration ORDER BY recordings DESC) = 1),
+        before AS (SELECT subject, content FROM replays WHERE software = ? AND calibration IS NULL)
+        SELECT n.site || '/' || n.crane || '/' || n.sensor, n.utc, min(path), n.software, n.calibration,
+            n.trust = 'verified', n.content, any_value(before.content)
+        FROM newest AS n JOIN recordings AS r ON r.recording = n.recording AND r.status = 'counted'
+            LEFT JOIN before ON before.subject = n.subject
+        GROUP BY ALL
+        """,
+        [*values, against or ""],
+    ).fetchall()
+    compared, changes = 0, []
+    for gateway, utc, path, software, calibration, is_verified, content, before in rows:
+        outcomes = _outcomes(content, before, against)
+        if outcomes is None:
+            continue
+        compared += 1
+        if change := change_between(*outcomes):
+            changes.append(ReplayChange(gateway, utc, path, software, calibration, is_verified, change))
+    changes.sort(key=lambda each: (*(-number for number in each.change.rank), each.gateway, each.utc))
+    return VersionComparison(compared, len(rows) - compared, tuple(changes))
+
+
+def _outcomes(content: str, before: str | None, against: str | None) -> tuple[ReplayOutcome, ReplayOutcome] | None:
+    """Return what was told before and after; None where one of them is not there."""
+    try:
+        after = decode_json(content, _Content)
+        if against is None:
+            return after.recorded, after.recomputed
+        return None if before is None else (decode_json(before, _Content).recomputed, after.recomputed)
+    except ValueError:  # a result of a version that did not write outcomes
+        return None

@@ -1,0 +1,78 @@
+"""`plumbline archive delete`: recordings and their rows go by a rule, and an audit stays."""
+
+import argparse
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+from gateway.cli.archive.archive_options import add_source, add_table, day
+from gateway.cli.options.argument_types import parsed_by
+from gateway.cli.terminal.output import add_json
+from gateway.extras import require_extra
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from gateway.archive.versions import IndexedFile
+
+
+def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    verb = verbs.add_parser(
+        "delete",
+        help="delete recordings that ended before a day, with their rows; what was deleted, by whom and why stays",
+        description="Delete recordings that ended before a day from a source, and their rows from the tables. The table "
+        "recordings keeps name, hashes, by whom and why, as status deleted, so that the chain of evidence goes on; what was "
+        "deleted is not indexed again. Without --yes nothing is deleted, and what would be is said.",
+        epilog="example: plumbline archive delete /srv/recordings --table /srv/archive --before 2025-01-01 --by ann "
+        "--because 'kept for a year' --yes",
+    )
+    add_source(verb)
+    add_table(verb)
+    verb.add_argument(
+        "--before", type=parsed_by(day), required=True, metavar="DAY", help="recordings that ended before this day, UTC"
+    )
+    verb.add_argument("--crane", metavar="NAME", help="those of this crane alone")
+    verb.add_argument("--by", required=True, metavar="WHO", help="who deletes")
+    verb.add_argument("--because", required=True, metavar="WHY", help="why, such as the rule of retention")
+    verb.add_argument(
+        "--names",
+        action="store_true",
+        help="leave recordings and rows, and empty the columns of the tables that may name people: calibrations.record, "
+        "results.content",
+    )
+    verb.add_argument("--yes", action="store_true", help="delete; without it, say what would be deleted")
+    add_json(verb)
+    verb.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Delete what the rule names."""
+    require_extra("archive")
+    from gateway.archive.deletion import DeletionRule, delete, delete_names, due
+    from gateway.archive.source import open_source
+    from gateway.archive.tables import Archive
+    from gateway.cli.terminal.output import show
+
+    source, archive = open_source(arguments.source), Archive(arguments.table)
+    rule = DeletionRule(arguments.before, arguments.crane)
+    if not arguments.yes:
+        files = [file for file in due(archive, rule) if file.row.status != "deleted"]
+        show(_text(files, "would be deleted; nothing was, for want of --yes"), _as_json(files), arguments.json)
+        return 0
+    why = f"deleted {datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ} by {arguments.by}: {arguments.because}"
+    if arguments.names:
+        rows = delete_names(archive, rule, why)
+        show(f"{rows} rows name nobody any more", {"emptied_rows": rows}, arguments.json)
+    else:
+        files = delete(archive, source, rule, why)
+        show(_text(files, "deleted"), _as_json(files), arguments.json)
+    return 0
+
+
+def _text(files: "Sequence[IndexedFile]", what: str) -> str:
+    size_mb = sum(file.row.size_bytes for file in files) / 1e6
+    return "\n".join([*(file.row.path for file in files), f"{len(files)} recordings ({size_mb:.1f} MB) {what}"])
+
+
+def _as_json(files: "Sequence[IndexedFile]") -> dict[str, Any]:
+    return {"recordings": [{"path": file.row.path, "recording": file.recording} for file in files]}
