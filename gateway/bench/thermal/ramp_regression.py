@@ -154,7 +154,6 @@ class _RampModel:
         self._known_powers: dict[float, Array] = {}
         self._variance = [0.0] * 3
         self._plays = [np.zeros((len(ramps), blocks, 0)), *(width_g * in_blocks)]
-
         straight = self.systems(0.0, 0, [(2, 2)] * 3)
         white, _ = self._grid.estimate(straight)
         self._variance = [white.solve(*system, axes=3).sigma ** 2 for system in straight]
