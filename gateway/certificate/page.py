@@ -14,6 +14,7 @@ from gateway.calibration.record import BudgetEntry, CalibrationRecord
 from gateway.certificate.comparison import changes_since, differs_from_named
 from gateway.certificate.method_figure import method_plot
 from gateway.certificate.residual_plot import pose_residuals
+from gateway.certificate.traceability import UNCERTAINTY, decision_rule, reference, temperatures
 from gateway.documents.environment import render
 from gateway.documents.format import (
     UNKNOWN,
@@ -34,8 +35,6 @@ MAX_BUDGET_ROWS = 7
 NEGLIGIBLE_CONTRIBUTION = 1e-6
 """mg or degrees: digits below say nothing. Basis: a choice; no sensor is good to a millionth."""
 LIMITS_OF_ALL = (
-    "This is not an accredited certificate: the reference is local gravity, taken as 1 g, and nothing here is traceable "
-    "beyond that.",
     "It holds for this device only, at rest and within 1 g. It does not cover bandwidth, vibration, shock or larger forces.",
     "The hash shows that the record is unchanged. It is no signature and does not prove who made the record.",
 )
@@ -98,7 +97,7 @@ def identity_facts(record: CalibrationRecord) -> tuple[tuple[str, str], ...]:
         ("Record", record.id),
         ("Parent record", record.parent or "none"),
         ("Software", f"plumbline {record.software}"),
-        ("Temperature", _temperature(record)),
+        ("Temperature", temperatures(record)),
         ("Reason", _reason(record)),
         ("Poses used", _poses(record)),
     )
@@ -108,14 +107,6 @@ def identity_facts(record: CalibrationRecord) -> tuple[tuple[str, str], ...]:
 def _poses(record: CalibrationRecord) -> str:
     used = sum(bool(pose.get("used", True)) for pose in record.poses)
     return f"{used} of {len(record.poses)}" if record.poses else "none in the record"
-
-
-def _temperature(record: CalibrationRecord) -> str:
-    known = record.temperature_c
-    if not known:
-        return "not recorded"
-    mean, low, high = (format_short(known.get(name)) for name in ("mean", "min", "max"))
-    return f"{mean} °C ({low} to {high} °C)"
 
 
 def _reason(record: CalibrationRecord) -> str:
@@ -195,7 +186,10 @@ def format_contribution(value: float) -> str:
 def limits(record: CalibrationRecord) -> tuple[str, ...]:
     """Return what the certificate of a record must not be taken to say."""
     known = record.temperature_c
-    sentences = [*LIMITS_OF_ALL]
+    sentences = [
+        f"Reference: {reference(record.method)}. {UNCERTAINTY}. {decision_rule(record)}.",
+        *LIMITS_OF_ALL,
+    ]
     if record.method in LIMITS_BY_METHOD:
         sentences.append(LIMITS_BY_METHOD[record.method])
     if known and record.thermal is None:

@@ -145,6 +145,7 @@ def test_a_session_leads_to_a_record_in_spite_of_a_kill(site: Site, tmp_path: Pa
     assert fetched.returncode == 0, fetched.stderr
     assert json.loads((tmp_path / f"{record['id']}.json").read_text()) == record
     assert "Calibration certificate" in (tmp_path / f"{record['id']}.html").read_text()
+    assert "digitalCalibrationCertificate" in (tmp_path / f"{record['id']}.xml").read_text()
     status = json.loads(site.remote("status", "--json", "-").stdout)
     (topics,) = status.values()
     assert topics["drift"]["at_rest"].startswith("not known yet")

@@ -133,12 +133,13 @@ def _rotations(
 def render_deflection_report(
     names: tuple[str, str],
     girder_text: str,
+    stated: Sequence[tuple[str, str]],
     time_s: Sequence[float],
     deflection_mm: Sequence[float],
     u_mm: Sequence[float],
     warnings: Sequence[str],
 ) -> str:
-    """Return the page; the series are of equal length, one at least."""
+    """Return the page; `stated` are further facts; the series are of equal length, one at least."""
     place = max(range(len(deflection_mm)), key=lambda number: abs(deflection_mm[number]))
     every = -(-len(time_s) // MAX_DEFLECTION_POINTS)
     series = FigureSeries(
@@ -146,7 +147,7 @@ def render_deflection_report(
     )
     return render_bench_report(
         "Deflection of a girder",
-        facts=(("Left end", names[0]), ("Right end", names[1]), ("Girder", girder_text)),
+        facts=(("Left end", names[0]), ("Right end", names[1]), ("Girder", girder_text), *stated),
         tables=(
             ReportTable(
                 "Largest deflection at mid-span",

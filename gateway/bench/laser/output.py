@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.bench.laser.displacement import Displacement, MeasuredPhotograph
+from gateway.certificate.traceability import BOARD, measurement_facts
 from gateway.numerics.array import Array
 
 Measured = list[tuple[MeasuredPhotograph, Displacement]]
@@ -30,9 +31,10 @@ def format_displacements(found: Measured) -> str:
     return "\n".join(lines)
 
 
-def displacements_as_json(found: Measured) -> dict[str, Any]:
-    """Return all results; lengths in mm."""
-    return {"method": "laser", "photographs": [_photograph_as_json(*each) for each in found]}
+def displacements_as_json(found: Measured, by: str) -> dict[str, Any]:
+    """Return all results and who measured; lengths in mm."""
+    stated = dict(measurement_facts(BOARD, by))
+    return {"method": "laser", "traceability": stated, "photographs": [_photograph_as_json(*each) for each in found]}
 
 
 def displacements_as_csv(found: Measured) -> str:

@@ -40,7 +40,7 @@ def _coefficient(found: MeasuredCoefficient, unit: str, decimals: int) -> str:
     low, high = found.ci95
     text = f"{found.value:+.{decimals}f} {unit} [{low:+.{decimals}f}, {high:+.{decimals}f}]"
     limit = "" if found.limit is None else f", limit +-{found.limit:g}: {found.verdict}"
-    return text + limit + (", with a square" if found.is_quadratic else "")
+    return text + limit + (", with a square" if found.is_quadratic else "") + f"; mostly {found.dominated_by}"
 
 
 def _verdict(verdict: Verdict | None) -> str:

@@ -6,13 +6,12 @@ element = thermometer + lag d(thermometer)/dt          the thermometer follows t
 element = thermometer behind a low-pass of -lag        the element follows the thermometer
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from gateway.bench.thermal.slow_noise import RecordingCoefficients
 from gateway.calibration.offline.input_files import FileReadings
 from gateway.calibration.poses.faces import find_face
 from gateway.calibration.poses.pose import Face, NominalSensitivity, Pose
@@ -30,6 +29,8 @@ LAG_STEP_S = 0.25
 """Step of the derivative by the lag, s. Basis: a choice; half an average."""
 LAG_ITERATIONS = 5
 """Gauss-Newton steps of the lag. Basis: a choice; three settle it to a hundredth of its uncertainty."""
+MEMORY_LAGS = 20.0
+"""Length of the memory of a low-pass in its time constants. Basis: a choice; what is older counts by 2e-9."""
 MIN_RAMP_C = 10.0
 """Smallest range of a ramp, °C. Basis: at 0.1 mg/°C the offset changes by 1 mg."""
 MIN_RAMP_AVERAGES = 24
@@ -48,28 +49,32 @@ def element_c(time_s: Array, thermometer_c: Array, lag_s: float) -> Array:
     step_s = float(np.median(np.diff(time_s)))
     keep = float(np.exp(step_s / lag_s))
     now = 1 + (1 - keep) * lag_s / step_s  # a low-pass that is exact for a line between the averages
-    kernel = np.concatenate([[now], (1 - now) * (1 - keep) * keep ** np.arange(len(time_s) - 1)])
-    before = np.full(len(kernel) - 1, thermometer_c[0])
+    length = min(len(time_s) - 1, round(MEMORY_LAGS * -lag_s / step_s) + 1)
+    kernel = np.concatenate([[now], (1 - now) * (1 - keep) * keep ** np.arange(length)])
+    at_start_c = thermometer_c[0] - (thermometer_c[1] - thermometer_c[0]) / 2  # in balance before the first reading
+    before = np.full(len(kernel) - 1, at_start_c)
     return np.convolve(np.concatenate([before, thermometer_c]), kernel / kernel.sum(), "valid")
 
 
-def fit_lag(fits: Callable[[float], Sequence[RecordingCoefficients]], lag_s: float) -> tuple[float, float]:
-    """Return the lag and its standard uncertainty by Gauss-Newton; `fits` returns the fits of all axes at a lag.
+def fit_lag(residuals: Callable[[float], Array], lag_s: float) -> tuple[float, float, float]:
+    """Return the lag, its standard uncertainty and the logarithm of its evidence over that at this lag, by Gauss-Newton.
 
-    Whether there is a lag at all is as open beforehand as not: the result is the mean over both, weighted by their evidence, so
-    that ramps that hardly show a lag do not shift the temperatures by its noise.
+    `residuals` returns those of all axes at a lag, white, shape (axes, n). Whether there is a lag at all is as open beforehand as
+    not: the result is the mean over both, weighted by their evidence, so that ramps that hardly show a lag do not shift the
+    temperatures by its noise.
     """
     u_lag_s = PRIOR_LAG_S
     for _ in range(LAG_ITERATIONS):
-        pairs = list(zip(fits(lag_s - LAG_STEP_S), fits(lag_s + LAG_STEP_S), strict=True))
-        behind = np.concatenate([one.residual / one.sigma for one, _ in pairs])
-        ahead = np.concatenate([other.residual / one.sigma for one, other in pairs])
-        slope = (ahead - behind) / (2 * LAG_STEP_S)
+        behind, ahead = residuals(lag_s - LAG_STEP_S), residuals(lag_s + LAG_STEP_S)
+        sigma = np.maximum(np.sqrt(np.mean(behind**2, axis=1, keepdims=True)), np.finfo(float).tiny)
+        slope = ((ahead - behind) / sigma).ravel() / (2 * LAG_STEP_S)
         u_lag_s = float(1 / np.sqrt(slope @ slope + PRIOR_LAG_S**-2))
-        lag_s -= u_lag_s**2 * float(slope @ (ahead + behind) / 2 + lag_s * PRIOR_LAG_S**-2)
+        middle = float(slope @ ((ahead + behind) / sigma).ravel()) / 2
+        lag_s -= u_lag_s**2 * (middle + lag_s * PRIOR_LAG_S**-2)
     odds = u_lag_s / PRIOR_LAG_S * np.exp(min((lag_s / u_lag_s) ** 2 / 2, 700.0))
     share = odds / (1 + odds)
-    return share * lag_s, float(np.sqrt(share * u_lag_s**2 + share * (1 - share) * lag_s**2))
+    u_s = float(np.sqrt(share * u_lag_s**2 + share * (1 - share) * lag_s**2))
+    return share * lag_s, u_s, share * float(np.log(u_lag_s / PRIOR_LAG_S))
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from gateway.bench.thermal.datasheet_limits import (
     overall,
 )
 from gateway.bench.thermal.ramp import Ramp, read_ramp
-from gateway.bench.thermal.ramp_regression import AxisRegression, RampRegression, fit_ramps
+from gateway.bench.thermal.ramp_regression import AxisRegression, Cause, RampRegression, fit_ramps
 from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind
 from gateway.calibration.methods.six_position import fit_six_positions
 from gateway.calibration.offline.calibrate_files import estimate_sensitivity
@@ -41,6 +41,8 @@ class MeasuredCoefficient:
     verdict: Verdict | None
     is_quadratic: bool
     """Whether the model has a square."""
+    dominated_by: Cause
+    """What contributes most to its uncertainty."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,4 +210,5 @@ def _mean_slope(
     value = factor * float(row[part] @ coefficients)
     half = regression.coverage_factor(row) * abs(factor) * float(np.sqrt(row @ regression.covariance @ row))
     interval = (value - half, value + half)
-    return MeasuredCoefficient(value, interval, limit, judge_interval(*interval, limit), len(coefficients) == 3)
+    verdict = judge_interval(*interval, limit)
+    return MeasuredCoefficient(value, interval, limit, verdict, len(coefficients) == 3, regression.dominant(row))

@@ -5,31 +5,46 @@ and 10), across it the offset and the little that the axis leans: offset + force
 shows. All ramps are fitted at once, each with its own constant, so they need not have the same temperatures. A square is kept
 only where it is significant.
 
-The lag between thermometer and element is a parameter common to all axes and ramps.
+The lag between thermometer and element is a parameter common to all axes and ramps. A hysteresis is a play (backlash): the offset
+is displaced to one side while the element warms and to the other while it cools, and crosses over within a width of temperature.
+Each axis has a size of its own; whether there is any, how wide it is, and on which side a ramp begins are open: the result is the
+mean over all of these, weighted by their evidence (Hoeting et al. 1999).
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import product
+from typing import Literal, get_args
 
 import numpy as np
 
 from gateway.bench.thermal.ramp import Ramp, element_c, fit_lag
-from gateway.bench.thermal.slow_noise import (
-    NoiseRatios,
-    RecordingCoefficients,
-    RecordingNoise,
-    block_means,
-    estimate_noise,
-)
+from gateway.bench.thermal.slow_noise import NoiseGrid, RecordingCoefficients, RecordingNoise, System, block_means
 from gateway.calibration.poses.faces import FACES
 from gateway.numerics.array import Array
 from gateway.numerics.stats import student_quantile
 
+PLACES_PER_BLOCK = 8
+"""Temperatures of a block by which a hysteresis is followed. Basis: a choice; a turn in a block is seen to an eighth of it."""
 N_BLOCKS = 48
 """Number of blocks of a ramp. Basis: a choice; the shape of a ramp shows, and noise down to a fortieth of its duration."""
 QUADRATIC_LEVEL = 0.995
 """One-sided probability of the test of a square. Basis: one straight line in a hundred gets a square by chance."""
+
+PLAY_WIDTHS_C = (2.0, 4.0, 8.0, 16.0)
+"""Widths of a hysteresis that may be, °C. Basis: a choice; a narrower one is a step between warming and cooling, a wider one does
+not turn within a ramp, and a width between them is a change of shape to first order."""
+PLAY_STARTS = (0.0, 1.0)
+"""Sides on which a ramp begins: in the middle of the play, and on the side of cooling. Definition: a part that has stood, and one
+that was cooled before the ramp."""
+PRIOR_PLAY_G = 0.0005
+"""Standard deviation of the displacement to either side that is expected, g. Basis: a choice; data sheets that state a hysteresis
+state a tenth of a milligravity to a milligravity."""
+MIN_PROBABILITY = 1e-3
+"""Least probability of a hypothesis that is kept. Basis: a choice; below it the mean does not change."""
+Cause = Literal["noise", "drift in time", "lag of the thermometer", "hysteresis"]
+CAUSES: tuple[Cause, ...] = get_args(Cause)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +53,20 @@ class AxisRegression:
 
     offset: Array
     sensitivity: Array
-    covariance: Array
-    """Covariance of the coefficients, those of the offset first; it includes the lag."""
+    causes: Array
+    """Covariance of the coefficients, those of the offset first, by each of `CAUSES`, shape (4, p, p)."""
     rows: Array
     """The coefficients as combinations of those of the fit."""
     fit: RecordingCoefficients
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the coefficients, shape (p, p)."""
+        return np.asarray(self.causes.sum(axis=0))
+
+    def dominant(self, row: Array) -> Cause:
+        """Return what contributes most to the uncertainty of row . coefficients."""
+        return CAUSES[int(np.argmax(row @ self.causes @ row))]
 
     @property
     def drift_g(self) -> float:
@@ -61,24 +85,20 @@ class RampRegression:
     axes: tuple[AxisRegression, ...]
     lag_s: float
     """Lag of the thermometer behind the element; negative: of the element behind the thermometer."""
-    u_lag_s: float
 
 
 def fit_ramps(ramps: Sequence[Ramp], reference_c: float) -> RampRegression:
     """Fit offset and sensitivity of all axes to ramps on all six faces."""
     model = _RampModel(ramps, reference_c)
-    degrees, noise, lag_s = [(2, 2)] * 3, RecordingNoise(model.place, NoiseRatios()), 0.0
-    for step in range(3):
-        lag_s, u_lag_s = fit_lag(partial(model.fits, degrees=degrees, noise=noise), lag_s)
-        noise = estimate_noise(model.place, model.systems(lag_s, degrees))
-        if step == 1:
-            degrees = [_needed(fit) for fit in model.fits(lag_s, degrees, noise)]
-    found, ahead = model.fits(lag_s, degrees, noise), model.fits(lag_s + u_lag_s, degrees, noise)
-    axes = tuple(
-        model.axis_regression(axis, fit, fit.values - other.values, degrees[axis])
-        for axis, (fit, other) in enumerate(zip(found, ahead, strict=True))
-    )
-    return RampRegression(axes, lag_s, u_lag_s)
+    full = model.explain([(2, 2)] * 3)
+    best = full[0]
+    degrees = [_needed(fit) for fit in model.fits(best, best.lag_s)]
+    every = model.explain(degrees, {one.play: one.lag_s for one in full})
+    kept = sum(one.probability > MIN_PROBABILITY for one in every)
+    share = sum(one.probability for one in every[:kept])
+    found = [replace(one, probability=one.probability / share) for one in every[:kept]]
+    lag_s = sum(one.probability * one.lag_s for one in found)
+    return RampRegression(tuple(model.axis_regression(axis, found) for axis in range(3)), lag_s)
 
 
 def _needed(full: RecordingCoefficients) -> tuple[int, int]:
@@ -89,12 +109,31 @@ def _needed(full: RecordingCoefficients) -> tuple[int, int]:
     return offset, sensitivity
 
 
+@dataclass(frozen=True, slots=True)
+class _Explanation:
+    """One hypothesis on the hysteresis, with what it makes of the ramps."""
+
+    play: int
+    """Its row in the plays of the model."""
+    degrees: Sequence[tuple[int, int]]
+    lag_s: float
+    u_lag_s: float
+    noise: RecordingNoise
+    probability: float
+
+
+@cache
+def _noise_grid(blocks: int) -> NoiseGrid:
+    return NoiseGrid((np.arange(blocks) + 0.5) / blocks - 0.5)
+
+
 class _RampModel:
-    """The ramps in blocks, and the designs of the axes for a lag."""
+    """The ramps in blocks, and the designs of the axes for a lag and a hysteresis."""
 
     def __init__(self, ramps: Sequence[Ramp], reference_c: float) -> None:
         blocks = min(N_BLOCKS, *(len(ramp.mean) for ramp in ramps))
-        self.place = (np.arange(blocks) + 0.5) / blocks - 0.5
+        self._grid = _noise_grid(blocks)
+        self._blocks = blocks
         self._ramps, self._reference_c = ramps, reference_c
         self._reading = np.array([block_means(ramp.mean, blocks) for ramp in ramps])
         faces = np.array([FACES.index(ramp.face) for ramp in ramps])
@@ -103,47 +142,111 @@ class _RampModel:
         up, down = self._weight[::2] @ at_reference, self._weight[1::2] @ at_reference
         self._force = (at_reference - np.diag(up + down) / 2) / (np.diag(up - down) / 2)
         self._scale_c = max(float(np.ptp(ramp.temperature_c)) for ramp in ramps)
+        places = blocks * min(PLACES_PER_BLOCK, min(len(ramp.mean) for ramp in ramps) // blocks)
+        temperature_c = np.array([block_means(ramp.temperature_c[:, None], places)[:, 0] for ramp in ramps])
+        width_g = PRIOR_PLAY_G * float(np.abs(np.diag(up - down)).mean()) / 2
+        forms = []
+        for width_c, start in product(PLAY_WIDTHS_C, PLAY_STARTS):
+            narrow, middle, wide = (play(temperature_c, width_c * 2**octaves, start) for octaves in (-0.5, 0.0, 0.5))
+            forms.append(np.stack([middle, wide - narrow], axis=-1))
+        in_blocks = np.array(forms).reshape(len(forms), len(ramps), blocks, -1, 2).mean(axis=3)
+        in_blocks -= in_blocks.mean(axis=(1, 2), keepdims=True)  # the offset is that of the mean side in the ramps
+        self._known_powers: dict[float, Array] = {}
+        self._variance = [0.0] * 3
+        self._plays = [np.zeros((len(ramps), blocks, 0)), *(width_g * in_blocks)]
+        straight = self.systems(0.0, 0, [(2, 2)] * 3)
+        white, _ = self._grid.estimate(straight)
+        self._variance = [white.solve(*system, axes=3).sigma ** 2 for system in straight]
 
-    def systems(self, lag_s: float, degrees: Sequence[tuple[int, int]]) -> list[tuple[Array, Array]]:
-        """Return design, (ramps, blocks, p), and readings, (ramps, blocks), of each axis."""
-        blocks = len(self.place)
-        powers = []
-        for ramp in self._ramps:
-            change = (element_c(ramp.time_s, ramp.temperature_c, lag_s) - self._reference_c) / self._scale_c
-            powers.append(block_means(np.column_stack([change, change**2]), blocks))
-        of_offset = np.array(powers)
+    def explain(
+        self, degrees: Sequence[tuple[int, int]], lags_s: Mapping[int, float] | None = None
+    ) -> list[_Explanation]:
+        """Return all hypotheses, the most probable first."""
+        found, evidence = [], []
+        for number in range(len(self._plays)) if lags_s is None else lags_s:
+            lag_s = 0.0 if lags_s is None else lags_s[number]
+            noise, _ = self._grid.estimate(self.systems(lag_s, number, degrees))
+
+            def residuals(at_s: float, number: int = number, noise: RecordingNoise = noise) -> Array:
+                return np.array([noise.residual(*system) for system in self.systems(at_s, number, degrees)])
+
+            lag_s, u_lag_s, of_lag = fit_lag(residuals, lag_s)
+            noise, of_noise = self._grid.estimate(self.systems(lag_s, number, degrees))
+            before = np.log(0.5 if number == 0 else 0.5 / (len(self._plays) - 1))
+            evidence.append(of_lag + of_noise + float(before))
+            found.append(_Explanation(number, degrees, lag_s, u_lag_s, noise, 0.0))
+        weight = np.exp(np.array(evidence) - max(evidence))
+        weight /= weight.sum()
+        order = np.argsort(-weight).tolist()
+        return [replace(found[number], probability=float(weight[number])) for number in order]
+
+    def systems(self, lag_s: float, number: int, degrees: Sequence[tuple[int, int]]) -> list[System]:
+        """Return the system of each axis for a play."""
+        of_offset = self._powers(lag_s)
         return [
             (
                 np.concatenate(
-                    [of_offset[..., :offset], self._force[:, axis, None, None] * of_offset[..., :sensitivity]], axis=2
+                    [
+                        self._plays[number],
+                        of_offset[..., :offset],
+                        self._force[:, axis, None, None] * of_offset[..., :sensitivity],
+                    ],
+                    axis=2,
                 ),
                 self._reading[..., axis],
+                np.append(np.full(self._plays[number].shape[2], self._variance[axis]), np.zeros(offset + sensitivity)),
             )
             for axis, (offset, sensitivity) in enumerate(degrees)
         ]
 
-    def fits(
-        self, lag_s: float, degrees: Sequence[tuple[int, int]], noise: RecordingNoise
-    ) -> list[RecordingCoefficients]:
-        """Return the fit of each axis at a lag."""
-        return [noise.solve(*system, axes=3) for system in self.systems(lag_s, degrees)]
+    def _powers(self, lag_s: float) -> Array:
+        """Return the change of the temperature of the element and its square, over `scale_c`, (ramps, blocks, 2)."""
+        if lag_s not in self._known_powers:
+            powers = []
+            for ramp in self._ramps:
+                change = (element_c(ramp.time_s, ramp.temperature_c, lag_s) - self._reference_c) / self._scale_c
+                powers.append(block_means(np.column_stack([change, change**2]), self._blocks))
+            self._known_powers[lag_s] = np.array(powers)
+        return self._known_powers[lag_s]
 
-    def axis_regression(
-        self, axis: int, fit: RecordingCoefficients, by_lag: Array, degrees: tuple[int, int]
-    ) -> AxisRegression:
-        """Return the polynomials of an axis; `by_lag` is the change of the fit by the uncertainty of the lag."""
+    def fits(self, one: _Explanation, lag_s: float, axes: Sequence[int] = range(3)) -> list[RecordingCoefficients]:
+        """Return the fits of axes by a hypothesis at a lag."""
+        systems = self.systems(lag_s, one.play, one.degrees)
+        return [one.noise.solve(*systems[axis], axes=3) for axis in axes]
+
+    def axis_regression(self, axis: int, explanations: Sequence[_Explanation]) -> AxisRegression:
+        """Return the polynomials of an axis: the mean over the hypotheses, and their spread in the covariance."""
+        share = np.array([one.probability for one in explanations])
+        each, inside, rows, fits = zip(*(self._polynomials(axis, one) for one in explanations), strict=True)
+        values = share @ np.array(each)
+        apart = np.array(each) - values
+        causes = [*np.tensordot(share, np.array(inside), 1), (share[:, None] * apart).T @ apart]
+        n_offset = explanations[0].degrees[axis][0] + 1
+        return AxisRegression(values[:n_offset], values[n_offset:], np.array(causes), rows[0], fits[0])
+
+    def _polynomials(self, axis: int, one: _Explanation) -> tuple[Array, Array, Array, RecordingCoefficients]:
+        """Return coefficients, their covariances by noise, drift and lag, their rows in those of the fit, and the fit."""
+        fit, ahead = (self.fits(one, lag_s, (axis,))[0] for lag_s in (one.lag_s, one.lag_s + one.u_lag_s))
+        n_offset, n_scale = one.degrees[axis]
         up, down = self._weight[2 * axis], self._weight[2 * axis + 1]
         count, scale = len(self._ramps), [self._scale_c ** -(power + 1) for power in range(2)]
-        n_offset = degrees[0]
-        rows = np.zeros((2 + sum(degrees), len(fit.values)))
+        first = count + self._plays[one.play].shape[2]
+        rows = np.zeros((2 + n_offset + n_scale, len(fit.values)))
         rows[0, :count], rows[n_offset + 1, :count] = (up + down) / 2, (up - down) / 2
-        rows[1 : n_offset + 1, count : count + n_offset] = np.diag(scale[:n_offset])
-        rows[n_offset + 2 :, count + n_offset :] = np.diag(scale[: degrees[1]])
-        values, change = rows @ fit.values, rows @ by_lag
-        return AxisRegression(
-            offset=values[: n_offset + 1],
-            sensitivity=values[n_offset + 1 :],
-            covariance=rows @ fit.covariance @ rows.T + np.outer(change, change),
-            rows=rows,
-            fit=fit,
-        )
+        rows[1 : n_offset + 1, first : first + n_offset] = np.diag(scale[:n_offset])
+        rows[n_offset + 2 :, first + n_offset :] = np.diag(scale[:n_scale])
+        by_lag = rows @ (fit.values - ahead.values)
+        by_drift = rows @ fit.drift_root @ fit.drift_root.T @ rows.T
+        causes = [rows @ fit.covariance @ rows.T - by_drift, by_drift, np.outer(by_lag, by_lag)]
+        return rows @ fit.values, np.array(causes), rows, fit
+
+
+def play(temperature_c: Array, width_c: float, start: float) -> Array:
+    """Return the side of a hysteresis, from -1 in warming to 1 in cooling, for series of temperatures along the last axis."""
+    half_c = width_c / 2
+    centre = temperature_c[..., 0] + start * half_c
+    sides = []
+    for now_c in np.moveaxis(temperature_c, -1, 0):
+        centre = np.clip(centre, now_c - half_c, now_c + half_c)
+        sides.append((centre - now_c) / half_c)
+    return np.stack(sides, axis=-1)

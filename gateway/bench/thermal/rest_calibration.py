@@ -12,11 +12,12 @@ import numpy as np
 
 from gateway.bench.thermal.ramp import AVERAGE_S, element_c, fit_lag
 from gateway.bench.thermal.slow_noise import (
+    NoiseGrid,
     NoiseRatios,
     RecordingCoefficients,
     RecordingNoise,
+    System,
     block_means,
-    estimate_noise,
 )
 from gateway.calibration.correction import ZERO_G_OFFSET_LIMIT_G_PER_K
 from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind
@@ -186,12 +187,13 @@ class _RestModel:
         self._rests, self._along, self._known_c = rests, along, known_c
         self._blocks = min(REST_BLOCKS, len(rests.corrected_g))
         self.place = block_means(rests.place[:, None], self._blocks)[:, 0]
+        self.grid = NoiseGrid(self.place, has_drift=False)
 
-    def system(self, lag_s: float, readings: Array) -> tuple[Array, Array]:
+    def system(self, lag_s: float, readings: Array) -> System:
         """Return design and readings, (w,), against temperature and a drift in time."""
         change_c = block_means((self._rests.element_c(lag_s) - self._known_c)[:, None], self._blocks)[:, 0]
         blocks = block_means(readings[:, None], self._blocks)[:, 0]
-        return np.column_stack([change_c, self.place])[None], blocks[None]
+        return np.column_stack([change_c, self.place])[None], blocks[None], np.zeros(2)
 
     def error_g(self, lag_s: float, across_g: Array) -> Array:
         """Return the error of the axis along the rope, (w,): its reading less what |m| = 1 leaves it beside the lean.
@@ -208,7 +210,7 @@ class _RestModel:
         fits = []
         for readings in np.delete(self._rests.corrected_g, self._along, axis=1).T:
             system = self.system(lag_s, readings)
-            fits.append(estimate_noise(self.place, [system], has_drift=False).solve(*system, axes=1))
+            fits.append(self.grid.estimate([system])[0].solve(*system, axes=1))
         return np.array([fit.values[1] for fit in fits]), np.array([fit.covariance[1, 1] for fit in fits])
 
 
@@ -222,16 +224,19 @@ def _slope_of_axis(rests: _Rests, along: int, known_c: float, to_axis: Array) ->
     for _ in range(3):
         across_g, variance = model.across(lag_s)
 
-        def fit(at_s: float, change_g: Array = across_g, noise: RecordingNoise = noise) -> RecordingCoefficients:
-            return noise.solve(*model.system(at_s, model.error_g(at_s, change_g)), axes=1)
+        def residuals(at_s: float, change_g: Array = across_g, noise: RecordingNoise = noise) -> Array:
+            return noise.residual(*model.system(at_s, model.error_g(at_s, change_g)))[None]
 
-        lag_s, u_lag_s = fit_lag(lambda at_s, fit=fit: [fit(at_s)], lag_s)  # type: ignore[misc]
-        noise = estimate_noise(model.place, [model.system(lag_s, model.error_g(lag_s, across_g))], has_drift=False)
+        lag_s, u_lag_s, _ = fit_lag(residuals, lag_s)
+        noise, _ = model.grid.estimate([model.system(lag_s, model.error_g(lag_s, across_g))])
+
+    def fit(at_s: float, change_g: Array) -> RecordingCoefficients:
+        return noise.solve(*model.system(at_s, model.error_g(at_s, change_g)), axes=1)
 
     def slope(at_s: float, change_g: Array) -> float:
-        return float(to_axis @ np.insert(change_g, along, fit(at_s, change_g, noise).values[1]))
+        return float(to_axis @ np.insert(change_g, along, fit(at_s, change_g).values[1]))
 
-    found, best = fit(lag_s, across_g, noise), slope(lag_s, across_g)
+    found, best = fit(lag_s, across_g), slope(lag_s, across_g)
     shifted = [slope(lag_s + u_lag_s, across_g), *(slope(lag_s, across_g + u) for u in np.diag(np.sqrt(variance)))]
     u = np.linalg.norm([to_axis[along] * np.sqrt(found.covariance[1, 1]), *(other - best for other in shifted)])
     return best, float(u), found.coverage_factor(np.array([0.0, 1.0, 0.0]))

@@ -23,6 +23,8 @@ FLICKER_TIMES = 6
 RATIOS = (0.0, *np.geomspace(0.03, 1000.0, 10).tolist())
 """Variances of flicker and of drift that may be, over the white variance of a block. Basis: below
 the least neither shows in fifty blocks, beyond the largest there is no white noise, and neighbours are hardly told apart."""
+System = tuple[Array, Array, Array]
+"""Design, (recordings, blocks, p), readings, (recordings, blocks), and what is known of the coefficients, (p,)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,30 +81,39 @@ class RecordingNoise:
         )
         self._place, self._ratios = place, ratios
         self._whitener = np.linalg.inv(lower)
-        self._log_determinant = 2 * float(np.log(np.diag(lower)).sum())
+        constant = self._whitener.sum(axis=1)
+        self._free = self._whitener - np.outer(constant, constant @ self._whitener) / (constant @ constant)
+        self.log_determinant = 2 * float(np.log(np.diag(lower)).sum() + np.log(np.linalg.norm(constant)))
+        """Of the covariance, and of the information on the constant of a recording."""
 
-    def likelihood(self, design: Array, reading: Array) -> float:
-        """Return the restricted logarithmic likelihood of an axis, its white variance at the maximum."""
-        whitened, answer = self._whiten(design), (reading @ self._whitener.T).ravel()
-        system = np.column_stack([whitened, answer])
-        gram = system.T @ system + np.finfo(float).tiny * np.eye(system.shape[1])
-        diagonal = np.log(np.diag(np.linalg.cholesky(gram)))
-        freedom = len(answer) - whitened.shape[1]
-        logs = freedom * float(diagonal[-1]) + float(diagonal[:-1].sum())
-        return float(-0.5 * len(design) * self._log_determinant - logs)
+    @property
+    def information(self) -> Array:
+        """Inverse of the covariance of the blocks of a recording with its constant taken out, shape (blocks, blocks)."""
+        return np.asarray(self._free.T @ self._free)
 
-    def solve(self, design: Array, reading: Array, axes: int) -> RecordingCoefficients:
+    def residual(self, design: Array, reading: Array, precision: Array) -> Array:
+        """Return the residuals of `solve`, made white and their constants taken out."""
+        known = np.diag(np.sqrt(precision))[precision > 0]
+        free = np.vstack([(self._free @ design).reshape(-1, design.shape[2]), known])
+        answer = np.concatenate([(reading @ self._free.T).ravel(), np.zeros(len(known))])
+        coefficients = np.linalg.solve(free.T @ free, free.T @ answer)
+        return np.asarray(answer - free @ coefficients)
+
+    def solve(self, design: Array, reading: Array, precision: Array, axes: int) -> RecordingCoefficients:
         """Return the coefficients for a design (recordings, blocks, p) and readings (recordings, blocks).
 
-        `axes` is the number of axes that share the variance of drift.
+        `precision`, (p,), is what is known of the coefficients beforehand: the white variance of a block over that of a
+        coefficient about 0. `axes` is the number of axes that share the variance of drift.
         """
         recordings, _, size = design.shape
-        whitened, answer = self._whiten(design), (reading @ self._whitener.T).ravel()
+        before = np.hstack([np.zeros((size, recordings)), np.diag(np.sqrt(precision))])
+        whitened = np.vstack([self._whiten(design), before])
+        answer = np.concatenate([(reading @ self._whitener.T).ravel(), np.zeros(size)])
         orthogonal, upper = np.linalg.qr(whitened)
         inverse = np.linalg.inv(upper)
         values = inverse @ (orthogonal.T @ answer)
         residual = answer - whitened @ values
-        freedom = len(answer) - len(values)
+        freedom = reading.size + int(np.count_nonzero(precision)) - len(values)
         sigma = float(np.linalg.norm(residual)) / np.sqrt(freedom)
         line = np.kron(np.eye(recordings), (self._whitener @ self._place)[:, None])
         return RecordingCoefficients(
@@ -111,7 +122,7 @@ class RecordingNoise:
             residual=residual,
             sigma=max(sigma, np.finfo(float).tiny),
             drift=sigma * float(np.sqrt(self._ratios.drift)),
-            drift_root=inverse @ (orthogonal.T @ line) * sigma * np.sqrt(self._ratios.drift),
+            drift_root=inverse @ (orthogonal[: reading.size].T @ line) * sigma * np.sqrt(self._ratios.drift),
             freedom=freedom,
             drift_freedom=max(axes * (recordings - size), 1),
         )
@@ -122,16 +133,44 @@ class RecordingNoise:
         return np.hstack([constants, (self._whitener @ design).reshape(len(constants), -1)])
 
 
-def estimate_noise(place: Array, axes: Sequence[tuple[Array, Array]], *, has_drift: bool = True) -> RecordingNoise:
-    """Return the noise that the axes, designs with readings, show: the mean of the ratios, weighted by their likelihood.
+class NoiseGrid:
+    """The ratios that may be, for recordings whose blocks lie at the same places, shape (blocks,)."""
 
-    None is as likely beforehand as half of the others together. The most likely ratios alone would often be zero where a
-    few recordings do not show a drift that they have.
-    """
-    tried = [NoiseRatios(*ratios) for ratios in product(RATIOS, RATIOS if has_drift else (0.0,))]
-    noises = [RecordingNoise(place, ratios) for ratios in tried]
-    likelihood = np.array([sum(noise.likelihood(*axis) for axis in axes) for noise in noises])
-    before = [(len(RATIOS) // 2) ** ((ratios.flicker == 0) + (ratios.drift == 0)) for ratios in tried]
-    weight = before * np.exp(likelihood - likelihood.max())
-    flicker, drift = np.average([(ratios.flicker, ratios.drift) for ratios in tried], axis=0, weights=weight)
-    return RecordingNoise(place, NoiseRatios(float(flicker), float(drift)))
+    def __init__(self, place: Array, *, has_drift: bool = True) -> None:
+        self._place = place
+        self._ratios = list(product(RATIOS, RATIOS if has_drift else (0.0,)))
+        noises = [RecordingNoise(place, NoiseRatios(*ratios)) for ratios in self._ratios]
+        self._information = np.array([noise.information for noise in noises])
+        self._log_determinant = np.array([noise.log_determinant for noise in noises])
+        none = np.array([(flicker == 0) + (drift == 0) for flicker, drift in self._ratios])
+        before = (len(RATIOS) // 2) ** none.astype(np.float64)
+        self._log_before = np.log(before / before.sum())
+
+    def estimate(self, axes: Sequence[System]) -> tuple[RecordingNoise, float]:
+        """Return the noise that the axes show, and the logarithm of their evidence.
+
+        The noise is the mean of the ratios, weighted by their restricted likelihood. None is as likely beforehand as half of the
+        others together. The most likely ratios alone would often be zero where a few recordings do not show a drift that they
+        have.
+        """
+        likelihood = self._log_before + sum(self._likelihood(*axis) for axis in axes)
+        largest = float(likelihood.max())
+        weight = np.exp(likelihood - largest)
+        flicker, drift = np.average(self._ratios, axis=0, weights=weight)
+        return RecordingNoise(self._place, NoiseRatios(float(flicker), float(drift))), largest + float(
+            np.log(weight.sum())
+        )
+
+    def _likelihood(self, design: Array, reading: Array, precision: Array) -> Array:
+        """Return the restricted logarithmic likelihood of an axis at each of the ratios, its white variance integrated out."""
+        recordings, blocks, size = design.shape
+        system = np.concatenate([design, reading[..., None]], axis=2)
+        flat = system.transpose(1, 0, 2).reshape(blocks, -1)
+        seen = (self._information @ flat).reshape(len(self._information), -1, size + 1)
+        gram = seen.transpose(0, 2, 1) @ flat.reshape(-1, size + 1)
+        gram += np.diag(np.append(precision, 0.0) + np.finfo(float).tiny)
+        diagonal = np.log(np.diagonal(np.linalg.cholesky(gram), axis1=1, axis2=2))
+        known = precision > 0
+        freedom = recordings * (blocks - 1) - int(np.count_nonzero(~known))
+        logs = freedom * diagonal[:, -1] + diagonal[:, :-1].sum(axis=1) - 0.5 * float(np.log(precision[known]).sum())
+        return np.asarray(-0.5 * recordings * self._log_determinant - logs)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.cli.options.argument_types import above_zero
+from gateway.cli.options.operator import add_operator, operator
 from gateway.cli.terminal.output import output_file
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
         help="standard uncertainty of the pitch, common to the board (default 0.003: +-0.005 of a machined one)",
     )
     method.add_argument("--colour", choices=("red", "green"), default="red", help="colour of the laser (default red)")
+    add_operator(method, "measures")
     method.add_argument(
         "--json", type=output_file, metavar="FILE", help="write all results to FILE; -: print them instead of the text"
     )
@@ -94,7 +96,7 @@ def _measure(arguments: argparse.Namespace) -> int:
         _write_overlays(arguments.overlay, found)
     if arguments.csv is not None:
         write_text(arguments.csv, displacements_as_csv(found))
-    show(format_displacements(found), displacements_as_json(found), arguments.json)
+    show(format_displacements(found), displacements_as_json(found, operator(arguments)), arguments.json)
     return 0
 
 

@@ -1,11 +1,11 @@
 """What every calibration method has in common on the command line: the arguments of its record, and the files it writes."""
 
 import argparse
-import getpass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gateway.cli.options.operator import add_operator, operator
 from gateway.cli.terminal.output import output_file
 
 if TYPE_CHECKING:
@@ -27,12 +27,18 @@ def add_record_arguments(method: argparse.ArgumentParser) -> None:
         "--html", type=output_file, metavar="FILE", help="write the certificate to FILE; it prints on one sheet of A4"
     )
     method.add_argument(
+        "--dcc",
+        type=output_file,
+        metavar="FILE",
+        help="write the certificate to FILE as a digital calibration certificate: XML by PTB's schema",
+    )
+    method.add_argument(
         "--device-id",
         default=UNIDENTIFIED,
         metavar="ID",
         help="identity of the sensor (default: the one in an .mcap); the record is valid for no other sensor",
     )
-    method.add_argument("--by", metavar="NAME", help="person who calibrates (default: the current user)")
+    add_operator(method, "calibrates")
     method.add_argument(
         "--parent",
         type=Path,
@@ -110,6 +116,7 @@ def write_record(
     """Make the record of a fit and write its certificate; `extra` are further fields of the record."""
     from gateway import __version__
     from gateway.calibration.record_factory import make_record
+    from gateway.certificate.digital_certificate import render_digital_certificate
     from gateway.certificate.page import render_certificate
     from gateway.cli.terminal.output import write_text
 
@@ -118,23 +125,18 @@ def write_record(
         device_id=arguments.device_id,
         unit=unit,
         software=__version__,
-        by=arguments.by or _user(),
+        by=operator(arguments),
         created_utc=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
         parent=None if parent is None else parent.id,
         **(extra or {}),
     )
     if arguments.html is not None:
         write_text(arguments.html, render_certificate(record, parent))
+    if arguments.dcc is not None:
+        write_text(arguments.dcc, render_digital_certificate(record))
     return record
 
 
 def identity_note(device_id: str) -> tuple[str, ...]:
     """Return a note where the sensor has no identity."""
     return ("no --device-id: the record cannot be put in force for any sensor",) if device_id == UNIDENTIFIED else ()
-
-
-def _user() -> str:
-    try:
-        return getpass.getuser()
-    except (KeyError, OSError):
-        return "unknown"

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from gateway.cli.options.argument_types import above_zero, whole_number
+from gateway.cli.options.operator import add_operator, operator
 from gateway.cli.remote.remote_align import MAX_QUEUED_TILTS, TILT_SILENCE_S
 from gateway.cli.terminal.output import output_file
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from gateway.bench.girder.deflection_history import DeflectionSeries
     from gateway.bench.girder.live_deflection import LiveDeflection
     from gateway.bus.client import GatewayClient
+    from gateway.measurement.source import Source
 
 KEY = "plumbline/"
 """Beginning of a gateway's key on the bus; anything else is a recording."""
@@ -60,6 +62,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         metavar="S",
         help="duration of the zero at the beginning, the girder unloaded (default 10)",
     )
+    add_operator(verb, "measures")
     verb.add_argument(
         "--json", type=output_file, metavar="FILE", help="recordings: also write the result as JSON; -: print it"
     )
@@ -94,12 +97,14 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _evaluate(arguments: argparse.Namespace, girder: "Girder", axes: "tuple[InwardAxis, InwardAxis]") -> int:
     from gateway.bench.girder.deflection_history import deflection_series, render_deflection_report
+    from gateway.certificate.traceability import LENGTHS_AND_RECORDS, measurement_facts
     from gateway.cli.terminal.output import show, write_text
     from gateway.measurement.source import read_source
 
     left, right = (read_source([Path(name)]) for name in (arguments.left, arguments.right))
     series = deflection_series(left, right, girder, axes, arguments.zero_s)
     warnings = list(series.most_turned.warnings)
+    stated = measurement_facts(LENGTHS_AND_RECORDS, operator(arguments), _temperatures((left, right)))
     rows = [
         (float(time_s), one.deflection_m, one.u_m, one.left_rad, one.right_rad)
         for time_s, one in zip(series.time_s, series.deflections, strict=True)
@@ -110,6 +115,7 @@ def _evaluate(arguments: argparse.Namespace, girder: "Girder", axes: "tuple[Inwa
             "load_offset_m": girder.load_offset_m,
             "factor_m": girder.factor_m,
         },
+        "traceability": dict(stated),
         "zero_s": series.zero_s,
         "largest": {"deflection_m": series.largest.deflection_m, "u_m": series.largest.u_m},
         "columns": ["time_s", "deflection_m", "u_m", "left_rad", "right_rad"],
@@ -128,6 +134,7 @@ def _evaluate(arguments: argparse.Namespace, girder: "Girder", axes: "tuple[Inwa
         page = render_deflection_report(
             (left.name, right.name),
             text,
+            stated,
             [row[0] for row in rows],
             deflection_mm,
             u_mm,
@@ -136,6 +143,17 @@ def _evaluate(arguments: argparse.Namespace, girder: "Girder", axes: "tuple[Inwa
         write_text(arguments.html, page)
     show(_summary(series, warnings), result, arguments.json)
     return 0
+
+
+def _temperatures(sources: "Sequence[Source]") -> str:
+    from numpy import concatenate, isfinite
+
+    from gateway.certificate.traceability import NOT_RECORDED
+
+    known = [source.recording.temperature_c for source in sources if source.recording.temperature_c is not None]
+    found_c = concatenate([[], *known])
+    found_c = found_c[isfinite(found_c)]
+    return f"{found_c.min():.1f} to {found_c.max():.1f} °C" if len(found_c) else NOT_RECORDED
 
 
 def _summary(series: "DeflectionSeries", warnings: Sequence[str]) -> str:

@@ -110,10 +110,10 @@ def _record(client: "GatewayClient", record_id: str, patience_s: float) -> "Cali
 
 
 def _write(folder: Path, name: str, record: "CalibrationRecord", records: list["CalibrationRecord"]) -> None:
-    """Write a record and its certificate."""
-    from gateway.certificate.page import render_certificate
+    """Write a record and its certificates."""
+    from gateway.recording.segments.calibration_files import calibration_files
 
     parent = next((one for one in records if one.id == record.parent), None)
     earlier = [one for one in records if one.created_utc < record.created_utc]
-    write_text(folder / f"{name}.json", json.dumps(record.model_dump(mode="json"), indent=1) + "\n")
-    write_text(folder / f"{name}.html", render_certificate(record, parent, earlier))
+    for file in calibration_files(record, parent, earlier).files:
+        write_text(folder / f"{name}{Path(file.name).suffix}", file.data.decode())

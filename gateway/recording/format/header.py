@@ -32,6 +32,8 @@ CALIBRATION = "calibration-{id}.json"
 CALIBRATION_MEDIA_TYPE = "application/json"
 CERTIFICATE = "calibration-{id}.html"
 CERTIFICATE_MEDIA_TYPE = "text/html"
+DIGITAL_CERTIFICATE = "calibration-{id}.xml"
+DIGITAL_CERTIFICATE_MEDIA_TYPE = "application/xml"
 TEXT_FIELDS = frozenset({"kind", "device_id", "unit"})
 
 

@@ -164,7 +164,20 @@ def test_a_planted_deflection_is_found_in_two_recordings(
     left = write(f"left.{suffix}", LEFT_AXIS, rotation_rad)
     right = write(f"right.{suffix}", RIGHT_AXIS, rotation_rad, begin_s=3.0)
     out, table, page = (tmp_path / name for name in ("d.json", "d.csv", "d.html"))
-    options = ["--half-span-m", "0.8", "--load-offset-m", "0.065", "--json", out, "--csv", table, "--html", page]
+    options = [
+        "--half-span-m",
+        "0.8",
+        "--load-offset-m",
+        "0.065",
+        "--json",
+        out,
+        "--csv",
+        table,
+        "--html",
+        page,
+        "--by",
+        "Ann",
+    ]
     assert main(["fleet", "deflection", str(left), str(right), *map(str, options)]) == 0
     result = json.loads(out.read_text())
     at_end = result["series"][-1]
@@ -174,6 +187,9 @@ def test_a_planted_deflection_is_found_in_two_recordings(
     assert all(abs(row[1]) < 4 * row[2] for row in before)
     assert table.read_text().startswith("time_s,deflection_m,u_m,")
     assert "<svg" in page.read_text()
+    assert result["traceability"]["By"] == "Ann"
+    for value in result["traceability"].values():
+        assert value in page.read_text(), value
     assert "largest: deflection +20." in capsys.readouterr().out
 
 

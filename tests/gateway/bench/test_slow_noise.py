@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gateway.bench.thermal.ramp import element_c
-from gateway.bench.thermal.slow_noise import NoiseRatios, RecordingNoise, block_means, estimate_noise
+from gateway.bench.thermal.slow_noise import NoiseGrid, NoiseRatios, RecordingNoise, block_means
 from gateway.numerics.array import Array
 
 PLACE = (np.arange(40) + 0.5) / 40 - 0.5
@@ -25,7 +25,7 @@ def test_blocks_hold_equally_many_rows() -> None:
 
 def test_white_noise_alone_is_ordinary_least_squares() -> None:
     design, reading = planted(np.random.default_rng(1), 0.0)
-    found = RecordingNoise(PLACE, NoiseRatios()).solve(design, reading, axes=1)
+    found = RecordingNoise(PLACE, NoiseRatios()).solve(design, reading, np.zeros(1), axes=1)
     full = np.hstack([np.kron(np.eye(6), np.ones((40, 1))), design.reshape(-1, 1)])
     expected, rest, *_ = np.linalg.lstsq(full, reading.ravel(), rcond=None)
     np.testing.assert_allclose(found.values, expected)
@@ -39,7 +39,9 @@ def test_intervals_hold_with_and_without_a_drift_that_looks_like_the_slope(drift
     hits, widths = [], []
     for seed in range(60):
         design, reading = planted(np.random.default_rng(seed), drift)
-        found = estimate_noise(PLACE, [(design, reading)]).solve(design, reading, axes=1)
+        found = (
+            NoiseGrid(PLACE).estimate([(design, reading, np.zeros(1))])[0].solve(design, reading, np.zeros(1), axes=1)
+        )
         row = np.eye(7)[-1]
         half = found.coverage_factor(row) * np.sqrt(found.covariance[-1, -1])
         hits.append(abs(found.values[-1] - 2) < half)

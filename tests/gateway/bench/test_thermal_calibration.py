@@ -13,7 +13,9 @@ from devices.block import DeviceInfo, SampleBlock
 from gateway.bench.thermal.datasheet_limits import LIMITS_BY_PART, judge_interval
 from gateway.bench.thermal.output import thermal_figure
 from gateway.bench.thermal.ramp_calibration import ThermalCalibration, calibrate_ramps
+from gateway.bench.thermal.ramp_regression import AxisRegression, play
 from gateway.bench.thermal.rest_calibration import learn_at_rest
+from gateway.bench.thermal.slow_noise import NoiseRatios, RecordingNoise
 from gateway.calibration.acceptance import change_since
 from gateway.calibration.correction import correction_for
 from gateway.calibration.drift.change import change_between
@@ -309,3 +311,26 @@ def test_a_calibration_at_another_temperature_is_compared_through_the_thermal_mo
 
 def make_record_without_model(record: CalibrationRecord) -> CalibrationRecord:
     return add_content_hash(record.model_dump(mode="json") | {"thermal": None})
+
+
+def test_a_hysteresis_follows_the_temperature_by_its_width() -> None:
+    temperature_c = np.array([[20.0, 21.0, 22.0, 30.0, 29.0, 27.0, 20.0]])
+    np.testing.assert_allclose(play(temperature_c, 4.0, 0.0)[0], [0, -0.5, -1, -1, -0.5, 0.5, 1])
+    np.testing.assert_allclose(play(temperature_c, 4.0, 1.0)[0], [1, 0.5, 0, -1, -0.5, 0.5, 1])
+
+
+def test_what_dominates_the_uncertainty_is_named() -> None:
+    causes = np.stack([np.diag([0.1, size]) for size in (1.0, 4.0, 9.0, 2.0)])
+    fit = RecordingNoise(np.linspace(-0.5, 0.5, 4), NoiseRatios()).solve(
+        np.ones((2, 4, 1)).cumsum(axis=1), np.eye(2, 4), np.zeros(1), 1
+    )
+    found = AxisRegression(np.zeros(2), np.ones(0), causes, np.zeros((2, 3)), fit)
+    assert found.dominant(np.array([0.0, 1.0])) == "lag of the thermometer"
+    assert found.dominant(np.array([1.0, 0.0])) == "noise"
+    np.testing.assert_allclose(found.covariance, np.diag([0.4, 16.0]))
+
+
+@pytest.mark.slow
+def test_great_noise_dominates_the_uncertainty(calibrations: dict[str, ThermalCalibration]) -> None:
+    for found in calibrations.values():
+        assert {entry.offset_mg_per_c.dominated_by for entry in found.summary} <= {"noise", "drift in time"}

@@ -31,9 +31,12 @@ def test_photographs_give_displacements_for_the_single_parameter(
     tmp_path: Path, photographs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     table, result, overlays = tmp_path / "d.csv", tmp_path / "d.json", tmp_path / "found"
-    options = ["--csv", str(table), "--json", str(result), "--overlay", str(overlays)]
+    options = ["--csv", str(table), "--json", str(result), "--overlay", str(overlays), "--by", "Ann"]
     assert main(["calibrate", "laser", *photographs, *BOARD, *options]) == 0
-    zero, end = json.loads(result.read_text())["photographs"]
+    written = json.loads(result.read_text())
+    assert written["traceability"]["By"] == "Ann"
+    assert "pitch of the dot board" in written["traceability"]["Reference"]
+    zero, end = written["photographs"]
     assert (zero["d_mm"], zero["u_d_mm"], zero["segments"]) == (0, 0, [])
     assert end["d_mm"] == pytest.approx(-85, abs=0.05)
     assert end["dots"] == 47  # two are near the spot

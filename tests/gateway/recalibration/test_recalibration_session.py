@@ -1,5 +1,6 @@
 """The session from the request to the record: its transitions, its ends, and refused requests."""
 
+import json
 from collections.abc import Callable
 from typing import Any
 
@@ -235,3 +236,23 @@ def test_stored_records_and_the_record_in_review_can_be_fetched(site: Site) -> N
     (site.store.folder / "records" / f"{first}.json").write_text("{")
     (entry,) = site.ask_raw("fetch", {}).content["records"]
     assert "cannot be read" in entry["error"] or "Field required" in entry["error"]
+
+
+def test_a_record_made_offline_is_put_in_force_by_a_request_that_is_audited(site: Site, record: MakeContent) -> None:
+    """A file in the store is unused until a person names it; one of another part, or a changed one, is refused."""
+    folder = site.store.folder / "records"
+    folder.mkdir(parents=True, exist_ok=True)
+    made, other = record(id="ramps-1", method="thermal"), record(id="ramps-2", device_id="part-8")
+    for content in (made, other, made | {"id": "ramps-3"}):
+        (folder / f"{content['id']}.json").write_text(json.dumps(content))
+    assert site.in_force() is None
+    for name, why in {"ramps-2": "part-8", "ramps-3": "sha256"}.items():
+        refused = site.ask("rollback", to=name)
+        assert not refused.accepted
+        assert why in refused.text
+    assert site.ask("rollback", by="bob", reason="ramps on the bench", to="ramps-1").accepted
+    assert site.record_in_force().method == "thermal"
+    (change,) = site.store.state().history
+    assert (change.by, change.reason) == ("bob", "ramps on the bench")
+    asked = [(entry["by"], entry["accepted"]) for entry in site.audit() if entry["event"] == "request"]
+    assert asked == [("ann", False), ("ann", False), ("bob", True)]

@@ -1,4 +1,4 @@
-"""The record in force and its certificate inside recordings."""
+"""The record in force and its certificates inside recordings."""
 
 import errno
 import json
@@ -14,16 +14,21 @@ from mcap.reader import make_reader
 from devices.block import DeviceInfo
 from gateway import messages
 from gateway.calibration.record import CalibrationRecord, content_hash
+from gateway.cli.main import main
 from gateway.pipeline.outgoing_message import encode_message
+from gateway.pki.signing_key import load_or_create_key
+from gateway.recording.chain.segment_chain import SegmentChain
+from gateway.recording.format.header import RecordingHeader
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.segments.calibration_files import CalibrationFiles, calibration_files
 from gateway.recording.segments.copying import recover
-from gateway.recording.segments.recorder import RecorderError
-from tests.gateway.recording.conftest import MakeRecorder
+from gateway.recording.segments.recorder import Recorder, RecorderError
+from tests.gateway.recording.conftest import GATEWAY, MakeRecorder
 from tests.gateway.recording.recorded_files import record_blocks, segments, summarise
 from tests.values import present
 
 SECOND_NS = 1_000_000_000
+CERTIFICATES_OF_R1 = ("calibration-r1.json", "calibration-r1.html", "calibration-r1.xml")
 
 
 def make_record(record_id: str, device_id: str = "adxl355-0x1d-label7") -> CalibrationRecord:
@@ -74,7 +79,7 @@ def test_every_segment_contains_the_record_and_its_certificate(
     assert len(segments(folder)) == 3
     for path in segments(folder):
         found = attachments(path)
-        assert set(found) == {"configuration.toml", "calibration-r1.json", "calibration-r1.html", "summary.json"}
+        assert set(found) == {"configuration.toml", *CERTIFICATES_OF_R1, "summary.json"}
         record = CalibrationRecord.model_validate(json.loads(found["calibration-r1.json"]))  # its hash holds
         assert record == make_record("r1")
         page = found["calibration-r1.html"].decode()
@@ -132,8 +137,11 @@ def test_a_swapped_sensor_does_not_inherit_the_record(
     second = recorder.path
     recorder.set_calibration(calibration_files(make_record("r9", "adxl355-0x53-label8"), None), start_ns + SECOND_NS)
     recorder.close()
-    assert set(attachments(first)) == {"configuration.toml", "calibration-r1.json", "calibration-r1.html"}
-    assert set(attachments(present(second))) == {"configuration.toml", "calibration-r9.json", "calibration-r9.html"}
+    assert set(attachments(first)) == {"configuration.toml", *CERTIFICATES_OF_R1}
+    assert set(attachments(present(second))) == {
+        "configuration.toml",
+        *(name.replace("r1", "r9") for name in CERTIFICATES_OF_R1),
+    }
 
 
 def test_a_record_is_written_when_the_recording_starts(
@@ -204,4 +212,34 @@ def test_an_id_becomes_a_valid_file_name() -> None:
     assert [file.name for file in made.files] == [
         f"calibration-.._.._etc__b__{'x' * 66}.json",
         f"calibration-.._.._etc__b__{'x' * 66}.html",
+        f"calibration-.._.._etc__b__{'x' * 66}.xml",
     ]
+
+
+def test_a_record_without_a_date_has_no_digital_certificate() -> None:
+    content = make_record("r1").model_dump(mode="json") | {"created_utc": "yesterday"}
+    undated = CalibrationRecord.model_validate(content | {"sha256": content_hash(content)})
+    assert [file.name for file in calibration_files(undated, None).files] == list(CERTIFICATES_OF_R1[:2])
+
+
+def test_record_verify_names_a_changed_digital_certificate(
+    header: RecordingHeader,
+    device: DeviceInfo,
+    files: CalibrationFiles,
+    start_ns: int,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    chain = SegmentChain(tmp_path, GATEWAY, load_or_create_key(tmp_path / "signing-key.pem"))
+    recorder = Recorder(tmp_path, header, segment_s=600.0, fsync_s=1.0, quota_mb=100.0, chain=chain)
+    recorder.set_device(device, start_ns)
+    path = recorder.start(start_ns)
+    recorder.set_calibration(files, start_ns)
+    recorder.close()
+    assert main(["record", "verify", str(path), "--key", str(path.parent / "signing-key.pem.pub")]) == 0
+    content = path.read_bytes()
+    assert content.count(b"<dcc:role>operator<") == 1
+    path.write_bytes(content.replace(b"<dcc:role>operator<", b"<dcc:role>examiner<"))
+    capsys.readouterr()
+    assert main(["record", "verify", str(path)]) == 1
+    assert "ALTERED" in capsys.readouterr().out

@@ -114,9 +114,9 @@ def step_profile(random: np.random.Generator, duration_s: float, there_and_back:
     return lagged(levels[place], duration_s / len(levels) / 10)
 
 
-def loop(element_c: Values, width_c: float) -> Values:
-    """Return the play of a backlash of `width_c`, from -1 (warming) to 1 (cooling)."""
-    state, out = element_c[0], np.empty_like(element_c)
+def loop(element_c: Values, width_c: float, start: float) -> Values:
+    """Return the play of a backlash of `width_c`, from -1 (warming) to 1 (cooling), that begins at `start`."""
+    state, out = element_c[0] + start * width_c / 2, np.empty_like(element_c)
     for place, value in enumerate(element_c):
         state = min(max(state, value - width_c / 2), value + width_c / 2)
         out[place] = (state - value) / (width_c / 2)
@@ -134,6 +134,8 @@ def six_recordings(
     """Return time_s (n,), readings in g (n, 3) and thermometer_c (n,) of the faces +x, -x, ... -z; kind: ramp or steps."""
     make = {"ramp": ramp_profile, "steps": step_profile}[kind]
     there_and_back = bool(random.random() < 0.5)
+    width_c, start = random.uniform(2, 8), float(random.random() < 0.5)
+    sides_g = added.loop_g / 2 * random.choice([-1, 1], 3)
     found = []
     for up in UP:
         driven_c = make(random, duration_s, there_and_back)
@@ -142,7 +144,7 @@ def six_recordings(
         placed = up + np.cross(random.normal(0, np.radians(added.placement_deg), 3), up)
         raw = truth.reading_g(placed / np.linalg.norm(placed), element_c) + disturb(random, len(driven_c), added)
         if added.loop_g:
-            raw += added.loop_g / 2 * loop(element_c, 4.0)[:, None]
+            raw += np.outer(loop(element_c, width_c, start), sides_g)
         found.append((np.arange(len(raw)) / RATE_HZ, raw, measured_c))
     return found
 
