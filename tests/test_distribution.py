@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.extras import LIBRARIES
+from gateway.extras import LIBRARIES, Extra, what_is_missing
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -31,16 +31,19 @@ def test_every_installation_hint_names_this_distribution_and_one_of_its_extras()
         "foxglove",
         "laser",
         "opcua",
-        "page",
         "relay",
         "security",
-        "signing",
-        "timestamp",
         "twin",
     }
     for file, distribution, extra in hints:
         assert (file, distribution) == (file, PROJECT["name"])
         assert extra in PROJECT["optional-dependencies"]
+
+
+@pytest.mark.parametrize("extra", LIBRARIES)
+def test_what_is_missing_is_said_with_the_extra_that_brings_it(extra: Extra) -> None:
+    said = what_is_missing(extra, ["no_such_library"])
+    assert said == f"no_such_library not installed; try pip install '{PROJECT['name']}[{extra}]'"
 
 
 def test_every_extra_whose_libraries_are_looked_for_is_one_of_the_distribution() -> None:

@@ -13,8 +13,8 @@ def host_and_port(address: str) -> tuple[str, int]:
     host, _, port = address.rpartition(":")
     if not re.fullmatch(r"[^:\s]+|\[[^\s]+\]", host) or not re.fullmatch(r"[0-9]{1,5}", port):
         raise ValueError(f"{address} is not an address with a port, such as 127.0.0.1:8321")
-    if not 0 < int(port) <= MAX_PORT:
-        raise ValueError(f"{address}: a port is a number of 1 to {MAX_PORT}")
+    if int(port) > MAX_PORT:
+        raise ValueError(f"{address}: a port is a number of 0 (any that is free) to {MAX_PORT}")
     return host.strip("[]"), int(port)
 
 

@@ -12,7 +12,7 @@ from gateway.configuration.model import Configuration
 from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.daemon.runtime.faults import RETRYING, Backoff, FaultRegister
 from gateway.errors import PlumblineError
-from gateway.extras import missing_libraries
+from gateway.extras import what_is_missing
 from gateway.page.channel import PARAMETERS, Frame
 from gateway.page.parameters import CraneDirections, Parameters, encode
 from gateway.page.sign_in import PIN_NAME, make_pin
@@ -70,10 +70,8 @@ class PageProcess:
     def _start(self) -> subprocess.Popen[bytes]:
         """Take the address where that is not done, and start the process. Raises `PageError`."""
         if self._socket is None:
-            if missing := missing_libraries("page"):
-                raise PageError(
-                    f"page: {', '.join(missing)} not installed; install plumbline-gateway[page], or set page.enabled = false"
-                )
+            if (missing := what_is_missing("page")) is not None:
+                raise PageError(f"page: {missing}, or set page.enabled = false")
             self._socket = _bind(*self._address)
         threading.Thread(target=self._make_pin, name="page-pin", daemon=True).start()  # the disk may not answer
         try:
