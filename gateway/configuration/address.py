@@ -1,4 +1,4 @@
-"""The address of a server: a host and a port."""
+"""The address of a server, a host and a port: how it is read and written."""
 
 import re
 from typing import Annotated
@@ -16,6 +16,11 @@ def host_and_port(address: str) -> tuple[str, int]:
     if int(port) > MAX_PORT:
         raise ValueError(f"{address}: a port is a number of 0 (any that is free) to {MAX_PORT}")
     return host.strip("[]"), int(port)
+
+
+def written(host: str, port: int) -> str:
+    """Return an address as in a URL."""
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
 def _check_address(address: str) -> str:

@@ -18,7 +18,7 @@ from gateway.bridge.plant_values import PLANT_VALUES, PlantValue
 from gateway.bridge.settings import OpcuaSection, read_password
 from gateway.bus.alert_receiver import AlertReceiver
 from gateway.bus.alert_sequence import AlertEvent
-from gateway.configuration.address import host_and_port
+from gateway.configuration.address import host_and_port, written
 from gateway.errors import InputError
 
 STEP_S = 0.1
@@ -50,7 +50,7 @@ class OpcuaServer:
         await server.init()
         server.set_server_name("Plumbline bridge")
         host, port = host_and_port(section.listen)
-        server.set_endpoint(f"opc.tcp://{host}:{port}/plumbline")
+        server.set_endpoint(f"opc.tcp://{written(host, port)}/plumbline")
         await secure(server, section, trusted)
         alarms = await self._build(server)
         try:

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 from gateway.cli.options.argument_types import parsed_by
 from gateway.cli.options.bus_link import add_connect, add_expect, expected_gateways, fleet_client
-from gateway.configuration.address import host_and_port
+from gateway.configuration.address import host_and_port, written
 from gateway.extras import require_extra
 from gateway.languages import LANGUAGES
+from gateway.page.listener import listen_at
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette
@@ -87,9 +88,9 @@ def _open_listener(arguments: argparse.Namespace) -> socket.socket:
 
     host, port = arguments.listen
     try:
-        return socket.create_server((host, port), backlog=MAX_WAITING_CONNECTIONS)
+        return listen_at(host, port, MAX_WAITING_CONNECTIONS)
     except OSError as error:
-        raise InputError(f"{host}:{port} cannot be used ({error.strerror}); choose another --listen") from error
+        raise InputError(f"{written(host, port)} cannot be used ({error.strerror}); choose another --listen") from error
 
 
 def _serve_page(arguments: argparse.Namespace) -> int:
@@ -106,7 +107,7 @@ def _serve_page(arguments: argparse.Namespace) -> int:
     with _open_listener(arguments) as listener, fleet_client(arguments, NamePatterns().key_pattern) as client:
         log_to_stderr("fleet page")
         fleet = LiveFleet(client, state, FleetQuery())
-        print(f"serving the page of all cranes at http://{host}:{port}/", flush=True)
+        print(f"serving the page of all cranes at http://{written(host, port)}/", flush=True)
         FleetPage(fleet.report, listener, arguments.language, [host, *arguments.host]).run()
     return 0
 
@@ -132,7 +133,7 @@ def _serve_metrics(arguments: argparse.Namespace) -> int:
                 limit_concurrency=MAX_COLLECTOR_CONNECTIONS,
             )
         )
-        print(f"serving the metrics of all gateways at http://{host}:{port}/metrics", flush=True)
+        print(f"serving the metrics of all gateways at http://{written(host, port)}/metrics", flush=True)
         server.run(sockets=[listener])
     return 0
 

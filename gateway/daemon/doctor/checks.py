@@ -3,7 +3,6 @@
 import os
 import pwd
 import shutil
-import socket
 import sys
 from collections.abc import Iterator
 from getpass import getuser
@@ -27,6 +26,7 @@ from gateway.daemon.runtime.wall_clock import WallClockMonitor
 from gateway.daemon.sampling.device_factory import make_device
 from gateway.errors import PlumblineError
 from gateway.extras import what_is_missing
+from gateway.page.listener import listen_at
 from gateway.recording.chain.chain_state import ChainStateError, list_aside, read_state
 
 LOW_DISK_MB = 500.0
@@ -183,7 +183,7 @@ def _page(configuration: Configuration) -> Iterator[CheckResult]:
         yield CheckResult("bad", "page", missing)
         return
     try:
-        socket.create_server(configuration.page.address).close()
+        listen_at(*configuration.page.address).close()
     except OSError as error:
         yield CheckResult("bad", "page", f"{configuration.page.listen}: {error.strerror}; choose another page.listen")
         return

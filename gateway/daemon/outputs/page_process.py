@@ -8,12 +8,14 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
+from gateway.configuration.address import written
 from gateway.configuration.model import Configuration
 from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.daemon.runtime.faults import RETRYING, Backoff, FaultRegister
 from gateway.errors import PlumblineError
 from gateway.extras import what_is_missing
 from gateway.page.channel import PARAMETERS, Frame
+from gateway.page.listener import listen_at
 from gateway.page.parameters import CraneDirections, Parameters, encode
 from gateway.page.sign_in import PIN_NAME, make_pin
 
@@ -147,8 +149,8 @@ def page_parameters(configuration: Configuration) -> Parameters:
 
 def _bind(host: str, port: int) -> socket.socket:
     try:
-        return socket.create_server((host, port), backlog=64)
+        return listen_at(host, port, 64)
     except OSError as error:
         raise PageError(
-            f"page: {host}:{port} cannot be used ({error.strerror}); stop the program that uses it, or choose another page.listen"
+            f"page: {written(host, port)} cannot be used ({error.strerror}); end what uses it, or choose another page.listen"
         ) from error
