@@ -39,14 +39,12 @@ LIBRARIES: dict[Extra, tuple[str, ...]] = {
 """The modules that each extra brings."""
 
 
-def missing_libraries(extra: Extra, libraries: Sequence[str] = ()) -> list[str]:
-    """Return the libraries of an extra that are not installed; of those that are named, if any are."""
-    return [name for name in libraries or LIBRARIES[extra] if importlib.util.find_spec(name) is None]
-
-
 def what_is_missing(extra: Extra, libraries: Sequence[str] = ()) -> str | None:
-    """Return in words which libraries of an extra are missing, and the remedy; None where none is."""
-    missing = missing_libraries(extra, libraries)
+    """Return in words which libraries of an extra are missing, and the remedy; None where none is.
+
+    `libraries`: those of the extra that are needed; all, where none is named.
+    """
+    missing = [name for name in libraries or LIBRARIES[extra] if importlib.util.find_spec(name) is None]
     return f"{' and '.join(missing)} not installed; try pip install 'plumbline-gateway[{extra}]'" if missing else None
 
 

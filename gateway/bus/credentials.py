@@ -12,7 +12,7 @@ from gateway.bus.session import TlsFiles
 from gateway.configuration.loading import is_installed, load, load_installed
 from gateway.configuration.user_state import known_data_folders
 from gateway.errors import InputError, PlumblineError
-from gateway.extras import missing_libraries, require_extra
+from gateway.extras import require_extra, what_is_missing
 from gateway.file_input import read_bounded
 from gateway.pki.signing_key import KEY_NAME, PUBLIC_SUFFIX, KeyFileError, read_public_key
 
@@ -92,7 +92,7 @@ def _installed_authority() -> RefuseKey | None:
 
 def _ask_authority(ca: Path, revoked: Path | None) -> RefuseKey | None:
     """Return what refuses keys for which a CA does not vouch; None without the library, which checks no signature either."""
-    if missing_libraries("security"):
+    if what_is_missing("security") is not None:
         return None
     from gateway.bus.site_authority import SiteAuthority  # noqa: PLC0415 (an extra)
 

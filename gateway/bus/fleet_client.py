@@ -13,12 +13,10 @@ from gateway.bus.authenticity import Authenticity
 from gateway.bus.client import ANSWER_S, STATUS, open_client_session
 from gateway.bus.credentials import Credentials, load_credentials
 from gateway.bus.fleet_inbox import LARGEST_STATE_BYTES, FleetBatch, FleetInbox
-from gateway.bus.untrusted import make_question, read_attachment, send_question
+from gateway.bus.untrusted import LARGEST_MESSAGE_BYTES, make_question, read_attachment, send_question
 from gateway.topics import STATE_TOPICS, UNSIGNED_TOPICS
 
 ALIVE = "alive"
-LARGEST_STATUS = 1 << 20
-"""Largest status of a gateway, bytes. Basis: as for any message, `untrusted.LARGEST_STATE_BYTES`."""
 
 
 class FleetClient:
@@ -98,7 +96,7 @@ class FleetClient:
         if sample is None:
             return
         status: object = None
-        if len(sample.payload) <= LARGEST_STATUS:
+        if len(sample.payload) <= LARGEST_MESSAGE_BYTES:
             with suppress(ValueError):
                 status = from_json(sample.payload.to_bytes())
         if not isinstance(status, dict):

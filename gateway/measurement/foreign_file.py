@@ -26,6 +26,8 @@ LEAST_BYTES = 16_000_000
 MAX_EXPANSION = 4
 """So many more bytes are decompressed for each byte of the file. Basis: noise of 12 bits in numbers of 64
 compresses to a quarter; zeros compress to a thousandth, and a megabyte of them took 3 GB."""
+HDF5_VERSION = 2
+"""Of files of MATLAB 7.3. Definition: `scipy.io.matlab.matfile_version`."""
 HEADER_BYTES = 128
 """Definition: the header of a MATLAB 5 file."""
 COMPRESSED = 15
@@ -61,17 +63,18 @@ def write_matlab_table(path: Path, table: Path, columns: Sequence[str] | None) -
 def _load(path: Path) -> Mapping[str, Any]:
     require_extra("twin", ["scipy"])
     from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
+    from scipy.io.matlab import MatReadError, matfile_version
 
     if not path.exists():
         raise InputError(f"{path}: no such file; check the path")
     _check_expansion(path)
     try:
+        major, _ = matfile_version(path)
+        if major == HDF5_VERSION:
+            raise InputError(f"{path}: is a MATLAB file of version 7.3; save it with -v7, or export it as CSV")
         content: Mapping[str, Any] = loadmat(path, squeeze_me=True, struct_as_record=True)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except NotImplementedError as error:
-        raise InputError(f"{path}: is a MATLAB file of version 7.3; save it with -v7, or export it as CSV") from error
     except (MatReadError, ValueError, TypeError, KeyError, IndexError, EOFError) as error:
         raise InputError(f"{path}: is no MATLAB file ({error})") from error
     return {name: value for name, value in content.items() if not name.startswith("__")}
