@@ -3,6 +3,7 @@
 import base64
 import json
 import os
+import re
 import socket
 import struct
 import time
@@ -85,9 +86,10 @@ class FoxgloveClient:
             self.times_ns.setdefault(self._names[subscription], []).append(log_time_ns)
         if opcode == BINARY and payload[0] == TIME:
             self.clock_ns += struct.unpack_from("<Q", payload, 1)
-        if opcode != TEXT:
-            return
-        said = json.loads(payload)
+        if opcode == TEXT:
+            self._take_text(json.loads(payload))
+
+    def _take_text(self, said: dict[str, Any]) -> None:
         match said["op"]:
             case "serverInfo":
                 self.sessions.append(said["sessionId"])
@@ -98,6 +100,9 @@ class FoxgloveClient:
             case "unadvertise":
                 gone = set(said["channelIds"])
                 self.channels = {topic: each for topic, each in self.channels.items() if each["id"] not in gone}
+            case "status" if unknown := re.fullmatch(r"Unknown channel ID: (\d+)", said["message"]):
+                # foxglove-sdk 0.30.3 advertises a channel just before it knows it; or its end crossed the subscription
+                self._ask([each for each in self.channels.values() if each["id"] == int(unknown[1])])
             case "status":
                 self.statuses[said.get("id", said["message"])] = said
             case "removeStatus":
