@@ -23,7 +23,7 @@ from devices.errors import (
     DeviceNotFoundError,
     TransferError,
 )
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
+from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2
 
 TEMPERATURE_PERIOD_NS = 1_000_000_000
 """Period of the temperature. Basis: a choice; a housing warms up within minutes."""

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from devices.block import DeviceInfo, RadioStatus, SampleBlock
 from devices.clock import Clock
 from devices.errors import DeviceError
+from devices.node_numbering import SampleSequence
 from devices.sample_clock import RADIO_MISFIT_DELAY_S, SampleClock
 from devices.sample_loss import lost_in_pause
-from devices.sample_sequence import SampleSequence
 from devices.saturation import mark_saturated
 from devices.serial.aspp_frames import MIN_PACKET_BYTES, AsppDecoder, AsppPacket
 from devices.serial.aspp_payloads import CALIBRATED, Diagnostic, Sweeps, read_diagnostic, read_sweeps

@@ -6,8 +6,8 @@ import numpy as np
 
 from devices.block import DeviceInfo, RadioStatus, SampleBlock
 from devices.clock import Clock
+from devices.node_numbering import Placement, SampleSequence, TickClock
 from devices.sample_loss import lost_in_pause
-from devices.sample_sequence import Placement, SampleSequence
 from devices.saturation import mark_saturated
 from devices.serial.node_frames import (
     HEADER,
@@ -19,7 +19,6 @@ from devices.serial.node_frames import (
 )
 from devices.serial_port import SerialPort
 from devices.serial_sensor import HeardNodes, SerialSensor, check_settings
-from devices.tick_clock import TickClock
 
 G_PER_SCALE = 1e-9
 """Definition: the scale is in ng (docs/guides/integrator/node.md)."""
@@ -45,7 +44,7 @@ def open_node(
 class NodePart:
     """The frames of one node; a receiver may pass on those of several.
 
-    Lost samples are counted by the sequence number; sample times follow the node's own clock, see `devices.tick_clock`.
+    Lost samples are counted by the sequence number; sample times follow the node's own clock, see `devices.node_numbering`.
     """
 
     frame = "valid frame"

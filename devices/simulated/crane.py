@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from devices.pendulum import equations, pendulum
 from devices.pendulum.equations import Vector
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
-from devices.pendulum.small_swing import small_swing_rate_1_s
+from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2, small_swing_rate_1_s
 from devices.simulated.schedule import Drive, Event, Gust, Hoist, Schedule, TrolleyMove
 
 Array = NDArray[np.float64]

@@ -8,9 +8,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.pendulum.pendulum import start_motion
-from devices.pendulum.small_swing import small_swing_period_s
+from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2, small_swing_period_s
 from devices.simulated.crane import Crane
 from devices.simulated.schedule import Event, Gust, Hoist, TrolleyMove
 

@@ -12,7 +12,7 @@ from devices.block import DeviceInfo, SampleBlock
 from devices.clock import Clock
 from devices.device import MAX_READ_S
 from devices.errors import DeviceError
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
+from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2
 from devices.saturation import mark_saturated
 from devices.simulated.accelerometer import (
     DATASHEET_SCALE_FACTOR_PER_K,

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from devices.errors import RecordingError
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
+from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2
 from devices.regular_file import open_regular
 
 Column = str | int

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2, normal_gravity_m_s2
+from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2, normal_gravity_m_s2
 from gateway.configuration.address import Address, host_and_port
 from gateway.configuration.bus_section import BusSection
 from gateway.configuration.device_sections import AnyDevice, SimulatedDevice

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, model_validator
 
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
+from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration, HousingPlace
 from gateway.configuration.section import Section

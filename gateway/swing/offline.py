@@ -8,8 +8,7 @@ import numpy as np
 from gateway.numerics.array import Array
 from gateway.numerics.spikes import lone_spikes
 from gateway.swing.data.bins import BINS_PER_PERIOD, SHARED_BINS, Bins, bin_samples, validated_samples
-from gateway.swing.data.input_checks import axially_clipped, find_fault
-from gateway.swing.data.noise import effective_noise_g, shared_quantisation
+from gateway.swing.data.input_checks import axially_clipped, effective_noise_g, find_fault, shared_quantisation
 from gateway.swing.detection.dead_axis import check_axes
 from gateway.swing.detection.rest_detection import (
     MIN_AXIAL_GAIN,
@@ -22,10 +21,9 @@ from gateway.swing.detection.rest_detection import (
     likelihood_gains,
     upper_bound_amplitude,
 )
-from gateway.swing.detection.upright import turn_upright
 from gateway.swing.estimate import SwingEstimate
+from gateway.swing.estimation.consistency import choose_phase
 from gateway.swing.estimation.make_estimate import NO_MOTION, make_estimate
-from gateway.swing.estimation.opposite_phase import choose_phase
 from gateway.swing.estimation.robust_fit import (
     FitResult,
     choose_damping,
@@ -40,6 +38,7 @@ from gateway.swing.fit.harmonics import WIDE_RAD, Harmonics, angle_by_axial_forc
 from gateway.swing.fit.initial_guess import initial_motions
 from gateway.swing.fit.priors import Prior, damped_prior, nominal_prior, relaxed_prior
 from gateway.swing.model.motion import PendulumMotion
+from gateway.swing.model.mount import turn_upright
 from gateway.swing.model.sensor_lowpass import delay_s
 from gateway.swing.rig import MountedHousing
 

@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass
 
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
-from devices.pendulum.small_swing import small_swing_length_m, small_swing_period_s
+from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2, small_swing_length_m, small_swing_period_s
 from gateway.configuration.model import PLACED_FROM_LOAD, MountedOn
 
 NOMINAL_LENGTH_U_REL = 0.2

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
-from devices.pendulum.small_swing import small_swing_period_s, small_swing_rate_1_s
+from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2, small_swing_period_s, small_swing_rate_1_s
 from gateway.errors import InputError
 from gateway.pipeline.rig import Rig
 from gateway.twin.effects import EFFECTS

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from devices.block import DeviceInfo, SampleBlock
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.pendulum.pendulum import start_motion
+from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2
 from devices.simulated.crane import Crane, GroundTruth
 from devices.simulated.device import SimulatedCrane
 from devices.simulated.schedule import Gust, Hoist, Schedule, TrolleyMove

@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.pendulum.pendulum import start_motion
-from devices.pendulum.small_swing import small_swing_rate_1_s
+from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2, small_swing_rate_1_s
 from devices.simulated.crane import Crane
 from devices.simulated.schedule import Event, Gust, Hoist, TrolleyMove
 from gateway.numerics.stats import NORMAL_975

@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 
 from devices.pendulum import pendulum
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
+from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2
 from gateway.swing.estimate import SwingEstimate
 from gateway.swing.rig import MountedHousing
 

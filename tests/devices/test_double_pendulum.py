@@ -6,8 +6,9 @@ import pytest
 from scipy.special import ellipk
 
 from devices.pendulum.double_pendulum import hook_mass_ratio, hook_mass_ratio_slopes, modes
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2, normal_gravity_m_s2
 from devices.pendulum.small_swing import (
+    STANDARD_GRAVITY_M_S2,
+    normal_gravity_m_s2,
     period_ratio,
     small_swing_length_m,
     small_swing_period_s,

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from gateway.numerics.array import Array
 from gateway.numerics.stats import smallest_steps
-from gateway.swing.data.noise import effective_noise_g
+from gateway.swing.data.input_checks import effective_noise_g
 
 N_HARMONICS = 4
 """Basis: what the axial force of a swing of 90 degrees has beyond the fourth harmonic is below a hundredth."""

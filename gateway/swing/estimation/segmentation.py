@@ -9,7 +9,7 @@ from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
 from gateway.swing.data.bins import Bins
 from gateway.swing.estimate import SwingEstimate
-from gateway.swing.estimation.cross_segment_consistency import enforce_common_sensor_errors
+from gateway.swing.estimation.consistency import enforce_common_sensor_errors
 from gateway.swing.estimation.hoist_tracking import FittedInterval, track_backward, track_forward
 from gateway.swing.estimation.make_estimate import SELECTION_WIDENING, hoisting_intervals_s, make_estimate
 from gateway.swing.estimation.robust_fit import FitResult, fit_robust, fit_robust_from, inflate_uncertainty

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from devices.pendulum import pendulum
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
+from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2
 
 LENGTH_M = 8.0
 GRAVITY = np.array([0.0, 0.0, -STANDARD_GRAVITY_M_S2])

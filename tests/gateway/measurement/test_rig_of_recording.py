@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
+from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2
 from gateway.errors import InputError
 from gateway.measurement.rig_file import read_rig_of_recording
 from gateway.measurement.source import read_source

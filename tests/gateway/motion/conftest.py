@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from devices.pendulum import pendulum
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
+from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2
 from devices.simulated.crane import Crane
 from devices.simulated.schedule import Event
 from gateway.motion.estimate import MotionEstimate

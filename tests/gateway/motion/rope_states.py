@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from devices.pendulum import pendulum
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
+from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2
 from gateway.motion.hypotheses import N_HYPOTHESES
 from gateway.motion.rope_model import RopeModel
 from gateway.motion.state_vector import (

@@ -5,8 +5,8 @@ import pytest
 from numpy.typing import NDArray
 
 from devices.block import DeviceInfo, SampleBlock
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.pendulum.pendulum import start_motion
+from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2
 from devices.simulated.crane import Crane
 from gateway.calibration.correction import Correction
 from gateway.configuration.loading import validate

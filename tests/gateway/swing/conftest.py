@@ -9,7 +9,7 @@ import pytest
 
 from devices.pendulum import equations, pendulum
 from devices.pendulum.equations import Vector, add, scale
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
+from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2
 
 GRAVITY_M_S2 = STANDARD_GRAVITY_M_S2
 Motion = tuple[Vector, Vector, Vector]

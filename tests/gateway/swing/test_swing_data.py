@@ -11,8 +11,13 @@ from numpy.typing import NDArray
 
 from gateway.numerics.stats import smallest_steps
 from gateway.swing.data.bins import bin_samples, concatenate, merge
-from gateway.swing.data.input_checks import find_fault, find_fault_in_means, lacks_gravity
-from gateway.swing.data.noise import effective_noise_g, measured_noise_g
+from gateway.swing.data.input_checks import (
+    effective_noise_g,
+    find_fault,
+    find_fault_in_means,
+    lacks_gravity,
+    measured_noise_g,
+)
 from tests.gateway.swing.held_pendulum import readings_g, swing
 from tests.values import present
 

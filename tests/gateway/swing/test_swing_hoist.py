@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from devices.pendulum import pendulum
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.pendulum.pendulum import start_motion
+from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2
 from devices.simulated.crane import Crane, GroundTruth
 from devices.simulated.schedule import Hoist, TrolleyMove
 from gateway.swing.data.bins import single_samples

@@ -6,8 +6,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from devices.pendulum import pendulum
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
-from devices.pendulum.small_swing import period_ratio
+from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2, period_ratio
 from gateway.swing.model.spherical_pendulum import (
     ForceField,
     SensorPlacement,

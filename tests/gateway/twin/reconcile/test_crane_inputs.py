@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
+from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2
 from devices.recording import Recording
 from gateway.measurement.source import Source
 from gateway.motion.history import MotionHistory

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from gateway.swing.data.bins import bin_samples
-from gateway.swing.estimation.cross_segment_consistency import enforce_common_sensor_errors
+from gateway.swing.estimation.consistency import enforce_common_sensor_errors
 from gateway.swing.estimation.hoist_tracking import FittedInterval
 from gateway.swing.fit.priors import nominal_prior
 from gateway.swing.offline import grow_window

@@ -2,7 +2,7 @@
 
 import pytest
 
-from devices.sample_sequence import Placement, SampleSequence
+from devices.node_numbering import Placement, SampleSequence
 
 SECOND_NS = 1_000_000_000
 
