@@ -5,8 +5,7 @@ from collections import deque
 
 import numpy as np
 
-from gateway.motion.bin_noise import BinNoise
-from gateway.motion.binning import ForceBin
+from gateway.motion.binning import BinNoise, ForceBin
 from gateway.motion.gyro_reading import GyroPrior
 from gateway.motion.motion_filter import EXPECTED_SQUARED, MotionFilter
 from gateway.motion.state_vector import GRAVITY, indices

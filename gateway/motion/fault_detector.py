@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gateway.motion.bin_noise import BinNoise
-from gateway.motion.binning import Binning, ForceBin
+from gateway.motion.binning import Binning, BinNoise, ForceBin
 from gateway.numerics.array import Array
 from gateway.swing.data.bins import BINS_PER_PERIOD, Bins
 from gateway.swing.data.input_checks import find_constant_axis, find_implausible_mean

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.motion.description import motion_state
 from gateway.motion.gyro_reading import GyroPrior
 from gateway.motion.history import MotionHistory
-from gateway.motion.motion_state import motion_state
 from gateway.motion.motion_tracker import MotionTracker
 from gateway.motion.peaks import ellipse
 from gateway.motion.state_estimate import Angle

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gateway.motion.description import motion_state
 from gateway.motion.estimate import FastOscillationShare, MotionEstimate, PeakEstimate
-from gateway.motion.motion_state import motion_state
 from gateway.motion.peaks import SwingPhase, ellipse, next_peak
 from gateway.motion.rope_model import LARGEST_ANGLE_RAD
 from gateway.motion.state_vector import (

@@ -21,10 +21,9 @@ from gateway.messages import (
     Tilt,
     Validity,
 )
-from gateway.motion.description import engineer_reasons, operator_text
+from gateway.motion.description import REST_RAD, SIGNIFICANT, engineer_reasons, operator_text
 from gateway.motion.estimate import MotionEstimate, PeakEstimate
 from gateway.motion.hypotheses import probabilities
-from gateway.motion.motion_state import REST_RAD, SIGNIFICANT
 from gateway.numerics.stats import NORMAL_975
 from gateway.pipeline.alert_manager import AlertChange
 from gateway.pipeline.incidents import IncidentRegister

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gateway.motion.estimate import MotionEstimate
-from gateway.motion.gyro_check import CONTRADICTS, SILENT
 from gateway.motion.gyro_reading import GyroPrior
+from gateway.motion.gyro_tracker import CONTRADICTS, SILENT
 from gateway.motion.motion_monitor import MotionMonitor
 from gateway.numerics.array import Array
 from tests.benchmarks.motion_gyro import gyro_readings

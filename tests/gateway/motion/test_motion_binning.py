@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gateway.motion.bin_noise import BinNoise
-from gateway.motion.binning import BinGroups, Binning, ForceBin
+from gateway.motion.binning import BinGroups, Binning, BinNoise, ForceBin
 from gateway.numerics.array import Array
 from tests.values import present
 
