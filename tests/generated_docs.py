@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from gateway.cli.main import parser
+from tests.drawings import bench_setups
 from tests.drawings.clamp import clamp_drawing
 from tests.drawings.mounting import mounting_picture
 from tests.generated_configuration import configuration_page
@@ -92,6 +93,12 @@ PAGES: dict[str, Callable[[], str]] = {
     "reference/plant_values.md": plant_values_page,
     "guides/service/clamp.svg": clamp_drawing,
     "guides/service/mounting.svg": mounting_picture,
+    "guides/service/calibration.svg": bench_setups.six_faces,
+    "guides/service/rotation.svg": bench_setups.rotation_rig,
+    "guides/service/single_parameter.svg": bench_setups.laser_platform,
+    "guides/service/alignment.svg": bench_setups.alignment_shaft,
+    "guides/service/thermal.svg": bench_setups.thermal_chamber,
+    "guides/service/deflection.svg": bench_setups.girder_ends,
 }
 """Generated pages and drawings by their name under docs/."""
 
