@@ -121,7 +121,8 @@ class Health:
         self._receiver = AlertReceiver(endpoint, since=0)
 
     def poll(self) -> None:
-        self.numbers += [event.change.alert_number for event in self._receiver.poll(0.1) if event.change is not None]
+        changes = [event.change for event in self._receiver.poll(0.1) if event.change is not None]
+        self.numbers += [change.alert_number for change in changes if change.alert_number is not None]
 
     def _hear_health(self, sample: zenoh.Sample) -> None:
         self.newest = json.loads(sample.payload.to_bytes())

@@ -9,16 +9,13 @@ from gateway.twin.effects.driving import Impact, SteadyWind, TrolleyAcceleration
 from gateway.twin.effects.effect import Effect, ModelStructure
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext, Rigging, RopeGeometry
 from gateway.twin.effects.guess_context import EventWindow, GuessContext
-from gateway.twin.effects.housing import HousingPosition, HousingRocking, HousingSpin, LeverArm, Slewing
-from gateway.twin.effects.housing_torsion import HousingTorsion
-from gateway.twin.effects.load import LoadInertia
+from gateway.twin.effects.housing import HousingPosition, HousingRocking, HousingSpin, HousingTorsion, LeverArm, Slewing
 from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Value, Values
-from gateway.twin.effects.pivot import PivotCompliance
-from gateway.twin.effects.pivot_friction import PivotFriction
+from gateway.twin.effects.pivot import PivotCompliance, PivotFriction
 from gateway.twin.effects.pulse import Pulse, PulseEffect, duration, ramp_fraction, start
 from gateway.twin.effects.registry import EffectRegistry
 from gateway.twin.effects.rope import DoublePendulum, Hoisting, LoadChange, RopeLength, RopeStretch
-from gateway.twin.effects.rope_mass import RopeMass
+from gateway.twin.effects.rope_mass import LoadInertia, RopeMass
 from gateway.twin.effects.sensor import (
     AxisOffset,
     CrossAxis,

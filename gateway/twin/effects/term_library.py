@@ -4,10 +4,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.dead_zone_terms import DEAD_ZONE_TERMS
-from gateway.twin.effects.force_terms import FORCE_TERMS
-from gateway.twin.effects.kinematic_terms import KINEMATIC_TERMS
-from gateway.twin.effects.reading_terms import READING_TERMS
+from gateway.twin.effects.force_terms import FORCE_TERMS, KINEMATIC_TERMS
+from gateway.twin.effects.reading_terms import DEAD_ZONE_TERMS, READING_TERMS
 from gateway.twin.effects.term import Term
 
 TERMS: Mapping[str, Term] = {

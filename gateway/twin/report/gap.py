@@ -10,8 +10,7 @@ from gateway.documents.figures import AFTER, INK, MEASURED, Figure
 from gateway.documents.format import format_number, human_name
 from gateway.documents.plots import add_legend, label_decades, render_svg
 from gateway.twin.reconcile.output.result import Gap, Reconciliation, Step
-from gateway.twin.report.gap_table import part_rows
-from gateway.twin.report.rope_angle import MIN_TRANSVERSE_SENSITIVITY, transverse_sensitivity
+from gateway.twin.report.gap_table import MIN_TRANSVERSE_SENSITIVITY, part_rows, transverse_sensitivity
 from gateway.twin.report.text import NOMINAL, caution, final_model_name, format_noise_ratio
 
 LABEL_IN, LABEL_LETTERS = 1.45, 22

@@ -5,21 +5,10 @@ from dataclasses import dataclass
 
 from gateway.documents.environment import render
 from gateway.twin.reconcile.output.result import Reconciliation
-from gateway.twin.report.disagreement import disagreement_figures
 from gateway.twin.report.effect_size import component_texts, unit_text
 from gateway.twin.report.gap import gap_content
 from gateway.twin.report.motion import motion_content
-from gateway.twin.report.ranking import (
-    angle_deg,
-    assessment,
-    has_same_signature,
-    is_transient,
-    pairs_by_interest,
-    ranked_candidates,
-    relative_deficit,
-    twins_of_named,
-)
-from gateway.twin.report.residual import residual_figures
+from gateway.twin.report.residual import disagreement_figures, residual_figures
 from gateway.twin.report.text import (
     COUNTED,
     REFITTED,
@@ -29,7 +18,17 @@ from gateway.twin.report.text import (
     model_value,
     rig_facts,
 )
-from gateway.twin.report.verdict import verdict_content
+from gateway.twin.report.verdict import (
+    angle_deg,
+    assessment,
+    has_same_signature,
+    is_transient,
+    pairs_by_interest,
+    ranked_candidates,
+    relative_deficit,
+    twins_of_named,
+    verdict_content,
+)
 
 Content = Mapping[str, object]
 

@@ -1,7 +1,10 @@
-"""Compiled functions of a symbolic model with their exact derivatives: arrays in, arrays out."""
+"""Compiled functions of a symbolic model with their exact derivatives, and the integration step: arrays in, arrays out.
+
+The step is an explicit Runge-Kutta method of order six in seven stages (Butcher 1964; Hairer et al. 1993, II.5).
+"""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -11,10 +14,40 @@ from numpy.typing import NDArray
 
 from devices.pendulum.small_swing import small_swing_rate_1_s
 from gateway.twin.effects.effect import Effect
-from gateway.twin.simulator.runge_kutta import runge_kutta_step
 from gateway.twin.simulator.state import Expression, initial_from_state, on_constraints, state_from_initial
 from gateway.twin.simulator.symbolic_model import NominalRig, SymbolicModel
 from gateway.twin.simulator.vectorised_function import VectorisedFunction, VectorisedJacobian
+
+NODES = (0.0, 1 / 3, 2 / 3, 1 / 3, 1 / 2, 1 / 2, 1.0)
+"""Time of each stage, as a part of the step (Butcher 1964)."""
+STAGES = (
+    (),
+    (1 / 3,),
+    (0.0, 2 / 3),
+    (1 / 12, 1 / 3, -1 / 12),
+    (-1 / 16, 9 / 8, -3 / 16, -3 / 8),
+    (0.0, 9 / 8, -3 / 8, -3 / 4, 1 / 2),
+    (9 / 44, -9 / 11, 63 / 44, 18 / 11, 0.0, -16 / 11),
+)
+"""Weights of the earlier rates in the state of each stage (Butcher 1964)."""
+WEIGHTS = (11 / 120, 0.0, 27 / 40, 27 / 40, -4 / 15, -4 / 15, 11 / 120)
+"""Weights of the rates in the state at the end of the step (Butcher 1964)."""
+
+
+def runge_kutta_step(
+    rate: Callable[[Expression, Expression], Expression], state: Expression, time_s: Expression, step_s: Expression
+) -> Expression:
+    """Return the state after a step, for `rate(state, time_s)`."""
+    rates: list[Expression] = []
+    for node, weights in zip(NODES, STAGES, strict=True):
+        rates.append(rate(_moved(state, step_s, weights, rates), time_s + node * step_s))
+    return _moved(state, step_s, WEIGHTS, rates)
+
+
+def _moved(state: Expression, step_s: Expression, weights: tuple[float, ...], rates: list[Expression]) -> Expression:
+    terms = [weight * each for weight, each in zip(weights, rates, strict=True) if weight]
+    return state + step_s * sum(terms) if terms else state
+
 
 Array = NDArray[np.float64]
 MAX_PHASE_STEP_RAD = 0.12

@@ -10,8 +10,7 @@ import pytest
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.output.result import Reconciliation
 from gateway.twin.report.gap import gap_content
-from gateway.twin.report.gap_table import part_rows
-from gateway.twin.report.rope_angle import rope_angle_error
+from gateway.twin.report.gap_table import part_rows, rope_angle_error
 
 RIG = TwinRig(14.0, 5.0, 9.80665, (3e-4, 3e-4, 3e-4), 50.0, 2.0)
 RNG = np.random.default_rng(3)
