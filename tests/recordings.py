@@ -8,7 +8,7 @@ from devices.block import DeviceInfo, SampleBlock
 from gateway.numerics.array import Array
 from gateway.packing import pack
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.format.header import RecordingHeader
+from gateway.recording.format.content import RecordingHeader
 from gateway.recording.segments.recorder import Recorder
 
 START_NS = 1_767_225_600_000_000_000

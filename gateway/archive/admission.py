@@ -13,10 +13,10 @@ from gateway.bus.untrusted import GATEWAY_KEY
 from gateway.errors import InputError
 from gateway.fleet.selection import KEY_PREFIX, read_expected
 from gateway.pki.signing_key import read_public_key
+from gateway.recording.chain.chain_verification import VouchedKey, find_vouched_key
 from gateway.recording.chain.file_verification import FileVerification, verify_file
 from gateway.recording.chain.statements import SIGNATURE, hash_of, parse_statement
-from gateway.recording.chain.vouched_key import VouchedKey, find_vouched_key
-from gateway.recording.format.header import ORIGIN
+from gateway.recording.format.content import ORIGIN
 from gateway.recording.reading.recording_file import read_index
 from gateway.recording.reading.timeline import GATEWAY_KEYS
 

@@ -12,9 +12,9 @@ from typing import Any
 import duckdb
 
 from gateway.file_input import decode_json
-from gateway.recording.replay.replay_outcome import ReplayOutcome, paired_alerts
-from gateway.recording.summary.segment_summary import RecordedPeak
-from gateway.recording.summary.summary_builder import RecordedAlert
+from gateway.recording.format.segment_summary import RecordedPeak
+from gateway.recording.format.summary_builder import RecordedAlert
+from gateway.recording.replay.replay_result import ReplayOutcome, paired_alerts
 
 SAME_ANGLE_DEG = 0.001
 """Angles that differ by less are the same one. Basis: the last recorded digit; what is computed again is not rounded."""

@@ -23,9 +23,9 @@ from gateway.archive.rows import (
 from gateway.messages import Alert, Calibration, ClockOffset, Condition, Health, Motion, Swing
 from gateway.numerics.stats import NORMAL_975
 from gateway.recording.format.salvage import SalvageReport
+from gateway.recording.format.segment_summary import SegmentSummary
+from gateway.recording.format.summary_builder import MAX_VERDICT_S, SummaryBuilder, join_alerts
 from gateway.recording.reading.recording_file import Selection, open_recording
-from gateway.recording.summary.segment_summary import SegmentSummary
-from gateway.recording.summary.summary_builder import MAX_VERDICT_S, SummaryBuilder, join_alerts
 
 NS_PER_S = 1_000_000_000
 NS_PER_MINUTE = 60 * NS_PER_S

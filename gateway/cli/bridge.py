@@ -125,7 +125,7 @@ async def _serve_opcua(settings: "BridgeSettings", reader: "GatewayReader", star
 def _run_foxglove(arguments: argparse.Namespace) -> int:
     require_extra("foxglove")
     from gateway.bridge.foxglove.live_messages import LIVE_TOPICS, LiveMessages
-    from gateway.recording.format.encoding import encode_recorded, schema_bytes
+    from gateway.recording.format.content import encode_recorded, schema_bytes
 
     messages = LiveMessages(encode_recorded)
 

@@ -29,8 +29,8 @@ from gateway.messages import (
 )
 from gateway.numerics.array import Array
 from gateway.pipeline.alert_rules import RULE_NAMES
+from gateway.recording.format.segment_summary import MIN_GAP_PERIODS
 from gateway.recording.reading.sample_calibration import CalibratedBlock
-from gateway.recording.summary.segment_summary import MIN_GAP_PERIODS
 
 COURSE_TOPICS = frozenset({"/motion", "/condition", "/alert", "/health", "/calibration", "/mark", "/clock", "/log"})
 """The topics of which a course is made, beside the samples."""

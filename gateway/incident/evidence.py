@@ -16,9 +16,10 @@ from gateway.certificate.page import render_certificate
 from gateway.incident.course import Course
 from gateway.incident.course_builder import COURSE_TOPICS, CourseBuilder
 from gateway.incident.incident_selection import IncidentWindow
-from gateway.recording.format import header as names
+from gateway.recording.format import content as names
 from gateway.recording.format.mcap_writer import DENSE, McapWriter
 from gateway.recording.format.salvage import describe_losses
+from gateway.recording.format.segment_summary import SUMMARY
 from gateway.recording.reading.interval import iso_utc
 from gateway.recording.reading.recording_file import RecordingFile, Selection
 from gateway.recording.reading.sample_calibration import NEEDED_TOPICS, CalibratedReader
@@ -30,7 +31,6 @@ from gateway.recording.reading.timeline import (
     ignore_progress,
 )
 from gateway.recording.segments.copying import STATEMENTS, RecordCopier
-from gateway.recording.summary.segment_summary import SUMMARY
 
 CERTIFICATE_NAME = re.compile(names.CERTIFICATE.format(id=r"[A-Za-z0-9._-]+"))
 """Names of certificates: no attachment of another name is written beside the report."""

@@ -7,8 +7,8 @@ from pathlib import Path
 from devices.tables.foreign import NOTHING_STATED, TableOptions
 from gateway.calibration.offline.input_files import FileReadings, read_file
 from gateway.errors import InputError
-from gateway.recording.reading.catalogue import list_recordings
 from gateway.recording.reading.samples import read_samples
+from gateway.recording.reading.timeline import list_recordings
 
 
 def read_calibration_readings(paths: Sequence[Path], options: TableOptions) -> list[FileReadings]:

@@ -15,7 +15,7 @@ from gateway.errors import InputError
 from gateway.pipeline.incidents import IncidentRegister
 from gateway.pipeline.outgoing_message import ClockState, HeaderMaker, encode_message
 from gateway.pipeline.pipeline import Pipeline
-from gateway.recording.format.header import RecordingHeader
+from gateway.recording.format.content import RecordingHeader
 from gateway.recording.segments.compaction import compact
 from gateway.recording.segments.recorder import Recorder
 from gateway.topics import TOPICS

@@ -17,7 +17,7 @@ from gateway.configuration.model import Configuration
 from gateway.configuration.render import to_toml
 from gateway.pipeline.outgoing_message import ClockState, EncodedMessage, HeaderMaker, encode_message
 from gateway.pipeline.pipeline import Pipeline
-from gateway.recording.format.header import RecordingHeader
+from gateway.recording.format.content import RecordingHeader
 from gateway.recording.segments.recorder import Recorder
 from gateway.topics import TOPICS
 from tests.clocks import SleeplessClock

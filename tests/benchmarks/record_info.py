@@ -16,7 +16,7 @@ from gateway.configuration.loading import validate
 from gateway.configuration.render import to_toml
 from gateway.pipeline.outgoing_message import HeaderMaker, OutgoingMessage, encode_message
 from gateway.pipeline.pipeline import Pipeline
-from gateway.recording.format.header import RecordingHeader
+from gateway.recording.format.content import RecordingHeader
 from gateway.recording.segments.recorder import Recorder
 from tests.benchmarks.chain import CLOCK
 from tests.clocks import SleeplessClock

@@ -21,9 +21,8 @@ from devices.block import DeviceInfo, SampleBlock
 from devices.errors import RecordingError
 from gateway.packing import pack
 from gateway.pipeline.outgoing_message import EncodedMessage, encode_message
-from gateway.recording.format.encoding import encode_recorded
+from gateway.recording.format.content import RecordingHeader, encode_recorded
 from gateway.recording.format.frames import RECORD_HEAD
-from gateway.recording.format.header import RecordingHeader
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.segments.compaction import CompactionError, compact
 from gateway.recording.segments.recorder import Recorder

@@ -35,10 +35,10 @@ from gateway.recalibration.journal import Journal
 from gateway.recalibration.requests import parse_payload
 from gateway.recording.chain.chain_state import read_state
 from gateway.recording.chain.file_verification import verify_file
+from gateway.recording.export.recording_info import summarise_timeline
 from gateway.recording.format.frames import RECORD_HEAD
-from gateway.recording.info.recording_info import summarise_timeline
-from gateway.recording.reading.catalogue import open_timelines
 from gateway.recording.reading.recording_file import open_recording, read_index
+from gateway.recording.reading.timeline import open_timelines
 from gateway.recording.segments.events import read_event_intervals
 from gateway.verbs import VERBS
 

@@ -14,8 +14,8 @@ from gateway.messages import Alert, FoxgloveTime, Health, Log, Motion
 from gateway.pipeline.outgoing_message import MessageTime, OutgoingMessage
 from gateway.pki.signing_key import load_or_create_key
 from gateway.recording.chain.segment_chain import SegmentChain
-from gateway.recording.segments.calibration_files import calibration_files
 from gateway.recording.segments.compaction import compact
+from gateway.recording.segments.segment import calibration_files
 from tests.clocks import START_NS, SleeplessClock
 from tests.gateway.recording import recorded_crane
 from tests.gateway.recording.recorded_crane import BOOT_ID, CLOCK

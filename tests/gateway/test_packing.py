@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from devices.block import SampleBlock
 from gateway import messages, topics
 from gateway.packing import pack, unpack
-from gateway.recording.format.encoding import encode_recorded
+from gateway.recording.format.content import encode_recorded
 from tests.gateway.conftest import MakeBlock
 
 

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from gateway.recording.format.summary_builder import RecordedAlert
 from gateway.recording.reading.interval import iso_utc
-from gateway.recording.summary.summary_builder import RecordedAlert
 
 if TYPE_CHECKING:
     from gateway.archive.replay_changes import OutcomeChange, ReplayChange, VersionComparison

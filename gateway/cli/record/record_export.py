@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Export the recordings; return 3 where something of them could not be read."""
     from gateway.cli.terminal.progress import ProgressBar
     from gateway.errors import InputError
-    from gateway.recording.reading.catalogue import open_timeline
+    from gateway.recording.reading.timeline import open_timeline
 
     target = next(path for path in (arguments.csv, arguments.parquet, arguments.mcap) if path is not None)
     if arguments.parquet is not None:

@@ -85,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.cli.terminal.progress import ProgressBar
     from gateway.extras import require_extra, require_plots
     from gateway.incident.incident_selection import choose_window, read_incidents
-    from gateway.recording.reading.catalogue import open_timeline
+    from gateway.recording.reading.timeline import open_timeline
 
     choice = _choice(arguments)
     timeline = open_timeline(arguments.paths)

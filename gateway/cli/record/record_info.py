@@ -31,10 +31,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Print the content of the recordings."""
     from gateway.cli.terminal.output import show
     from gateway.cli.terminal.progress import ProgressBar
+    from gateway.recording.export.info_text import info_text
+    from gateway.recording.export.recording_info import summarise_timeline
     from gateway.recording.format.salvage import is_damaged
-    from gateway.recording.info.info_text import info_text
-    from gateway.recording.info.recording_info import summarise_timeline
-    from gateway.recording.reading.catalogue import open_timelines
+    from gateway.recording.reading.timeline import open_timelines
 
     chosen = interval(arguments)
     found = []

@@ -57,7 +57,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 def run(arguments: argparse.Namespace) -> int:
     """Play the recordings to their end, or until Ctrl-C."""
-    from gateway.recording.reading.catalogue import open_timeline
+    from gateway.recording.reading.timeline import open_timeline
 
     section = _viewers_section(arguments) if arguments.foxglove else None
     timeline = open_timeline(arguments.paths)
@@ -118,7 +118,7 @@ async def _show(timeline: "Timeline", selection: "Selection", section: "Foxglove
     from gateway.bridge.plant_state import PlantState
     from gateway.cli.terminal.progress import ProgressBar
     from gateway.recording.export.playback import ViewerPlayback, playback_key
-    from gateway.recording.format.encoding import schema_bytes
+    from gateway.recording.format.content import schema_bytes
     from gateway.topics import paths_with
 
     key, wanted = playback_key(timeline), replace(selection, topics=paths_with(lambda topic: topic.logged))

@@ -46,9 +46,9 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.cli.terminal.output import show
     from gateway.cli.terminal.progress import ProgressBar
     from gateway.configuration.loading import load
-    from gateway.recording.reading.catalogue import open_timeline
+    from gateway.recording.reading.timeline import open_timeline
+    from gateway.recording.replay.replay_result import has_difference, replay_json, replay_text
     from gateway.recording.replay.replay_run import ReplayRun
-    from gateway.recording.replay.replay_text import has_difference, replay_json, replay_text
 
     configuration = None if arguments.config is None else load(arguments.config, {})
     record = None if arguments.calibration is None else read_record(arguments.calibration)

@@ -77,11 +77,10 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.cli.terminal.output import show
     from gateway.cli.terminal.progress import ProgressBar
     from gateway.pki.signing_key import fingerprint, read_public_key
-    from gateway.recording.chain.chain_verification import verify_chain
+    from gateway.recording.chain.chain_verification import find_vouched_key, verify_chain
     from gateway.recording.chain.file_verification import verify_file
     from gateway.recording.chain.time_stamps import describe_proven, list_time_stamp_files, load_verifier, prove_all
-    from gateway.recording.chain.vouched_key import find_vouched_key
-    from gateway.recording.reading.catalogue import list_recordings
+    from gateway.recording.reading.timeline import list_recordings
 
     paths = list_recordings(arguments.paths)
     known = known_statement(_gateway_of(paths[0]))

@@ -111,7 +111,7 @@ def _record(client: "GatewayClient", record_id: str, patience_s: float) -> "Cali
 
 def _write(folder: Path, name: str, record: "CalibrationRecord", records: list["CalibrationRecord"]) -> None:
     """Write a record and its certificates."""
-    from gateway.recording.segments.calibration_files import calibration_files
+    from gateway.recording.segments.segment import calibration_files
 
     parent = next((one for one in records if one.id == record.parent), None)
     earlier = [one for one in records if one.created_utc < record.created_utc]

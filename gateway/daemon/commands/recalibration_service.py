@@ -15,7 +15,7 @@ from gateway.pipeline.rate_limiter import RateLimiter
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.requests import Fetch, LoadSignal, Request
 from gateway.recalibration.session import Session, Timestamp, make_session_message
-from gateway.recording.segments.calibration_files import CalibrationFiles
+from gateway.recording.segments.segment import CalibrationFiles
 
 SESSION_PERIOD_S = 0.5
 """While a session collects poses it is published this often. Basis: a choice; a person sees a pose within half a second, and

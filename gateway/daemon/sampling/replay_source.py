@@ -12,9 +12,8 @@ from devices.tables.foreign import NOTHING_STATED, TableOptions, is_native, read
 from devices.tables.native import read_table
 from devices.tables.replay import Replay, table_info
 from gateway.configuration.device_sections import ReplayDevice
-from gateway.recording.reading.catalogue import open_timeline
 from gateway.recording.reading.samples import SampleReader
-from gateway.recording.reading.timeline import Timeline
+from gateway.recording.reading.timeline import Timeline, open_timeline
 
 log = logging.getLogger("plumbline.device")
 

@@ -18,7 +18,7 @@ from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.calibration.store import CalibrationStore, find_record_in_force
 from gateway.file_input import parse_json, read_bounded
 from gateway.pipeline.drift_monitor import DriftMonitor
-from gateway.recording.segments.calibration_files import CalibrationFiles, calibration_files
+from gateway.recording.segments.segment import CalibrationFiles, calibration_files
 
 log, drift_log = logging.getLogger("plumbline.calibration"), logging.getLogger("plumbline.drift")
 MAX_EARLIER_RECORDS = 32

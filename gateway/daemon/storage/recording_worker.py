@@ -21,11 +21,11 @@ from gateway.messages import NewestStatement, Samples
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.pki.signing_key import KEY_NAME, KeyFileError, fingerprint, load_or_create_key
 from gateway.recording.chain.segment_chain import SegmentChain
-from gateway.recording.format.header import RecordingHeader
-from gateway.recording.segments.calibration_files import CalibrationFiles
+from gateway.recording.format.content import RecordingHeader
 from gateway.recording.segments.compaction import compact, trim
 from gateway.recording.segments.events import EventIndex
 from gateway.recording.segments.recorder import Recorder, RecorderError
+from gateway.recording.segments.segment import CalibrationFiles
 
 log = logging.getLogger("plumbline.recorder")
 MAX_WAITING_RECORDS = 4096

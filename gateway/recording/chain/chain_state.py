@@ -15,7 +15,7 @@ import msgspec
 from gateway.atomic_io import sync_folder, write_durably
 from gateway.errors import PlumblineError
 from gateway.file_input import decode_json, read_bounded
-from gateway.recording.format.header import MAX_SEGMENT_NUMBER
+from gateway.recording.format.content import MAX_SEGMENT_NUMBER
 
 STATE_NAME = "chain.json"
 ASIDE = ".damaged-{number}"

@@ -1,4 +1,7 @@
-"""Offline verification of the segments of a gateway together: none removed, none exchanged, none with a clock set back."""
+"""Offline verification of the segments of a gateway together: none removed, none exchanged, none with a clock set back.
+
+The key may be given, or found by what the CA of the site says of it in the segments.
+"""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -7,13 +10,26 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
+from gateway.bus.known_gateways import RefuseKey
+from gateway.file_input import parse_json
 from gateway.messages import NewestStatement
 from gateway.pki.signing_key import fingerprint
 from gateway.recording.chain.chain_state import STATE_NAME, ChainState, ChainStateError, read_state
 from gateway.recording.chain.file_verification import FileVerification
-from gateway.recording.chain.missing_segments import MissingSegments, describe_missing, list_missing
-from gateway.recording.chain.statements import DeletionStatement, Statement, has_signature, hash_of, parse_deletions
+from gateway.recording.chain.statements import (
+    SIGNATURE,
+    DeletionStatement,
+    MissingSegments,
+    Statement,
+    describe_missing,
+    has_signature,
+    hash_of,
+    list_missing,
+    parse_deletions,
+    parse_statement,
+)
 from gateway.recording.reading.interval import iso_utc
+from gateway.recording.reading.recording_file import read_index
 
 Answer = Literal["genuine", "consistent", "differs"]
 """Everything is as the key signed that was given; as the recordings say themselves, whoever wrote them; something is not."""
@@ -230,3 +246,35 @@ def _file_json(file: FileVerification) -> dict[str, Any]:
         "problems": file.problems,
         "remarks": file.remarks,
     }
+
+
+@dataclass(frozen=True, slots=True)
+class VouchedKey:
+    """What the CA says of recordings."""
+
+    gateway: str = ""
+    public_key: str | None = None
+    """None: it does not vouch for any key in them."""
+    refusal: str | None = None
+    """Why it does not; None also where it was not asked: no segment has a voucher."""
+
+
+def find_vouched_key(paths: Sequence[Path], refuse: RefuseKey) -> VouchedKey:
+    """Return the newest key in recordings for which a CA vouches; `paths` are in order of time.
+
+    Whether the recordings are signed with it is not looked at. Raises `RecordingError` for a file that cannot be read.
+    """
+    refused = VouchedKey()
+    for path in reversed(paths):
+        index = read_index(path)
+        statement = parse_statement(index.metadata.get(SIGNATURE, {}).get("statement", ""))
+        if statement is None or not index.voucher:
+            continue
+        try:
+            why = refuse(statement.gateway, statement.public_key, parse_json(index.voucher))
+        except ValueError:
+            why = "its voucher cannot be read"
+        if why is None:
+            return VouchedKey(statement.gateway, statement.public_key)
+        refused = VouchedKey(refusal=refused.refusal or f"{path.name}: {why}")
+    return refused

@@ -14,6 +14,7 @@ from mcap.writer import MCAP0_MAGIC
 from devices.errors import RecordingError
 from gateway.pki.signing_key import fingerprint, is_valid
 from gateway.recording.chain.statements import DELETIONS, SIGNATURE, Statement, parse_statement
+from gateway.recording.format.content import ORIGIN, segment_number
 from gateway.recording.format.frames import (
     INDEX_HEAD,
     TIME_AND_OFFSET_BYTES,
@@ -23,7 +24,6 @@ from gateway.recording.format.frames import (
     next_frame,
     records_of,
 )
-from gateway.recording.format.header import ORIGIN, segment_number
 from gateway.recording.format.mcap_writer import SummarySection, serialise
 from gateway.recording.format.salvage import DAMAGED, PARSERS, open_mcap
 from gateway.recording.reading.interval import iso_utc

@@ -32,7 +32,7 @@ from gateway.recording.chain.statements import (
     parse_deletions,
     parse_statement,
 )
-from gateway.recording.format.header import ORIGIN, segment_number
+from gateway.recording.format.content import ORIGIN, segment_number
 from gateway.recording.reading.recording_file import read_index
 
 

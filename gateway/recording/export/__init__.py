@@ -1,1 +1,1 @@
-"""Recordings for other programs: tables, viewers, the bus."""
+"""Recordings for people and other programs: their contents, tables, viewers, the bus."""

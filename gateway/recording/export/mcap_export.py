@@ -9,11 +9,11 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 
 from gateway.recording.export.tables import new_file
 from gateway.recording.format.mcap_writer import McapWriter
+from gateway.recording.format.segment_summary import SUMMARY
 from gateway.recording.reading.recording_file import Selection
 from gateway.recording.reading.sample_calibration import NEEDED_TOPICS, CalibratedBlock, CalibratedReader
 from gateway.recording.reading.timeline import SAMPLES, ReportProgress, Timeline, ignore_progress
 from gateway.recording.segments.copying import RecordCopier
-from gateway.recording.summary.segment_summary import SUMMARY
 
 TOPIC = "/acceleration_samples"
 SCHEMA_NAME = "plumbline.AccelerationSample"

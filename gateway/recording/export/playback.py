@@ -11,7 +11,7 @@ import zenoh
 
 from gateway import messages
 from gateway.errors import InputError
-from gateway.recording.format.encoding import logged_topics
+from gateway.recording.format.content import logged_topics
 from gateway.recording.reading.recording_file import Selection
 from gateway.recording.reading.timeline import ReportProgress, Timeline, TimelineMessage, ignore_progress
 from gateway.topics import TOPICS, encode

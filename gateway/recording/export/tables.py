@@ -17,7 +17,7 @@ import numpy as np
 
 from gateway.atomic_io import replace_file
 from gateway.errors import InputError
-from gateway.recording.format.encoding import schema_bytes
+from gateway.recording.format.content import schema_bytes
 from gateway.recording.reading.interval import iso_utc_ns
 from gateway.recording.reading.recording_file import Selection
 from gateway.recording.reading.sample_calibration import CalibratedBlock, CalibratedReader

@@ -1,1 +1,1 @@
-"""The format of a recording: MCAP records, headers, schemas and numbers."""
+"""The format of a recording: MCAP records, headers, schemas, numbers, and the summary of a segment."""

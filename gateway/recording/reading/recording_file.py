@@ -22,6 +22,7 @@ from pydantic import ValidationError
 
 from devices.block import DeviceInfo
 from devices.errors import RecordingError
+from gateway.recording.format.content import CONFIGURATION, DEVICE, VOUCHER, device_from_metadata
 from gateway.recording.format.frames import (
     FOOTER_BYTES,
     INDEX_HEAD,
@@ -29,9 +30,8 @@ from gateway.recording.format.frames import (
     RECORD_HEAD,
     TIME_AND_OFFSET_BYTES,
 )
-from gateway.recording.format.header import CONFIGURATION, DEVICE, VOUCHER, device_from_metadata
 from gateway.recording.format.salvage import CHUNK_TIMES, DAMAGED, FOOTER, SalvageReport, open_mcap, read_records
-from gateway.recording.summary.segment_summary import SUMMARY, SegmentSummary, decode_summary
+from gateway.recording.format.segment_summary import SUMMARY, SegmentSummary, decode_summary
 from gateway.topics import TOPICS, adapter
 
 MAX_MESSAGE_BYTES = 1_000_000

@@ -12,9 +12,8 @@ from devices.errors import RecordingError
 from devices.recording import Recording, typical_interval
 from gateway import messages
 from gateway.errors import InputError
-from gateway.recording.format import header as names
+from gateway.recording.format import content as names
 from gateway.recording.format.salvage import SalvageReport, describe_losses, sum_losses
-from gateway.recording.reading.catalogue import open_timeline
 from gateway.recording.reading.interval import WHOLE_RECORDING, RecordingInterval, iso_utc
 from gateway.recording.reading.recording_file import EVERYTHING, RecordingFile, Selection, open_recording
 from gateway.recording.reading.sample_columns import SampleColumns, columns_of, concatenate
@@ -26,6 +25,7 @@ from gateway.recording.reading.timeline import (
     Timeline,
     TimelineMessage,
     TimelineSpan,
+    open_timeline,
 )
 
 PART_BLOCKS = 1024

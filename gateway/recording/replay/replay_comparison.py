@@ -8,7 +8,7 @@ from math import isclose
 from typing import Any
 
 from gateway.pipeline.outgoing_message import OutgoingMessage
-from gateway.recording.format.encoding import decimals_of, encode_recorded
+from gateway.recording.format.content import decimals_of, encode_recorded
 from gateway.recording.reading.recording_file import RecordedMessage
 from gateway.topics import TOPICS
 

@@ -10,6 +10,8 @@ from gateway import __version__
 from gateway.calibration.record import CalibrationRecord
 from gateway.configuration.model import Configuration
 from gateway.errors import InputError
+from gateway.recording.format.segment_summary import SegmentSummary
+from gateway.recording.format.summary_builder import SummaryBuilder
 from gateway.recording.reading.interval import RecordingInterval, iso_utc
 from gateway.recording.reading.recording_file import RecordingFile, Selection
 from gateway.recording.reading.timeline import (
@@ -28,10 +30,7 @@ from gateway.recording.replay.replay_comparison import (
     ReplayComparison,
     Tolerance,
 )
-from gateway.recording.replay.replay_pipeline import ReplayPipeline
-from gateway.recording.replay.replay_steps import ReplayStep, StepMessage, read_steps
-from gateway.recording.summary.segment_summary import SegmentSummary
-from gateway.recording.summary.summary_builder import SummaryBuilder
+from gateway.recording.replay.replay_pipeline import ReplayPipeline, ReplayStep, StepMessage, read_steps
 from gateway.topics import TOPICS
 
 WARM_UP_NS = 120_000_000_000

@@ -23,7 +23,7 @@ from gateway.pki.signing_key import KeyFileError
 from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.statements import DELETIONS, SIGNATURE, Statement
-from gateway.recording.format.header import ORIGIN, REPAIRED, TRIMMED, segment_number
+from gateway.recording.format.content import ORIGIN, REPAIRED, TRIMMED, segment_number
 from gateway.recording.format.mcap_writer import DENSE, McapWriter
 from gateway.recording.format.salvage import SalvageReport, open_mcap, read_records
 from gateway.recording.reading.recording_file import read_index

@@ -11,11 +11,11 @@ from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metad
 from devices.errors import RecordingError
 from gateway.atomic_io import replace_file
 from gateway.recording.chain.statements import DELETIONS, SIGNATURE
-from gateway.recording.format.header import ORIGIN, RECOVERED
+from gateway.recording.format.content import ORIGIN, RECOVERED
 from gateway.recording.format.mcap_writer import DENSE, McapWriter
 from gateway.recording.format.salvage import SalvageReport, is_damaged, open_mcap, read_records
+from gateway.recording.format.segment_summary import SUMMARY
 from gateway.recording.reading.recording_file import RecordedMessage
-from gateway.recording.summary.segment_summary import SUMMARY
 
 MAX_TIME_NS = 2**63 - 1
 """Definition: the largest signed time of 64 bits, in nanoseconds."""

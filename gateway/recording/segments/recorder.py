@@ -13,13 +13,11 @@ from gateway.messages import NewestStatement, Samples
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.statements import DeletionReason
-from gateway.recording.format.encoding import logged_topics, schema_bytes
-from gateway.recording.format.header import RecordingHeader
-from gateway.recording.segments.calibration_files import AttachedFile, CalibrationFiles
+from gateway.recording.format.content import RecordingHeader, logged_topics, schema_bytes
 from gateway.recording.segments.copying import MAX_TIME_NS
 from gateway.recording.segments.events import EventDetector, EventIndex
 from gateway.recording.segments.retention import Retention, SegmentNames
-from gateway.recording.segments.segment import Segment
+from gateway.recording.segments.segment import AttachedFile, CalibrationFiles, Segment
 from gateway.topics import TOPICS
 from gateway.units import BYTES_PER_MB
 

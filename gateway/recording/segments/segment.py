@@ -1,33 +1,89 @@
-"""One MCAP file that is being written; everything up to the last `sync` survives."""
+"""One MCAP file that is being written, with its attachments for the calibration; everything up to the last `sync` survives."""
 
 import hashlib
+import json
 import os
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from mcap.well_known import MessageEncoding, SchemaEncoding
 
 from devices.block import DeviceInfo
 from gateway.atomic_io import partial_of, sync_folder
+from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.statements import DELETIONS, SIGNATURE
-from gateway.recording.format import header as names
-from gateway.recording.format.encoding import encode_recorded, logged_topics, schema_bytes
-from gateway.recording.format.header import RecordingHeader, device_metadata
+from gateway.recording.format import content as names
+from gateway.recording.format.content import (
+    RecordingHeader,
+    device_metadata,
+    encode_recorded,
+    logged_topics,
+    schema_bytes,
+)
 from gateway.recording.format.mcap_writer import McapWriter
-from gateway.recording.segments.calibration_files import AttachedFile
+from gateway.recording.format.segment_summary import SUMMARY, SUMMARY_MEDIA_TYPE, encode_summary
+from gateway.recording.format.summary_builder import SummaryBuilder
 from gateway.recording.segments.events import uncompacted_marker
-from gateway.recording.summary.segment_summary import SUMMARY, SUMMARY_MEDIA_TYPE, encode_summary
-from gateway.recording.summary.summary_builder import SummaryBuilder
 from gateway.topics import TOPICS
 
+FORBIDDEN_IN_NAME = re.compile(r"[^A-Za-z0-9._-]")
+MAX_ID_CHARACTERS = 80
+"""Characters of an id in a file name. Basis: a choice; an id is shorter, and a file system takes 255 bytes."""
 CHECKPOINT_NS = 10_000_000_000
 """Distance of the signatures in a segment that is being written. Basis: a choice; at a power failure so much is not signed, and
 each signature takes room in the recording."""
 SEQUENCE_MASK = 0xFFFF_FFFF
 """MCAP's sequence numbers have 32 bits."""
+
+
+@dataclass(frozen=True, slots=True)
+class AttachedFile:
+    """A file inside a recording."""
+
+    name: str
+    media_type: str
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationFiles:
+    """The attachments for the calibration in force."""
+
+    device_id: str
+    """Segments of another device do not contain them."""
+    record_id: str
+    files: tuple[AttachedFile, ...]
+
+
+def calibration_files(
+    record: CalibrationRecord, parent: CalibrationRecord | None, earlier: Sequence[CalibrationRecord] = ()
+) -> CalibrationFiles:
+    """Return the record as JSON and its certificates: some 20 to 60 kB, made in a few milliseconds.
+
+    A record that no digital certificate can state has none.
+    """
+    from gateway.certificate.digital_certificate import render_digital_certificate
+    from gateway.certificate.page import render_certificate
+
+    name = FORBIDDEN_IN_NAME.sub("_", record.id)[:MAX_ID_CHARACTERS]  # an attachment is extracted by its name
+    content = json.dumps(record.model_dump(mode="json"), indent=1, allow_nan=False) + "\n"
+    parts = [
+        (names.CALIBRATION, names.CALIBRATION_MEDIA_TYPE, content),
+        (names.CERTIFICATE, names.CERTIFICATE_MEDIA_TYPE, render_certificate(record, parent, earlier)),
+    ]
+    with suppress(CalibrationError):
+        parts.append(
+            (names.DIGITAL_CERTIFICATE, names.DIGITAL_CERTIFICATE_MEDIA_TYPE, render_digital_certificate(record))
+        )
+    files = tuple(
+        AttachedFile(pattern.format(id=name), media_type, text.encode()) for pattern, media_type, text in parts
+    )
+    return CalibrationFiles(device_id=record.device_id, record_id=record.id, files=files)
 
 
 class SyncedFile:

@@ -16,9 +16,9 @@ from gateway.archive.replay_changes import change_between
 from gateway.calibration.record import CalibrationRecord, content_hash
 from gateway.cli.main import main
 from gateway.errors import BAD_INPUT
-from gateway.recording.replay.replay_outcome import ReplayOutcome
-from gateway.recording.summary.segment_summary import RecordedPeak
-from gateway.recording.summary.summary_builder import RecordedAlert
+from gateway.recording.format.segment_summary import RecordedPeak
+from gateway.recording.format.summary_builder import RecordedAlert
+from gateway.recording.replay.replay_result import ReplayOutcome
 from tests.gateway.archive.archive_rows import indexed, select
 from tests.gateway.recorded_crane import RecordedCrane
 

@@ -18,7 +18,7 @@ from gateway.bridge.settings import FoxgloveSection
 from gateway.cli.main import main
 from gateway.errors import BAD_INPUT, InputError
 from gateway.messages import ActiveAlert
-from gateway.recording.format.encoding import encode_recorded, schema_bytes
+from gateway.recording.format.content import encode_recorded, schema_bytes
 from gateway.topics import encode
 from tests.gateway.bridge.conftest import KEY
 from tests.gateway.page.conftest import Scene

@@ -87,7 +87,7 @@ def test_templates_are_part_of_the_package() -> None:
 
 @pytest.mark.slow
 def test_jinja_is_not_imported_before_the_first_document() -> None:
-    code = "import sys, gateway.recording.segments.calibration_files; sys.exit('jinja2' in sys.modules)"
+    code = "import sys, gateway.recording.segments.segment; sys.exit('jinja2' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0
 
 

@@ -20,9 +20,9 @@ from gateway.packing import unpack
 from gateway.pki.signing_key import fingerprint, read_public_key
 from gateway.recording.format.mcap_writer import McapWriter
 from gateway.recording.format.salvage import SalvageReport, open_mcap, read_records
-from gateway.recording.reading.catalogue import open_timeline
 from gateway.recording.reading.interval import iso_utc, parse_recording_time
 from gateway.recording.reading.samples import read_samples
+from gateway.recording.reading.timeline import open_timeline
 from gateway.recording.segments.copying import RecordCopier
 from tests.gateway.incident.conftest import MakeReport
 from tests.gateway.recorded_crane import LIMITS, SEGMENT_S, START_S, RecordedCrane

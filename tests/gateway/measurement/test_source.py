@@ -15,7 +15,7 @@ from gateway.measurement.source import read_source
 from gateway.packing import pack
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.pipeline.rig import Rig, RigHousing, RigRope
-from gateway.recording.format.header import RecordingHeader
+from gateway.recording.format.content import RecordingHeader
 from gateway.recording.reading.interval import RecordingInterval, parse_recording_time
 from gateway.recording.segments.recorder import Recorder
 

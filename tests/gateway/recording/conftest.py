@@ -11,7 +11,7 @@ from gateway import messages
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.pki.signing_key import load_or_create_key
 from gateway.recording.chain.segment_chain import SegmentChain
-from gateway.recording.format.header import RecordingHeader
+from gateway.recording.format.content import RecordingHeader
 from gateway.recording.segments.compaction import compact
 from gateway.recording.segments.recorder import Recorder
 

@@ -24,10 +24,10 @@ from mcap.records import (
 )
 from mcap.writer import MCAP0_MAGIC
 
-from gateway.recording.format.header import ORIGIN
+from gateway.recording.format.content import ORIGIN
 from gateway.recording.format.mcap_writer import serialise
+from gateway.recording.format.segment_summary import SUMMARY
 from gateway.recording.reading.recording_file import read_index
-from gateway.recording.summary.segment_summary import SUMMARY
 
 HEAD = struct.Struct("<BQ")
 FORGED_LOG_COUNT = 77

@@ -20,7 +20,7 @@ from gateway.pipeline.incidents import IncidentRegister
 from gateway.pipeline.outgoing_message import ClockState, HeaderMaker, MessageTime, OutgoingMessage, encode_message
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.chain.segment_chain import SegmentChain
-from gateway.recording.format.header import RecordingHeader
+from gateway.recording.format.content import RecordingHeader
 from gateway.recording.segments.recorder import Recorder
 from tests.clocks import START_NS, SleeplessClock
 

@@ -8,9 +8,9 @@ from typing import Any
 from mcap.reader import make_reader
 
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.info.recording_info import RecordingInfo, summarise_timeline
-from gateway.recording.reading.catalogue import open_timeline
+from gateway.recording.export.recording_info import RecordingInfo, summarise_timeline
 from gateway.recording.reading.recording_file import open_recording
+from gateway.recording.reading.timeline import open_timeline
 from gateway.recording.segments.recorder import Recorder
 
 SECOND_NS = 1_000_000_000

@@ -7,8 +7,8 @@ import pytest
 
 from gateway.alert_periods import AlertState
 from gateway.messages import ActiveAlert, Level
-from gateway.recording.summary.segment_summary import SegmentSummary
-from gateway.recording.summary.summary_builder import SummaryBuilder, join_alerts, unknown_s
+from gateway.recording.format.segment_summary import SegmentSummary
+from gateway.recording.format.summary_builder import SummaryBuilder, join_alerts, unknown_s
 from tests.values import present
 
 SECOND_NS = 10**9

@@ -18,11 +18,11 @@ from gateway.cli.main import main
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.pki.signing_key import load_or_create_key
 from gateway.recording.chain.segment_chain import SegmentChain
-from gateway.recording.format.header import RecordingHeader
+from gateway.recording.format.content import RecordingHeader
 from gateway.recording.reading.recording_file import open_recording
-from gateway.recording.segments.calibration_files import CalibrationFiles, calibration_files
 from gateway.recording.segments.copying import recover
 from gateway.recording.segments.recorder import Recorder, RecorderError
+from gateway.recording.segments.segment import CalibrationFiles, calibration_files
 from tests.gateway.recording.conftest import GATEWAY, MakeRecorder
 from tests.gateway.recording.recorded_files import record_blocks, segments, summarise
 from tests.values import present

@@ -23,7 +23,7 @@ from gateway.recording.chain.chain_verification import ChainVerification, verify
 from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.statements import hash_of
-from gateway.recording.format.header import segment_number
+from gateway.recording.format.content import segment_number
 from tests.gateway.recording.conftest import GATEWAY, SECOND_NS, Record
 
 LATER_NS = 1000 * SECOND_NS

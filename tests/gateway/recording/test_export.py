@@ -16,11 +16,11 @@ from gateway.measurement.rig_file import read_rig
 from gateway.measurement.source import read_source
 from gateway.recording.export import tables
 from gateway.recording.export.tables import samples_table
-from gateway.recording.reading.catalogue import open_timeline
 from gateway.recording.reading.interval import RecordingInterval
 from gateway.recording.reading.recording_file import EVERYTHING
 from gateway.recording.reading.sample_calibration import CalibratedReader
 from gateway.recording.reading.samples import read_samples
+from gateway.recording.reading.timeline import open_timeline
 from tests.clocks import START_NS
 from tests.gateway.recording.recorded_crane import CLOCK, RecordedCrane
 from tests.values import present

@@ -15,8 +15,8 @@ from gateway.bus.client import query_status
 from gateway.bus.session import open_session
 from gateway.cli.main import main
 from gateway.recording.export.playback import MAX_PLAYED_GAP_S, MOST_AT_ONCE, Playback, ViewerPlayback, playback_key
-from gateway.recording.reading.catalogue import open_timeline
 from gateway.recording.reading.recording_file import EVERYTHING
+from gateway.recording.reading.timeline import open_timeline
 from gateway.topics import TOPICS
 from tests.gateway.recording.recorded_crane import RecordedCrane
 from tests.ports import unused_port

@@ -7,7 +7,7 @@ from mcap.records import Attachment
 
 from devices.axes_map import SAME_AXES, parse_axes_map
 from devices.errors import RecordingError
-from gateway.recording.format.header import CONFIGURATION
+from gateway.recording.format.content import CONFIGURATION
 from gateway.recording.reading.recording_file import RecordingFile
 from gateway.recording.reading.sample_calibration import recorded_axes
 

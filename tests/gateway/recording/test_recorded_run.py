@@ -12,7 +12,7 @@ from devices.errors import RecordingError
 from gateway import messages
 from gateway.packing import pack
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.format.header import ORIGIN, RecordingHeader
+from gateway.recording.format.content import ORIGIN, RecordingHeader
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.reading.samples import read_samples
 from gateway.recording.segments.recorder import Recorder

@@ -11,8 +11,7 @@ from mcap.reader import make_reader
 from devices.block import DeviceInfo
 from gateway import messages
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.format.encoding import encode_recorded
-from gateway.recording.format.header import RecordingHeader
+from gateway.recording.format.content import RecordingHeader, encode_recorded
 from gateway.topics import TOPICS, adapter
 from tests.gateway.recording.conftest import MakeRecorder
 from tests.gateway.recording.recorded_files import SECOND_NS, contents, record_blocks

@@ -12,7 +12,7 @@ import pytest
 
 from gateway import messages
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.format.header import RecordingHeader
+from gateway.recording.format.content import RecordingHeader
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.segments.recorder import RecorderError
 from tests.gateway.recording.conftest import MakeRecorder

@@ -11,12 +11,12 @@ from devices.errors import RecordingError
 from gateway import messages
 from gateway.errors import InputError
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.info.info_text import info_text
-from gateway.recording.info.recording_info import TopicInfo, summarise_timeline
-from gateway.recording.reading.catalogue import open_timeline
+from gateway.recording.export.info_text import info_text
+from gateway.recording.export.recording_info import TopicInfo, summarise_timeline
+from gateway.recording.format.segment_summary import RecordedPeak
 from gateway.recording.reading.interval import RecordingInterval, parse_recording_time
+from gateway.recording.reading.timeline import open_timeline
 from gateway.recording.segments.copying import recover
-from gateway.recording.summary.segment_summary import RecordedPeak
 from tests.gateway.recording.conftest import MakeRecorder
 from tests.gateway.recording.recorded_crane import RecordedCrane
 from tests.gateway.recording.recorded_files import summarise

@@ -11,7 +11,7 @@ from devices.errors import RecordingError
 from gateway import messages
 from gateway.cli.main import main
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.info.info_text import info_text
+from gateway.recording.export.info_text import info_text
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.reading.samples import read_samples
 from gateway.recording.segments.copying import recover, recovered_path

@@ -7,7 +7,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 import pytest
 
 from gateway import messages
-from gateway.recording.format.encoding import encode_recorded, logged_topics, schema_bytes
+from gateway.recording.format.content import encode_recorded, logged_topics, schema_bytes
 from gateway.topics import TOPICS, adapter, encode, json_schema
 from tests.gateway.recording.viewer_rules import lichtblick_fields
 

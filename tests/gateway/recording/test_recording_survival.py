@@ -16,9 +16,9 @@ from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from gateway import messages
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.format.header import RecordingHeader
+from gateway.recording.export.info_text import info_text
+from gateway.recording.format.content import RecordingHeader
 from gateway.recording.format.salvage import SalvageReport
-from gateway.recording.info.info_text import info_text
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.reading.samples import read_samples
 from gateway.recording.segments.recorder import Recorder

@@ -22,7 +22,7 @@ from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.reading.samples import read_samples
 from gateway.recording.replay import replay_run as replay_result
-from gateway.recording.replay.replay_steps import RECOMPUTED_PATHS
+from gateway.recording.replay.replay_pipeline import RECOMPUTED_PATHS
 from tests.clocks import START_NS
 from tests.gateway.recording.recorded_crane import CLOCK, RecordedCrane
 

@@ -14,10 +14,10 @@ from devices.errors import RecordingError
 from gateway import messages
 from gateway.errors import InputError
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.format.header import RecordingHeader
-from gateway.recording.reading.catalogue import NoMessageError, list_recordings, open_timeline
+from gateway.recording.format.content import RecordingHeader
 from gateway.recording.reading.interval import RecordingInterval, parse_recording_time
 from gateway.recording.reading.samples import PART_BLOCKS, SampleReader, read_samples
+from gateway.recording.reading.timeline import NoMessageError, list_recordings, open_timeline
 from gateway.recording.segments.recorder import Recorder
 from tests.gateway.recording.conftest import MakeRecorder
 

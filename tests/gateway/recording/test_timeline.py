@@ -11,11 +11,10 @@ from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from gateway import messages
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.format.header import RecordingHeader
-from gateway.recording.reading.catalogue import open_timeline, open_timelines
+from gateway.recording.format.content import RecordingHeader
 from gateway.recording.reading.interval import RecordingInterval, parse_recording_time
 from gateway.recording.reading.recording_file import EVERYTHING, Selection, read_index
-from gateway.recording.reading.timeline import Timeline, summarise_segment
+from gateway.recording.reading.timeline import Timeline, open_timeline, open_timelines, summarise_segment
 from gateway.recording.segments.copying import recover
 from gateway.recording.segments.recorder import Recorder
 

@@ -15,7 +15,7 @@ from gateway.pki.signing_key import load_or_create_key
 from gateway.recording.chain.chain_verification import verify_chain
 from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.chain.segment_chain import SegmentChain
-from gateway.recording.format.header import RecordingHeader
+from gateway.recording.format.content import RecordingHeader
 from gateway.recording.reading.samples import read_samples
 from gateway.recording.segments.compaction import compact, trim
 from gateway.recording.segments.events import EventIndex, is_trimmed

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from gateway.recording.format.encoding import logged_topics, schema_bytes
+from gateway.recording.format.content import logged_topics, schema_bytes
 from tests.gateway.recorded_crane import RecordedCrane
 from tests.gateway.recording.viewer_rules import (
     SCRIPT_TOPICS,

@@ -11,7 +11,7 @@ from gateway.cli.main import main
 from gateway.pki.issue import Holder
 from gateway.pki.signing_key import fingerprint, load_or_create_key
 from gateway.pki.site_folder import utc_now
-from gateway.recording.format.header import RecordingHeader
+from gateway.recording.format.content import RecordingHeader
 from tests.gateway.pki.site import Site, vouch
 from tests.gateway.recording.conftest import GATEWAY, START_NS, Record
 from tests.values import present

@@ -12,7 +12,7 @@ from gateway.daemon.runtime.wall_clock import WallClockMonitor
 from gateway.messages import Mark
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recalibration.requests import RequestError, SetMark, parse_payload
-from gateway.recording.format.header import RecordingHeader
+from gateway.recording.format.content import RecordingHeader
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.segments.events import EventIndex, marker_path
 from gateway.recording.segments.recorder import Recorder

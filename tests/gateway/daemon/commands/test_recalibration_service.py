@@ -20,7 +20,7 @@ from gateway.daemon.storage.calibration_provider import CalibrationProvider
 from gateway.messages import Verdict
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.requests import VERBS, Cancel, Fetch, LoadSignal, RequestError, parse_payload
-from gateway.recording.segments.calibration_files import CalibrationFiles
+from gateway.recording.segments.segment import CalibrationFiles
 from tests.values import present
 
 INFO = DeviceInfo(kind="test", device_id="part-7", unit="counts", odr_hz=100.0, units_per_g=1000.0)

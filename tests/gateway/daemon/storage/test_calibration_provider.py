@@ -19,8 +19,8 @@ from gateway.daemon.runtime.faults import FaultRegister
 from gateway.daemon.storage.calibration_provider import CalibrationProvider, DriftStateStore
 from gateway.daemon.storage.recording_worker import CalibrationChange, RecordingWorker
 from gateway.pipeline.drift_monitor import DriftMonitor
-from gateway.recording.segments.calibration_files import CalibrationFiles
 from gateway.recording.segments.recorder import Recorder, RecorderError
+from gateway.recording.segments.segment import CalibrationFiles
 from tests.values import present
 
 INFO = DeviceInfo(kind="test", device_id="part-7", unit="counts", odr_hz=100.0, units_per_g=1000.0)

@@ -11,7 +11,7 @@ from gateway.daemon.runtime.faults import FaultRegister
 from gateway.daemon.storage.recording_worker import MAX_WAITING_RECORDS, ROOM_S, STALLED_S, RecordingWorker
 from gateway.messages import Samples
 from gateway.pipeline.outgoing_message import EncodedMessage, encode_message
-from gateway.recording.format.header import RecordingHeader
+from gateway.recording.format.content import RecordingHeader
 from gateway.recording.segments.recorder import Recorder
 
 

@@ -8,7 +8,7 @@ from typing import Literal
 
 from gateway import messages
 from gateway.alert_periods import AlertPeriod, AlertPeriods, AlertState, EndReason
-from gateway.recording.summary.segment_summary import (
+from gateway.recording.format.segment_summary import (
     SUMMARY_VERSION,
     CalibrationState,
     ClockChange,

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+from gateway.recording.format.segment_summary import SampleSummary, SegmentSummary, gap_between, is_gap
 from gateway.recording.reading.timeline import TimelineSegment
-from gateway.recording.summary.segment_summary import SampleSummary, SegmentSummary, gap_between, is_gap
 
 SummarisedSegment = tuple[TimelineSegment, SegmentSummary]
 

@@ -6,20 +6,10 @@ from typing import Any
 
 from devices.errors import RecordingError
 from gateway import messages
-from gateway.recording.format import header as names
+from gateway.recording.export.gaps import RecordingGap, SampleInfo, count_samples, describe_overlaps, join_gaps
+from gateway.recording.format import content as names
 from gateway.recording.format.salvage import SalvageReport, sum_losses
-from gateway.recording.info.gaps import RecordingGap, SampleInfo, count_samples, describe_overlaps, join_gaps
-from gateway.recording.reading.interval import WHOLE_RECORDING, RecordingInterval
-from gateway.recording.reading.recording_file import Selection, is_altered
-from gateway.recording.reading.timeline import (
-    ReadSegment,
-    ReportProgress,
-    Timeline,
-    TimelineSegment,
-    ignore_progress,
-    summarise_segment,
-)
-from gateway.recording.summary.segment_summary import (
+from gateway.recording.format.segment_summary import (
     CalibrationState,
     ClockChange,
     FaultCount,
@@ -30,7 +20,17 @@ from gateway.recording.summary.segment_summary import (
     TopicCount,
     calibration_key,
 )
-from gateway.recording.summary.summary_builder import RecordedAlert, join_alerts, unknown_s
+from gateway.recording.format.summary_builder import RecordedAlert, join_alerts, unknown_s
+from gateway.recording.reading.interval import WHOLE_RECORDING, RecordingInterval
+from gateway.recording.reading.recording_file import Selection, is_altered
+from gateway.recording.reading.timeline import (
+    ReadSegment,
+    ReportProgress,
+    Timeline,
+    TimelineSegment,
+    ignore_progress,
+    summarise_segment,
+)
 from gateway.topics import TOPICS
 
 

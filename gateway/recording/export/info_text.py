@@ -4,11 +4,11 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from gateway.recording.export.recording_info import RecordingInfo
 from gateway.recording.format.salvage import describe_losses
-from gateway.recording.info.recording_info import RecordingInfo
+from gateway.recording.format.segment_summary import CalibrationState, RecordedPeak
+from gateway.recording.format.summary_builder import RecordedAlert
 from gateway.recording.reading.interval import zoned
-from gateway.recording.summary.segment_summary import CalibrationState, RecordedPeak
-from gateway.recording.summary.summary_builder import RecordedAlert
 from gateway.text import counted
 
 LABEL_WIDTH = 15

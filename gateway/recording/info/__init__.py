@@ -1,1 +1,0 @@
-"""What is in recordings, for `record info`."""
