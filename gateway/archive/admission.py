@@ -1,13 +1,19 @@
-"""The door of an archive: what a file claims to be, and whether its signatures say so."""
+"""The door of an archive: what a file claims to be, whether its signatures say so, and which files count.
+
+Nothing counts twice, whatever was uploaded when: the answer depends on the files alone, never on the order in which they came or
+on any clock.
+"""
 
 import hashlib
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from devices.errors import RecordingError
-from gateway.archive.rows import Trust
+from gateway.archive.rows import TRUST_RANK, IndexedFile, RecordingRow, Status, Trust
 from gateway.archive.segment_rows import SegmentRows, read_rows
+from gateway.archive.source import StoredFile
 from gateway.bus.known_gateways import RefuseKey, known_statement
 from gateway.bus.untrusted import GATEWAY_KEY
 from gateway.errors import InputError
@@ -29,29 +35,6 @@ NOT_WHOLE = ("NOT SIGNED", "CUT:")
 
 KeyOf = Callable[[str], str | None]
 """Takes `<site>/<crane>/<sensor>`; returns the gateway's public key, None: not known."""
-
-
-@dataclass(frozen=True, slots=True)
-class Admission:
-    """What a file is, as far as it can be believed."""
-
-    sha256: str
-    gateway: tuple[str, str, str] | None
-    """Site, crane and sensor; None where they are not to be believed."""
-    trust: Trust
-    reason: str
-    boot_id: str = ""
-    software: str = ""
-    segment: int | None = None
-    public_key: str = ""
-    given_key: str = ""
-    asked_ca: str = ""
-    statement_sha256: str = ""
-    previous_sha256: str = ""
-    is_final: bool = False
-    is_trimmed: bool = False
-    rows: SegmentRows | None = None
-    """None: it is refused."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,22 +66,35 @@ class RefusedFileError(InputError):
         self.given_key = given_key
 
 
-def admit(path: Path, key_of: KeyOf, authority: Authority | None = None) -> Admission:
-    """Verify a file and read its rows; a file that cannot be taken is refused with the reason."""
+def admit(
+    stored: StoredFile, path: Path, key_of: KeyOf, authority: Authority | None = None
+) -> tuple[IndexedFile, SegmentRows | None]:
+    """Verify the copy of a file at a path and read its rows; one that cannot be taken is refused, with the reason and no rows."""
     sha256 = ""
     try:
         with path.open("rb") as file:
             sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-        return _admit(path, sha256, key_of, authority)
+        return _admit(stored, path, sha256, key_of, authority)
     except OSError as error:
-        return Admission(sha256, None, "refused", f"cannot be read: {error.strerror or error}")
+        refusal = RefusedFileError(f"cannot be read: {error.strerror or error}")
     except RecordingError as error:
-        return Admission(sha256, None, "refused", f"damaged: {str(error).removeprefix(f'{path}: ')}")
+        refusal = RefusedFileError(f"damaged: {str(error).removeprefix(f'{path}: ')}")
     except RefusedFileError as error:
-        return Admission(sha256, None, "refused", str(error), given_key=error.given_key)
+        refusal = error
+    row = RecordingRow(
+        path=stored.path,
+        version=stored.version,
+        size_bytes=stored.size_bytes,
+        status="refused",
+        reason=str(refusal),
+        given_key=refusal.given_key,
+    )
+    return IndexedFile(None, sha256, "refused", 0, row), None
 
 
-def _admit(path: Path, sha256: str, key_of: KeyOf, authority: Authority | None) -> Admission:
+def _admit(
+    stored: StoredFile, path: Path, sha256: str, key_of: KeyOf, authority: Authority | None
+) -> tuple[IndexedFile, SegmentRows]:
     metadata = read_index(path).metadata
     origin = metadata.get(ORIGIN, {})
     stated = parse_statement(metadata.get(SIGNATURE, {}).get("statement", ""))  # its signature is checked below
@@ -117,14 +113,17 @@ def _admit(path: Path, sha256: str, key_of: KeyOf, authority: Authority | None) 
     rows = read_rows(path)
     _check_times(rows)
     site, crane, sensor = name.split("/")
-    return Admission(
-        sha256,
-        (site, crane, sensor),
-        trust,
-        reason,
+    row = RecordingRow(
+        path=stored.path,
+        version=stored.version,
+        gateway_time_ns=rows.from_ns,
+        end_utc=rows.to_ns + rows.wall_offset_ns,
+        size_bytes=stored.size_bytes,
+        status="counted",
+        reason=reason,
+        segment=found.segment,
         boot_id=origin.get("boot_id", ""),
         software=origin.get("software", ""),
-        segment=found.segment,
         public_key="" if statement is None else statement.public_key,
         given_key=key,
         asked_ca=asked,
@@ -132,8 +131,9 @@ def _admit(path: Path, sha256: str, key_of: KeyOf, authority: Authority | None) 
         previous_sha256="" if statement is None else statement.previous_sha256,
         is_final=found.is_final,
         is_trimmed=statement is not None and bool(statement.replaces_sha256),
-        rows=rows,
+        unreadable=rows.losses.unreadable_messages + rows.losses.damaged_records,
     )
+    return IndexedFile((site, crane, sensor), sha256, trust, rows.from_ns + rows.wall_offset_ns, row), rows
 
 
 def _gateway(origin: Mapping[str, str], signed_for: str | None) -> str:
@@ -163,3 +163,61 @@ def _trust(found: FileVerification, key: str) -> Trust:
     if found.problems or not signed or found.unsigned_bytes:
         return "unsigned"
     return "verified" if key else "consistent"
+
+
+def judge_files(files: Iterable[IndexedFile]) -> list[IndexedFile]:
+    """Return the files of one gateway with their status.
+
+    Of equal files the first name counts. Of several versions of a segment of one start of the gateway, signed by the same key or
+    not signed, the best one counts: first by trust, then the whole segment before a cut or a trimmed one, then the longest.
+    What was deleted comes back under no name and in no other version.
+    """
+    files = list(files)
+    reasons = {
+        name: each.row.reason
+        for each in files
+        if each.row.status == "deleted"
+        for name in (each.recording, segment_of(each))
+    }
+    by_content: dict[str, list[IndexedFile]] = defaultdict(list)
+    for file in sorted(files, key=lambda each: each.row.path):
+        by_content[file.recording].append(file)
+    firsts = [same[0] for same in by_content.values()]
+    winners = {file.recording for file in _winners([each for each in firsts if each.trust != "refused"])}
+    judged = []
+    for same in by_content.values():
+        for place, file in enumerate(same):
+            status: Status = "counted" if file.recording in winners else "superseded"
+            reason = reasons.get(file.recording, reasons.get(segment_of(file)))
+            if file.trust == "refused":
+                status = "refused"
+            elif reason is not None:
+                status = "deleted"
+            elif place:
+                status = "copy"
+            row = replace(file.row, status=status, reason=file.row.reason if reason is None else reason)
+            judged.append(replace(file, row=row))
+    return judged
+
+
+def segment_of(file: IndexedFile) -> object:
+    """Return by what the versions of a segment are known."""
+    row = file.row
+    return file.recording if row.segment is None else (row.boot_id, row.segment)
+
+
+def _winners(files: Sequence[IndexedFile]) -> list[IndexedFile]:
+    groups: dict[object, list[IndexedFile]] = defaultdict(list)
+    for file in files:
+        groups[segment_of(file)].append(file)
+    winners = []
+    for versions in groups.values():
+        keys = {file.row.public_key for file in versions} - {""}
+        for key in keys or {""}:
+            winners.append(max((file for file in versions if file.row.public_key in (key, "")), key=_worth))
+    return winners
+
+
+def _worth(file: IndexedFile) -> tuple[int, bool, bool, int, str]:
+    row = file.row
+    return TRUST_RANK[file.trust], not row.is_trimmed, row.is_final, row.size_bytes, file.recording

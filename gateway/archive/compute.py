@@ -16,8 +16,7 @@ import pyarrow as pa
 
 from gateway.archive.rows import RECORDINGS, RESULTS, ResultRow
 from gateway.archive.tables import Archive, partition_of, row_places, select, sql_in, table_of
-from gateway.archive.task_run import PROCESSES, TaskLimits, TaskOutcome, run_task
-from gateway.archive.tasks import Task, TaskKind, plan_tasks
+from gateway.archive.tasks import PROCESSES, Task, TaskKind, TaskLimits, TaskOutcome, plan_tasks, run_task
 from gateway.calibration.record import CalibrationRecord
 from gateway.errors import InputError
 from gateway.recording.reading.timeline import ReportProgress, ignore_progress

@@ -13,11 +13,11 @@ from deltalake import CommitProperties
 from deltalake.exceptions import CommitFailedError, DeltaError
 from obstore.exceptions import BaseError
 
+from gateway.archive.admission import segment_of
 from gateway.archive.index import BATCH_FILES, Files, change_files
-from gateway.archive.rows import RECORDINGS, RESULTS, schema_of
+from gateway.archive.rows import RECORDINGS, RESULTS, IndexedFile, schema_of
 from gateway.archive.source import RecordingSource, reason_of_store
 from gateway.archive.tables import MAX_ATTEMPTS, Archive, ArchiveError, row_places, select, sql_in
-from gateway.archive.versions import IndexedFile, segment_of
 from gateway.errors import InputError
 
 NAMES = {"calibrations": "record", RESULTS: "content"}

@@ -11,8 +11,9 @@ from functools import cache
 
 import pyarrow as pa
 
-from gateway.archive.admission import Admission, Authority, KeyOf, admit
-from gateway.archive.rows import RECORDINGS, TABLES, RecordingRow, schema_of
+from gateway.archive.admission import Authority, KeyOf, admit, judge_files
+from gateway.archive.rows import RECORDINGS, TABLES, IndexedFile, schema_of
+from gateway.archive.segment_rows import SegmentRows
 from gateway.archive.source import RecordingSource, StoredFile
 from gateway.archive.tables import (
     MAX_ATTEMPTS,
@@ -25,7 +26,6 @@ from gateway.archive.tables import (
     select,
     table_of,
 )
-from gateway.archive.versions import IndexedFile, judge_files
 from gateway.recording.reading.timeline import ReportProgress, ignore_progress
 
 BATCH_FILES = 500
@@ -73,13 +73,18 @@ def index(
         if not _is_new(stored, known[stored.path], key_of, authority):
             continue
         with source.local(stored.path) as path:
-            batch.append(_new_file(stored, admit(path, key_of, authority)))
+            file, rows = admit(stored, path, key_of, authority)
+        batch.append(NewFile(file, {} if rows is None else _tables(file, rows)))
         if len(batch) == BATCH_FILES:
             result.read += commit(archive, batch)
             batch = []
     result.read += commit(archive, batch)
     report(1.0)
     return result
+
+
+def _tables(file: IndexedFile, rows: SegmentRows) -> dict[str, pa.Table]:
+    return {name: table_of(name, rows.rows[name], file, rows.wall_offset_ns) for name in TABLES}
 
 
 def commit(archive: Archive, new: Sequence[NewFile]) -> list[IndexedFile]:
@@ -189,32 +194,3 @@ def _is_new(stored: StoredFile, known: Sequence[KnownFile], key_of: KeyOf, autho
     if key is None and authority is not None and not file.given_key:
         return file.asked_ca != authority.sha256
     return key is not None and key != file.given_key
-
-
-def _new_file(stored: StoredFile, found: Admission) -> NewFile:
-    rows = found.rows
-    offset_ns = 0 if rows is None else rows.wall_offset_ns
-    row = RecordingRow(
-        path=stored.path,
-        version=stored.version,
-        gateway_time_ns=0 if rows is None else rows.from_ns,
-        end_utc=0 if rows is None else rows.to_ns + offset_ns,
-        size_bytes=stored.size_bytes,
-        status="refused" if rows is None else "counted",
-        reason=found.reason,
-        segment=found.segment,
-        boot_id=found.boot_id,
-        software=found.software,
-        public_key=found.public_key,
-        given_key=found.given_key,
-        asked_ca=found.asked_ca,
-        statement_sha256=found.statement_sha256,
-        previous_sha256=found.previous_sha256,
-        is_final=found.is_final,
-        is_trimmed=found.is_trimmed,
-        unreadable=0 if rows is None else rows.losses.unreadable_messages + rows.losses.damaged_records,
-    )
-    utc_ns = row.gateway_time_ns + offset_ns
-    file = IndexedFile(found.gateway, found.sha256, found.trust, utc_ns, row)
-    tables = {} if rows is None else {name: table_of(name, rows.rows[name], file, offset_ns) for name in TABLES}
-    return NewFile(file, tables)

@@ -12,9 +12,8 @@ from datetime import UTC, datetime, time, timedelta
 import duckdb
 import numpy as np
 
-from gateway.archive.limit_cost import LimitCost, tried_limits
+from gateway.archive.alternatives import LimitCost, VersionComparison, compare_replays, tried_limits
 from gateway.archive.query import open_database
-from gateway.archive.replay_changes import VersionComparison, compare_replays
 from gateway.archive.rows import Trust
 from gateway.archive.tables import Archive
 from gateway.calibration.drift.fleet_drift import SensorDrift, fleet_drift

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import FuncFormatter
 
-from gateway.archive.replay_changes import ReplayChange
+from gateway.archive.alternatives import ReplayChange
 from gateway.archive.report import DRIFT_LIMIT_DEG, MAX_WORST, ArchiveReport, GatewayMonth, WorstSwing
 from gateway.calibration.drift.type_drift import TypeDrift
 from gateway.certificate.bench_report import ReportTable, render_bench_report

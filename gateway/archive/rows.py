@@ -16,6 +16,8 @@ unsigned: nothing or not everything in it is signed; refused: not taken into the
 Status = Literal["counted", "copy", "superseded", "refused", "deleted"]
 """counted: its rows are in the tables; copy: the same bytes under another name; superseded: a better version of the segment is
 counted; refused: see `reason`; deleted: its rows and its file were, see `reason`."""
+TRUST_RANK: dict[Trust, int] = {"refused": 0, "unsigned": 1, "consistent": 2, "verified": 3}
+"""Definition: the order of the answers."""
 
 TaskState = Literal["done", "refused", "poison"]
 """done: the command has answered; refused: it said why it cannot answer; poison: it died or took too much in every attempt."""
@@ -163,28 +165,41 @@ class RecordingRow:
     """Name within the source."""
     version: str
     """What the store says of this version of the file: it is read again where that changes."""
-    gateway_time_ns: int
+    gateway_time_ns: int = 0
     """First message."""
-    end_utc: int
+    end_utc: int = 0
     size_bytes: int
     status: Status
     reason: str
     """Why it is refused, superseded or not verified; remarks of the verification."""
-    segment: int | None
-    boot_id: str
-    software: str
-    public_key: str
+    segment: int | None = None
+    boot_id: str = ""
+    software: str = ""
+    public_key: str = ""
     """The key that has signed it; empty: none."""
-    given_key: str
+    given_key: str = ""
     """The key that it was compared with; empty: none was known."""
-    asked_ca: str | None
+    asked_ca: str | None = ""
     """SHA-256 of the site's CA, where it was asked for the key; None: of an older version."""
-    statement_sha256: str
-    previous_sha256: str
-    is_final: bool
-    is_trimmed: bool
-    unreadable: int
+    statement_sha256: str = ""
+    previous_sha256: str = ""
+    is_final: bool = False
+    is_trimmed: bool = False
+    unreadable: int = 0
     """Messages and records that cannot be read."""
+
+
+@dataclass(frozen=True, slots=True)
+class IndexedFile:
+    """A file with what all tables say of a recording."""
+
+    gateway: tuple[str, str, str] | None
+    recording: str
+    """SHA-256 of the file."""
+    trust: Trust
+    utc_ns: int
+    """Of the first message."""
+    row: RecordingRow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,9 +15,8 @@ import pyarrow as pa
 from deltalake import CommitProperties, DeltaTable, Field, QueryBuilder, Transaction, WriterProperties, write_deltalake
 from deltalake.exceptions import CommitFailedError, DeltaError, TableNotFoundError
 
-from gateway.archive.rows import ALL_TABLES, RECORDINGS, RESULTS, RecordingRow, schema_of
+from gateway.archive.rows import ALL_TABLES, RECORDINGS, RESULTS, IndexedFile, RecordingRow, schema_of
 from gateway.archive.source import reason_of_store
-from gateway.archive.versions import IndexedFile
 from gateway.errors import InputError
 
 MAX_ATTEMPTS = 50

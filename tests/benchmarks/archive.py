@@ -28,7 +28,7 @@ from gateway.archive.report_page import render_archive_report
 from gateway.archive.rows import RECORDINGS, schema_of
 from gateway.archive.source import open_source
 from gateway.archive.tables import Archive, row_places
-from gateway.archive.task_run import TaskLimits, TaskOutcome
+from gateway.archive.tasks import TaskLimits, TaskOutcome
 from tests.gateway.archive.small_recordings import START_NS, SmallCrane
 
 BEGIN = datetime(2026, 1, 1, tzinfo=UTC)

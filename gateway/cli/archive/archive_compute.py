@@ -97,7 +97,7 @@ def _run(kind: "TaskKind", arguments: argparse.Namespace) -> int:
     from gateway.archive.compute import Workers, compute
     from gateway.archive.source import open_source
     from gateway.archive.tables import Archive
-    from gateway.archive.task_run import TaskLimits
+    from gateway.archive.tasks import TaskLimits
     from gateway.calibration.offline.input_files import read_record
     from gateway.cli.terminal.output import show
     from gateway.cli.terminal.progress import ProgressBar
@@ -128,8 +128,8 @@ def _run(kind: "TaskKind", arguments: argparse.Namespace) -> int:
 
 def _compared(archive: "Archive", against: str, calibration: "CalibrationRecord | None") -> tuple[str, dict[str, Any]]:
     """Compare what this version has computed, as text and as JSON."""
+    from gateway.archive.alternatives import compare_replays
     from gateway.archive.query import open_database
-    from gateway.archive.replay_changes import compare_replays
     from gateway.cli.archive.replay_changes_text import changes_json, changes_text
 
     record = None if calibration is None else calibration.id

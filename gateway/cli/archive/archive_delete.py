@@ -12,7 +12,7 @@ from gateway.extras import require_extra
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from gateway.archive.versions import IndexedFile
+    from gateway.archive.rows import IndexedFile
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

@@ -10,7 +10,7 @@ from gateway.extras import require_extra
 
 if TYPE_CHECKING:
     from gateway.archive.index import IndexResult
-    from gateway.archive.versions import IndexedFile
+    from gateway.archive.rows import IndexedFile
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

@@ -13,8 +13,7 @@ from gateway.errors import ANSWER_IS_NO
 from gateway.extras import require_extra
 
 if TYPE_CHECKING:
-    from gateway.archive.time_window import TimeWindow
-    from gateway.archive.upload import Uploader, UploadResult
+    from gateway.archive.upload import TimeWindow, Uploader, UploadResult
 
 NICENESS = 15
 """Priority below that of the gateway, whose recording comes first. Basis: as deploy's other helpers; what is idle is used."""
@@ -98,6 +97,6 @@ def _told(result: "UploadResult") -> int:
 
 
 def _window(text: str) -> "TimeWindow":
-    from gateway.archive.time_window import parse_window
+    from gateway.archive.upload import parse_window
 
     return parse_window(text)

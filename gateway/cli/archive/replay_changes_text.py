@@ -8,7 +8,7 @@ from gateway.recording.format.summary_builder import RecordedAlert
 from gateway.recording.reading.interval import iso_utc
 
 if TYPE_CHECKING:
-    from gateway.archive.replay_changes import OutcomeChange, ReplayChange, VersionComparison
+    from gateway.archive.alternatives import OutcomeChange, ReplayChange, VersionComparison
 
 MAX_LISTED = 20
 """Starts that are printed. Basis: a choice; a screen or two, and the JSON has all."""

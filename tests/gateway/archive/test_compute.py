@@ -12,8 +12,7 @@ import pytest
 from gateway.archive.compute import ComputeResult, Workers, compute
 from gateway.archive.rows import RECORDINGS
 from gateway.archive.tables import Archive
-from gateway.archive.task_run import TaskLimits
-from gateway.archive.tasks import TaskKind, plan_tasks
+from gateway.archive.tasks import TaskKind, TaskLimits, plan_tasks
 from gateway.cli.main import main
 from gateway.errors import ANSWER_IS_NO, BAD_INPUT
 from tests.gateway.archive.archive_rows import indexed, select

@@ -12,7 +12,7 @@ import pytest
 
 import gateway
 from gateway import __version__
-from gateway.archive.replay_changes import change_between
+from gateway.archive.alternatives import change_between
 from gateway.calibration.record import CalibrationRecord, content_hash
 from gateway.cli.main import main
 from gateway.errors import BAD_INPUT

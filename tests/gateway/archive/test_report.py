@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.archive.limit_cost import limit_costs
+from gateway.archive.alternatives import limit_costs
 from gateway.archive.report import ReportQuestion, make_report
 from gateway.archive.tables import Archive
 from gateway.cli.main import main

@@ -14,8 +14,7 @@ from obstore.store import LocalStore
 from gateway.archive.query import ask
 from gateway.archive.source import open_object_store
 from gateway.archive.tables import Archive
-from gateway.archive.time_window import parse_window
-from gateway.archive.upload import Uploader, UploadLimits, UploadResult, open_destination
+from gateway.archive.upload import Uploader, UploadLimits, UploadResult, open_destination, parse_window
 from gateway.cli.main import main
 from gateway.errors import ANSWER_IS_NO, BAD_INPUT
 from tests.gateway.archive.archive_rows import content
