@@ -1,9 +1,32 @@
-"""The course of an incident: what the recordings state between two times, as arrays."""
+"""The course of an incident: what the recordings state between two times, as arrays, collected from their messages."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
-from gateway.messages import Calibration, Health
+import numpy as np
+
+from gateway.documents.format import human_name
+from gateway.messages import (
+    NO_SESSION,
+    Alert,
+    Calibration,
+    CalibrationSession,
+    ClockOffset,
+    Condition,
+    Health,
+    Log,
+    Mark,
+    Motion,
+)
 from gateway.numerics.array import Array
+from gateway.pipeline.alert_rules import RULE_NAMES
+from gateway.recording.format.segment_summary import MIN_GAP_PERIODS
+from gateway.recording.reading.sample_calibration import CalibratedBlock
+
+COURSE_TOPICS = frozenset({"/motion", "/condition", "/alert", "/health", "/calibration", "/mark", "/clock", "/log"})
+"""The topics of which a course is made, beside the samples."""
+MOTION_NUMBERS = ("angle_deg", "u_deg", "azimuth_deg", "hoist_m_s", "hoist_u_m_s", "length_m", "lean_deg", "lean_u_deg")
+TRUSTED_TEXT = "trusted"
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,3 +155,157 @@ class Course:
     def utc_ns(self, time_s: float) -> int:
         """Return the UTC of a time of the course."""
         return self.origin_ns + self.wall_offset_ns + round(time_s * 1e9)
+
+
+@dataclass(slots=True)
+class CourseBuilder:
+    """Takes the messages in the order of writing; times count from `origin_ns`."""
+
+    origin_ns: int
+    _motion: list[list[float]] = field(default_factory=list)
+    _motion_state: list[str] = field(default_factory=list)
+    _blocks: list[tuple[Array, Array]] = field(default_factory=list)
+    """Times and specific force of each block."""
+    _lost: int = 0
+    _invalid: int = 0
+    _states: dict[str, list[tuple[float, str]]] = field(default_factory=dict)
+    _clock: list[tuple[float, ClockOffset]] = field(default_factory=list)
+    _calibrations: list[tuple[float, Calibration]] = field(default_factory=list)
+    _log: list[TimedText] = field(default_factory=list)
+    _health: Health | None = None
+    _session: CalibrationSession = NO_SESSION
+    _sessions: list[TimedText] = field(default_factory=list)
+    _marks: list[TimedText] = field(default_factory=list)
+    _faults: list[TimedText] = field(default_factory=list)
+
+    def add_block(self, block: CalibratedBlock) -> None:
+        """Take a block of samples."""
+        self._blocks.append(((block.block.time_ns - self.origin_ns) / 1e9, block.force_g))
+        self._lost += block.block.lost
+        self._invalid += block.block.invalid
+
+    def add(self, time_ns: int, content: object) -> None:
+        """Take the content of a message with its gateway time."""
+        time_s = (time_ns - self.origin_ns) / 1e9
+        match content:
+            case Motion():
+                self._add_motion(time_s, content)
+            case Calibration():
+                if not self._calibrations or _in_force(self._calibrations[-1][1]) != _in_force(content):
+                    self._calibrations.append((time_s, content))
+                self._add_session(time_s, content.session)
+            case Mark():
+                self._marks.append(TimedText(time_s, f"{content.by or 'an unnamed person'}: {content.text}"))
+            case Log():
+                self._log.append(TimedText(time_s, content.message))
+            case _:
+                self._add_states(time_s, content)
+
+    def course(self, begin_ns: int, end_ns: int) -> Course:
+        """Return the course of everything that was added."""
+        states = {name: _state_course(rows) for name, rows in self._states.items()}
+        nothing = _state_course([])
+        acceleration, counts = self._acceleration()
+        return Course(
+            origin_ns=self.origin_ns,
+            begin_ns=begin_ns,
+            end_ns=end_ns,
+            wall_offset_ns=self._wall_offset_ns(),
+            motion=self._motion_course(),
+            acceleration=acceleration,
+            samples=counts,
+            condition=states.get("condition", nothing),
+            trusted=states.get("trusted", nothing),
+            alert_levels={rule: states[rule] for rule in RULE_NAMES if rule in states},
+            health=states.get("health", nothing),
+            clock=states.get("clock", nothing),
+            clock_steps_s=tuple(time_s for time_s, clock in self._clock if clock.stepped),
+            calibrations=tuple(self._calibrations),
+            log=tuple(self._log),
+            sessions=tuple(self._sessions),
+            marks=tuple(self._marks),
+            faults=tuple(self._faults),
+            last_health=self._health,
+        )
+
+    def _add_states(self, time_s: float, content: object) -> None:
+        match content:
+            case Condition():
+                self._add_state("condition", time_s, content.verdict)
+                self._add_state("trusted", time_s, TRUSTED_TEXT if content.trusted else "; ".join(content.reasons))
+            case Alert():
+                levels = {active.rule: active.level for active in content.active}
+                for rule in RULE_NAMES:
+                    self._add_state(rule, time_s, levels.get(rule, "normal"))
+            case Health():
+                self._add_faults(time_s, content)
+                self._add_state("health", time_s, content.state)
+            case ClockOffset():
+                self._clock.append((time_s, content))
+                self._add_state("clock", time_s, content.clock)
+            case _:
+                pass
+
+    def _add_session(self, time_s: float, session: CalibrationSession) -> None:
+        if (session.id, session.phase) != (self._session.id, self._session.phase):
+            by = f" by {session.by}" if session.by else ""
+            self._sessions.append(TimedText(time_s, f"Recalibration {session.phase}{by}. {session.text}"))
+        self._session = session
+
+    def _add_faults(self, time_s: float, health: Health) -> None:
+        before = _fault_counts(health if self._health is None else self._health)
+        for name, count in _fault_counts(health).items():
+            if (more := count - before.get(name, 0)) > 0:
+                self._faults.append(TimedText(time_s, f"{name}: {more} more"))
+        self._health = health
+
+    def _add_state(self, name: str, time_s: float, state: str) -> None:
+        self._states.setdefault(name, []).append((time_s, state))
+
+    def _add_motion(self, time_s: float, motion: Motion) -> None:
+        pivot_m_s2 = motion.pivot_accel_m_s2 or [np.nan, np.nan]
+        numbers: list[Any] = [getattr(motion, name) for name in MOTION_NUMBERS]
+        self._motion.append([time_s, *(np.nan if each is None else each for each in numbers), *pivot_m_s2])
+        self._motion_state.append(motion.state)
+
+    def _motion_course(self) -> MotionCourse:
+        table = np.array(self._motion, dtype=np.float64).reshape(-1, 3 + len(MOTION_NUMBERS))
+        order = np.argsort(table[:, 0], kind="stable")
+        table = table[order]
+        columns = dict(zip(MOTION_NUMBERS, table[:, 1:-2].T, strict=True))
+        states = StateCourse(table[:, 0], tuple(self._motion_state[index] for index in order))
+        return MotionCourse(time_s=table[:, 0], pivot_m_s2=table[:, -2:], states=states, **columns)
+
+    def _acceleration(self) -> tuple[ForceCourse, SampleCounts]:
+        if not self._blocks:
+            empty = ForceCourse(np.zeros(0), np.zeros((0, 3)))
+            return empty, SampleCounts(0, None, self._lost, self._invalid, ())
+        time_s = np.concatenate([block[0] for block in self._blocks])
+        force_g = np.concatenate([block[1] for block in self._blocks])
+        order = np.argsort(time_s, kind="stable")
+        time_s, force_g = time_s[order], force_g[order]
+        steps_s = np.diff(time_s)
+        period_s = float(np.median(steps_s)) if len(steps_s) else 0.0
+        late = np.flatnonzero((steps_s > MIN_GAP_PERIODS * period_s) & (period_s > 0))
+        gaps = tuple(TimeGap(float(time_s[index]), float(time_s[index + 1])) for index in late)
+        rate_hz = 1 / period_s if period_s > 0 else None
+        return ForceCourse(time_s, force_g), SampleCounts(len(time_s), rate_hz, self._lost, self._invalid, gaps)
+
+    def _wall_offset_ns(self) -> int:
+        before = [clock for time_s, clock in self._clock if time_s <= 0]
+        known = before[-1:] or [clock for _, clock in self._clock[:1]]
+        return known[0].wall_offset_ns if known else 0
+
+
+def _in_force(calibration: Calibration) -> tuple[object, ...]:
+    return calibration.calibration_id, calibration.status, calibration.in_force
+
+
+def _fault_counts(health: Health) -> dict[str, int]:
+    dropped = {f"dropped by the {name}": count for name, count in health.dropped.items()}
+    return {human_name(name): count for name, count in health.faults.items()} | dropped
+
+
+def _state_course(rows: list[tuple[float, str]]) -> StateCourse:
+    ordered = sorted(rows, key=lambda row: row[0])
+    return StateCourse(np.array([time_s for time_s, _ in ordered]), tuple(state for _, state in ordered))

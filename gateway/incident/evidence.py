@@ -1,11 +1,11 @@
-"""The evidence of an incident: its course, and the files that it is from."""
+"""The evidence of an incident: its course, the files that it is from, and whether they are what the gateway wrote."""
 
 import hashlib
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Literal
 
 from pydantic import ValidationError
 
@@ -13,9 +13,11 @@ from devices.errors import RecordingError
 from gateway import __version__
 from gateway.calibration.record import CalibrationRecord
 from gateway.certificate.page import render_certificate
-from gateway.incident.course import Course
-from gateway.incident.course_builder import COURSE_TOPICS, CourseBuilder
+from gateway.incident.course import COURSE_TOPICS, Course, CourseBuilder
 from gateway.incident.incident_selection import IncidentWindow
+from gateway.pki.signing_key import KeyFileError, fingerprint
+from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
+from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.format import content as names
 from gateway.recording.format.mcap_writer import DENSE, McapWriter
 from gateway.recording.format.salvage import describe_losses
@@ -39,6 +41,7 @@ CUT_RECORD = "cut"
 NOTHING_READ = "no message of this time could be read"
 CONTEXT_LEAD_NS = 15_000_000_000
 """Calibration and clock are read from so long before the begin. Basis: both are recorded more often, calibrations every 10 s."""
+VerdictKind = Literal["genuine", "differs", "open"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,3 +181,47 @@ def _source(segment: TimelineSegment, file: RecordingFile | None) -> SourceFile:
         boot_id=segment.boot_id,
         losses=(NOTHING_READ,) if file is None else tuple(describe_losses(file.losses)),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class RecordVerdict:
+    """The result of the verification."""
+
+    kind: VerdictKind
+    """`open`: nothing differs, and something that would prove it is missing."""
+    label: str
+    sentences: tuple[str, ...]
+
+
+def judge_recordings(paths: Sequence[Path], key: str | None) -> RecordVerdict:
+    """Verify the files of a report; `key`: the gateway's public key, None: not given.
+
+    Files that are not given cannot be missed: only `record verify` of the whole folder states that none was removed. Raises
+    `RecordingError` where a file cannot be read.
+    """
+    try:
+        chain = verify_chain([verify_file(path, key) for path in paths], (), key)
+    except KeyFileError as error:
+        return RecordVerdict("open", "not verified", (f"{error}.",))
+    if all(file.segment is None and file.statement is None for file in chain.files):
+        return RecordVerdict(
+            "open", "not signed", ("The recordings have no signatures: no change of them can be detected.",)
+        )
+    remarks = (*chain.remarks, *(f"{file.path.name}: {text}" for file in chain.files for text in file.remarks))
+    if chain.answer == "differs":
+        return RecordVerdict("differs", "THEY DIFFER FROM WHAT THE GATEWAY SIGNED", (*_problems(chain), *remarks))
+    if not chain.public_keys:
+        return RecordVerdict("open", "chained by hashes, not signed", remarks)
+    signer = fingerprint(chain.public_keys[0])
+    if key is None:
+        compare = (
+            f"Whoever wrote the recordings may have signed them: their key {signer} stands in them alone. "
+            "Compare it with the gateway’s, or give that with --key."
+        )
+        return RecordVerdict("open", "consistent in themselves only", (compare, *remarks))
+    return RecordVerdict("genuine", f"genuine, nothing differs from what the gateway signed (key {signer})", remarks)
+
+
+def _problems(chain: ChainVerification) -> tuple[str, ...]:
+    of_files = (f"{file.path.name}: {text}" for file in chain.files for text in file.problems)
+    return (*chain.problems, *of_files)

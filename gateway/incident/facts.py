@@ -5,11 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from gateway.incident.alert_incidents import AlertIncident
-from gateway.incident.course import Course
-from gateway.incident.course_builder import TRUSTED_TEXT
-from gateway.incident.evidence import IncidentEvidence
-from gateway.incident.recording_verdict import RecordVerdict
+from gateway.incident.course import TRUSTED_TEXT, Course
+from gateway.incident.evidence import IncidentEvidence, RecordVerdict
+from gateway.incident.incident_selection import AlertIncident
 from gateway.messages import SCHEMA_VERSION
 from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975

@@ -1,11 +1,13 @@
-"""The summary of an incident in plain sentences; every number stands in the recordings."""
+"""An incident in words: its summary in plain sentences, whose numbers all stand in the recordings, and its events in order."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
-from gateway.documents.format import format_fixed, format_percent, format_short
-from gateway.incident.alert_incidents import STANDING, AlertIncident
-from gateway.incident.course import Course
+from gateway.documents.format import as_sentence, format_fixed, format_percent, format_short, human_name, printable_text
+from gateway.incident.course import Course, StateCourse
+from gateway.incident.evidence import IncidentEvidence
 from gateway.incident.facts import CraneMove, IncidentFacts, PeakAngle
+from gateway.incident.incident_selection import STANDING, AlertIncident
 from gateway.incident.timeline_figure import ReportClock
 from gateway.pipeline.alert_rules import SWING
 from gateway.text import counted
@@ -21,6 +23,14 @@ CLOCKS = {
     "free_running": "The gateway's clock was not synchronised: UTC is only as good as when it was last set.",
     "replayed": "The times are those of a replayed recording.",
 }
+ALERT, MARK = "alert", "mark"
+ALWAYS_SHOWN = (ALERT, MARK)
+MAX_SHOWN_EVENTS = 120
+"""Basis: a choice; two or three printed pages."""
+MAX_EVENT_CHARACTERS = 260
+"""Basis: a choice; two or three lines of the table."""
+MIN_STATE_S = 1.0
+"""A condition that lasted shorter is left out. Basis: two verdicts."""
 
 
 def summary_sentences(course: Course, incident: AlertIncident | None, facts: IncidentFacts) -> tuple[str, ...]:
@@ -156,3 +166,78 @@ def angle_text(peak: PeakAngle) -> str:
     angle, low, high = (format_fixed(each, decimals) for each in (peak.angle_deg, low_deg, high_deg))
     side = "" if peak.azimuth_deg is None else f", towards azimuth {format_fixed(peak.azimuth_deg, 0)}° of the housing,"
     return f"{angle}° ({low}° to {high}° at 95 %){side}"
+
+
+@dataclass(frozen=True, slots=True)
+class EventRow:
+    """A row of the table."""
+
+    utc: str
+    local: str
+    kind: str
+    text: str
+    is_alert: bool
+
+
+@dataclass(frozen=True, slots=True)
+class EventTable:
+    """The rows, and how many did not fit."""
+
+    rows: tuple[EventRow, ...]
+    hidden: int
+    zone: str
+
+
+def event_table(evidence: IncidentEvidence) -> EventTable:
+    """Return the events; alerts and marks are always shown."""
+    course, clock = evidence.course, ReportClock(evidence.course)
+    found = sorted(_events(evidence, course), key=lambda event: event[0])
+    inside = [event for event in found if course.begin_s <= event[0] <= course.end_s]
+    room = max(0, MAX_SHOWN_EVENTS - sum(kind in ALWAYS_SHOWN for _, kind, _ in inside))
+    shown = []
+    for event in inside:
+        room -= event[1] not in ALWAYS_SHOWN
+        if event[1] in ALWAYS_SHOWN or room >= 0:
+            shown.append(_row(clock, *event))
+    return EventTable(tuple(shown), len(inside) - len(shown), clock.zone(course.begin_s))
+
+
+def _row(clock: ReportClock, time_s: float, kind: str, text: str) -> EventRow:
+    return EventRow(
+        utc=clock.time(time_s),
+        local=clock.time(time_s, is_local=True),
+        kind=kind,
+        text=printable_text(text, MAX_EVENT_CHARACTERS),
+        is_alert=kind == ALERT,
+    )
+
+
+def _events(evidence: IncidentEvidence, course: Course) -> Iterator[tuple[float, str, str]]:
+    """Yield (time, kind, text)."""
+    incidents = [evidence.window.incident, *evidence.window.others]
+    told = set()
+    for incident in incidents:
+        for change in () if incident is None else incident.changes:
+            told.add(change.text)
+            yield (change.time_ns - course.origin_ns) / 1e9, ALERT, as_sentence(change.text)
+    yield from _state_events("condition", course.condition, course)
+    yield from _state_events("gateway", course.health, course)
+    yield from _state_events("clock", course.clock, course)
+    for time_s in course.clock_steps_s:
+        yield time_s, "clock", "The wall clock stepped."
+    for index, (time_s, calibration) in enumerate(course.calibrations):
+        verb = "Calibration in force" if index == 0 else "Another calibration in force"
+        yield max(time_s, course.begin_s), "calibration", f"{verb}: {calibration.text}."
+    for kind, texts in ((MARK, course.marks), ("calibration", course.sessions), ("gateway", course.faults)):
+        yield from ((each.time_s, kind, as_sentence(each.text)) for each in texts)
+    for gap in course.samples.gaps:
+        yield gap.begin_s, "samples", f"No samples for {gap.end_s - gap.begin_s:.3f} s."
+    for line in course.log:
+        if line.text not in told:
+            yield line.time_s, "log", line.text
+
+
+def _state_events(kind: str, states: StateCourse, course: Course) -> Iterator[tuple[float, str, str]]:
+    for begin_s, end_s, state in states.spans(course.end_s):
+        if end_s - begin_s >= MIN_STATE_S:
+            yield max(begin_s, course.begin_s), kind, as_sentence(f"{human_name(state)} for {end_s - begin_s:.1f} s")

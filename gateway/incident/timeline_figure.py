@@ -15,10 +15,9 @@ from matplotlib.ticker import FixedLocator, FuncFormatter
 
 from gateway.documents.figures import AFTER, ALARM, BEFORE, EVENT, FAINT, INK, LINE, MEASURED, Figure, decimate_band
 from gateway.documents.plots import WIDTH_IN, plot_curve, render_svg
-from gateway.incident.alert_incidents import AlertIncident
-from gateway.incident.course import Course, StateCourse
-from gateway.incident.course_builder import TRUSTED_TEXT
+from gateway.incident.course import TRUSTED_TEXT, Course, StateCourse
 from gateway.incident.facts import IncidentFacts
+from gateway.incident.incident_selection import AlertIncident
 from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
 from gateway.pipeline.alert_rules import SWING

@@ -6,7 +6,7 @@ from typing import Any
 from devices.pendulum.small_swing import period_ratio
 from devices.recording import Recording
 from gateway.measurement.measure import Measurement
-from gateway.measurement.motion_report import motion_json, motion_rows
+from gateway.measurement.motion import motion_json, motion_rows
 from gateway.measurement.source import Source
 from gateway.measurement.swing import not_judged, relative_s
 from gateway.recording.reading.interval import iso_utc

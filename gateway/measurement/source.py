@@ -16,7 +16,7 @@ from gateway.calibration.correction import Correction
 from gateway.configuration.model import ALIGNED_MOUNT_U_DEG
 from gateway.errors import InputError
 from gateway.measurement.foreign_file import read_foreign
-from gateway.measurement.recording_settings import calibration_in_force, common_configuration
+from gateway.measurement.recording_files import calibration_in_force, common_configuration
 from gateway.motion.gyro_reading import GyroPrior
 from gateway.numerics.foreign_readings import find_dropouts, find_fresh_rows
 from gateway.pipeline.force_stage import TemperatureFilter

@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.cli.terminal.output import show, write_text
     from gateway.errors import InputError
     from gateway.measurement.measure import measure
-    from gateway.measurement.motion_report import motion_table
+    from gateway.measurement.motion import motion_table
     from gateway.measurement.report import as_json, as_text
     from gateway.measurement.rig_file import read_rig_of_recording
     from gateway.measurement.source import read_source

@@ -47,7 +47,7 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
 def _run(arguments: argparse.Namespace) -> int:
     from gateway.bench.align_recording import read_turns, render_alignment_report
     from gateway.cli.terminal.output import show, write_text
-    from gateway.measurement.calibration_readings import read_calibration_readings
+    from gateway.measurement.recording_files import read_calibration_readings
 
     (file,) = read_calibration_readings([arguments.file], table_options(arguments))
     unit = aligning_unit(arguments)

@@ -75,7 +75,7 @@ def _calibrate(arguments: argparse.Namespace, **stated: float | None) -> int:
     `stated` are the uncertainties of the method that `CalibrateOptions` takes; None leaves the default.
     """
     from gateway.calibration.offline.calibrate_files import CalibrateOptions, calibrate_files
-    from gateway.measurement.calibration_readings import read_calibration_readings
+    from gateway.measurement.recording_files import read_calibration_readings
 
     files = read_calibration_readings(arguments.files, table_options(arguments))
     use_recorded_device(arguments, files)

@@ -68,7 +68,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from gateway.bench.thermal.output import format_thermal, thermal_figure
     from gateway.bench.thermal.ramp_calibration import calibrate_ramps
     from gateway.cli.terminal.progress import Progress
-    from gateway.measurement.calibration_readings import read_calibration_readings
+    from gateway.measurement.recording_files import read_calibration_readings
 
     limits = _limits(arguments)
     options = table_options(arguments)

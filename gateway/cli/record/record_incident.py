@@ -15,9 +15,8 @@ from gateway.cli.terminal.output import add_json
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from gateway.incident.alert_incidents import AlertIncident
-    from gateway.incident.incident_page import CauseAnalysis
-    from gateway.incident.incident_selection import IncidentChoice, IncidentWindow
+    from gateway.incident.incident_report import CauseAnalysis
+    from gateway.incident.incident_selection import AlertIncident, IncidentChoice, IncidentWindow
     from gateway.recording.reading.timeline import Timeline
 
 ALERT_MARGIN_S = 60.0
@@ -145,8 +144,8 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
     from gateway import __version__
     from gateway.cli.terminal.output import show
     from gateway.cli.terminal.progress import ProgressBar
-    from gateway.incident.folder import PAGE_FILE, write_report
-    from gateway.incident.recording_verdict import judge_recordings
+    from gateway.incident.evidence import judge_recordings
+    from gateway.incident.incident_report import PAGE_FILE, write_report
     from gateway.pki.signing_key import read_public_key
 
     key = None if arguments.key is None else read_public_key(arguments.key)
@@ -179,7 +178,7 @@ def analyse_cause(recording: Path) -> "CauseAnalysis":
     from gateway import __version__
     from gateway.cli.terminal.progress import Progress
     from gateway.documents.format import as_sentence
-    from gateway.incident.incident_page import CauseAnalysis
+    from gateway.incident.incident_report import CauseAnalysis
     from gateway.measurement.source import read_source
     from gateway.twin.reconcile.data.data_checks import check_recording, model_from_recording
     from gateway.twin.reconcile.output.text import VERDICT_SENTENCES

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.incident.folder import IncidentReport, write_report
+from gateway.incident.evidence import judge_recordings
+from gateway.incident.incident_report import IncidentReport, write_report
 from gateway.incident.incident_selection import IncidentChoice, choose_window, read_incidents
-from gateway.incident.recording_verdict import judge_recordings
 from gateway.recording.reading.timeline import open_timeline
 
 MARGIN_S = 15.0

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from gateway.incident.alert_incidents import STANDING, find_incidents
+from gateway.incident.incident_selection import STANDING, find_incidents
 from gateway.messages import ActiveAlert, Alert, AlertEventKind, Level
 
 

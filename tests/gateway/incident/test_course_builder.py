@@ -9,10 +9,10 @@ import pytest
 
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import correction_for
-from gateway.incident.course_builder import CourseBuilder
-from gateway.incident.event_table import MAX_SHOWN_EVENTS, event_table
+from gateway.incident.course import CourseBuilder
 from gateway.incident.evidence import IncidentEvidence
 from gateway.incident.incident_selection import IncidentWindow
+from gateway.incident.incident_summary import MAX_SHOWN_EVENTS, event_table
 from gateway.messages import NO_SESSION, Calibration, ClockOffset, FoxgloveTime, Health, Log, Mark
 from gateway.recording.reading.recording_file import SegmentIndex
 from gateway.recording.reading.sample_calibration import CalibratedBlock

@@ -12,9 +12,9 @@ from mcap.writer import Writer
 
 from gateway.cli.main import main
 from gateway.errors import InputError
-from gateway.incident.folder import write_report
+from gateway.incident.evidence import judge_recordings
+from gateway.incident.incident_report import write_report
 from gateway.incident.incident_selection import IncidentChoice, choose_window, read_incidents
-from gateway.incident.recording_verdict import judge_recordings
 from gateway.messages import Calibration, Motion, Samples
 from gateway.packing import unpack
 from gateway.pki.signing_key import fingerprint, read_public_key

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gateway.incident.course_builder import CourseBuilder
+from gateway.incident.course import CourseBuilder
 from gateway.incident.timeline_figure import ReportClock, tick_label, tick_times
 
 ORIGIN_NS = 1_767_225_607_130_000_123

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gateway.measurement.conditions import summarise_conditions
+from gateway.measurement.measure import summarise_conditions
 from gateway.measurement.source import read_source
 
 

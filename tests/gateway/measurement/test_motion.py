@@ -16,8 +16,7 @@ from devices.recording import Recording
 from devices.simulated.crane import Crane
 from devices.simulated.schedule import Event, Hoist, TrolleyMove
 from gateway.measurement.measure import Measurement, measure
-from gateway.measurement.motion import estimate_source_motion, with_smoothed_angle
-from gateway.measurement.motion_report import motion_table
+from gateway.measurement.motion import estimate_source_motion, motion_table, with_smoothed_angle
 from gateway.measurement.report import as_json, as_text
 from gateway.measurement.source import Source
 from gateway.measurement.swing import estimate_source_swing
