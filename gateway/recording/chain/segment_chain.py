@@ -147,15 +147,9 @@ class SegmentChain:
         with self._lock:
             self._state.newest_segment = max(number, self._state.newest_segment)
 
-    def checkpoint(
-        self, *, segment: int, name: str, n_bytes: int, sha256: str, from_ns: int, to_ns: int
-    ) -> dict[str, str]:
-        """Return the signature of a segment that is being written."""
-        with self._lock:
-            return self._sign(self._statement("checkpoint", segment, name, n_bytes, sha256, from_ns, to_ns))
-
-    def final(
+    def sign(
         self,
+        kind: StatementKind,
         *,
         segment: int,
         name: str,
@@ -163,17 +157,31 @@ class SegmentChain:
         sha256: str,
         from_ns: int,
         to_ns: int,
-        repaired_from_ns: int | None,
+        repaired_from_ns: int | None = None,
     ) -> dict[str, str]:
-        """Return the final signature of a segment; `commit` it when the file is in its place.
+        """Return the signature of a segment so far, or of the whole of it; `commit` a final one when the file is in its place.
 
         `repaired_from_ns` is the time of the last signature in a segment that had been cut off; None: it had not been.
         """
         with self._lock:
-            whole = self._statement("final", segment, name, n_bytes, sha256, from_ns, to_ns)
-            if repaired_from_ns is not None:
-                whole = replace(whole, repaired=True, repaired_from_ns=repaired_from_ns)
-            return self._sign(whole)
+            statement = Statement(
+                kind=kind,
+                gateway=self._gateway,
+                name=name,
+                segment=segment,
+                previous_segment=self._state.final_segment,
+                previous_sha256=self._state.final_sha256,
+                deleted_up_to=self._state.deleted_up_to,
+                bytes=n_bytes,
+                sha256=sha256,
+                from_ns=from_ns,
+                to_ns=to_ns,
+                repaired=repaired_from_ns is not None,
+                repaired_from_ns=repaired_from_ns or 0,
+                rebuilt_before=self._state.rebuilt_before,
+                public_key=self._public_key,
+            )
+            return self._sign(statement)
 
     def trimmed(self, text: str, *, n_bytes: int, sha256: str, from_ns: int, to_ns: int) -> dict[str, str]:
         """Return the final signature of a part of a segment, about which a statement was made as a whole."""
@@ -217,32 +225,6 @@ class SegmentChain:
         """The signed statement about the segments that were deleted."""
         with self._lock:
             return self._state.deletions
-
-    def _statement(
-        self,
-        kind: StatementKind,
-        segment: int,
-        name: str,
-        n_bytes: int,
-        sha256: str,
-        from_ns: int,
-        to_ns: int,
-    ) -> Statement:
-        return Statement(
-            kind=kind,
-            gateway=self._gateway,
-            name=name,
-            segment=segment,
-            previous_segment=self._state.final_segment,
-            previous_sha256=self._state.final_sha256,
-            deleted_up_to=self._state.deleted_up_to,
-            bytes=n_bytes,
-            sha256=sha256,
-            from_ns=from_ns,
-            to_ns=to_ns,
-            rebuilt_before=self._state.rebuilt_before,
-            public_key=self._public_key,
-        )
 
     def _publish(self) -> None:
         """Let others read what the newest final statement is."""

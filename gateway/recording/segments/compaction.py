@@ -69,7 +69,8 @@ def compact(path: Path, chain: SegmentChain | None = None) -> SalvageReport:
             if chain is not None and segment:
                 writer.add_metadata(DELETIONS, chain.deletions)
                 writer.flush()
-                signature = chain.final(
+                signature = chain.sign(
+                    "final",
                     segment=segment,
                     name=path.name,
                     n_bytes=sink.tell(),

@@ -270,7 +270,8 @@ class Segment:
         if self._deletes:
             self._deletions = self._chain.deletions
             self._writer.add_metadata(DELETIONS, self._deletions)
-        signature = self._chain.checkpoint(
+        signature = self._chain.sign(
+            "checkpoint",
             segment=self._number,
             name=self.path.name,
             n_bytes=self._file.tell(),

@@ -44,7 +44,7 @@ def restored(folder: Path) -> SegmentChain:
 
 def stated(chain: SegmentChain) -> tuple[int, int, str, int]:
     """What the next statement says, and its number."""
-    statement = json.loads(chain.checkpoint(**NEXT)["statement"])
+    statement = json.loads(chain.sign("checkpoint", **NEXT)["statement"])
     return (
         chain.next_segment,
         statement["previous_segment"],
