@@ -11,17 +11,18 @@ from gateway.calibration.offline.input_files import FileReadings, read_file
 from gateway.configuration.model import Configuration
 from gateway.errors import InputError
 from gateway.messages import Calibration
+from gateway.recording.reading.recording_file import RecordingFile
 from gateway.recording.reading.sample_calibration import recorded_configuration
-from gateway.recording.reading.samples import RecordedSamples, SampledFile, read_samples
+from gateway.recording.reading.samples import RecordedSamples, read_samples
 from gateway.recording.reading.timeline import list_recordings
 
 
-def common_configuration(files: Sequence[SampledFile], *, same_rig: bool) -> Configuration | None:
+def common_configuration(files: Sequence[RecordingFile], *, same_rig: bool) -> Configuration | None:
     """Return the configuration of the first file.
 
     Raises `RecordingError` where another file has other axes, or, with `same_rig`, another rope, housing or gravity.
     """
-    first, *others = (recorded_configuration(each.file) for each in files)
+    first, *others = (recorded_configuration(each) for each in files)
     for file, other in zip(files[1:], others, strict=True):
         settings = _settings(other, same_rig=same_rig)
         for name, value in _settings(first, same_rig=same_rig).items():

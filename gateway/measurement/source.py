@@ -236,7 +236,7 @@ def _from_run(files: Sequence[Path], rig: Rig | None, interval: RecordingInterva
     recording = _cut(whole, interval, extent)
     calibration, calibration_remarks = calibration_in_force(run, recording)
     axes = SAME_AXES if configuration is None else configuration.device.axes
-    correction = recorded_correction(run.files[0].file, calibration, axes)
+    correction = recorded_correction(run.files[0], calibration, axes)
     extreme_c = _extreme_temperature_c(recording, correction)
     widened = correction.widened_by(correction.kelvin_beyond(extreme_c))
     bandwidth_hz = run.device.bandwidth_hz

@@ -10,6 +10,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Literal
 
@@ -71,7 +72,7 @@ def samples_table(
     columns = [TIME, *([UTC] if with_utc else []), *AXIS_COLUMNS, *([TEMPERATURE] if has_temperature else [])]
 
     def rows() -> Iterator[Batch]:
-        for blocks in [] if first is None else _chain(first, batches):
+        for blocks in () if first is None else chain([first], batches):
             time_ns = np.concatenate([each.block.time_ns for each in blocks])
             lengths = [len(each.block) for each in blocks]
             batch: Batch = [((time_ns - origin_ns) / 1e9).tolist()]
@@ -165,11 +166,6 @@ def _gather(blocks: Iterable[CalibratedBlock]) -> Iterator[list[CalibratedBlock]
             gathered, count = [], 0
     if gathered:
         yield gathered
-
-
-def _chain(first: list[CalibratedBlock], others: Iterator[list[CalibratedBlock]]) -> Iterator[list[CalibratedBlock]]:
-    yield first
-    yield from others
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,14 +87,10 @@ class SampleColumns:
 
 def columns_of(blocks: Sequence[SampleBlock]) -> SampleColumns:
     """Return the samples of blocks, of which there is one at least."""
-    lengths = [len(block) for block in blocks]
     known_c = [np.nan if block.temperature_c is None else block.temperature_c for block in blocks]
-    return SampleColumns(
-        time_ns=np.concatenate([block.time_ns for block in blocks]),
-        raw=np.concatenate([block.raw for block in blocks]),
-        gyro_counts=_join_rates([block.gyro_counts for block in blocks], lengths),
-        saturated=_join_marks([block.saturated for block in blocks]),
-        length=np.array(lengths, dtype=np.int64),
+    return _join(
+        blocks,
+        length=np.array([len(block) for block in blocks], dtype=np.int64),
         lost=np.array([block.lost for block in blocks], dtype=np.int64),
         invalid=np.array([block.invalid for block in blocks], dtype=np.int64),
         temperature_c=np.array(known_c, dtype=np.float64),
@@ -104,15 +101,23 @@ def concatenate(parts: Sequence[SampleColumns]) -> SampleColumns:
     """Return the samples of all parts, of which there is one at least, in their order."""
     if len(parts) == 1:
         return parts[0]
+    return _join(
+        parts,
+        length=np.concatenate([part.length for part in parts]),
+        lost=np.concatenate([part.lost for part in parts]),
+        invalid=np.concatenate([part.invalid for part in parts]),
+        temperature_c=np.concatenate([part.temperature_c for part in parts]),
+    )
+
+
+def _join(parts: Sequence[SampleBlock] | Sequence[SampleColumns], **of_blocks: NDArray[Any]) -> SampleColumns:
+    """Return the samples of all parts beside the columns with a value for each block."""
     return SampleColumns(
         time_ns=np.concatenate([part.time_ns for part in parts]),
         raw=np.concatenate([part.raw for part in parts]),
         gyro_counts=_join_rates([part.gyro_counts for part in parts], [len(part) for part in parts]),
         saturated=_join_marks([part.saturated for part in parts]),
-        length=np.concatenate([part.length for part in parts]),
-        lost=np.concatenate([part.lost for part in parts]),
-        invalid=np.concatenate([part.invalid for part in parts]),
-        temperature_c=np.concatenate([part.temperature_c for part in parts]),
+        **of_blocks,
     )
 
 

@@ -1,6 +1,6 @@
 """The raw samples of recordings: part by part in bounded memory, or all of them in arrays."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from pathlib import Path
@@ -34,6 +34,8 @@ TEMPERATURE_LEAD_NS = 300_000_000_000
 """Samples before an interval that are read too. Basis: ten time constants of the filter of the temperature, `TIME_CONSTANT_S`."""
 FREE_DEVICE_FIELDS = frozenset({"details", "can_wait"})
 """Fields of a device that may differ between files: they do not change the meaning of a sample."""
+SampledFile = tuple[RecordingFile, SampleColumns]
+"""A file with its samples."""
 
 
 class NoSamplesError(RecordingError):
@@ -49,41 +51,23 @@ class CalibrationInForce:
 
 
 @dataclass(slots=True)
-class SampledFile:
-    """A file with samples, as far as it has been read."""
-
-    file: RecordingFile
-    wall_offset_ns: int = 0
-    """UTC of the wall clock minus gateway time, by the last message of the clock."""
-
-    @property
-    def path(self) -> Path:
-        """Path of the file."""
-        return self.file.path
-
-    def check_unit(self, block: SampleBlock) -> None:
-        """Raise `RecordingError` where a block is not in the unit of the device."""
-        unit, expected = "counts" if block.raw.dtype.kind == "i" else "g", self.file.device().unit
-        if unit != expected:
-            raise RecordingError(f"{self.path}: samples in {unit} from a device in {expected}; it cannot be replayed")
-
-
-@dataclass(slots=True)
 class SampleReader:
     """Reads the samples of a timeline, and with them the files and the calibrations, known as far as it has come."""
 
     timeline: Timeline
     selection: Selection = EVERYTHING
     """The blocks that end within it are read."""
-    files: list[SampledFile] = field(default_factory=list)
+    files: list[RecordingFile] = field(default_factory=list)
     """The files with samples, in order of time."""
+    wall_offsets_ns: dict[Path, int] = field(default_factory=dict)
+    """UTC of the wall clock minus gateway time, by the last message of the clock in each file."""
     calibrations: list[CalibrationInForce] = field(default_factory=list)
     """The calibration in force at the start, and each later one."""
 
     @property
     def device(self) -> DeviceInfo:
         """The device of the first samples."""
-        return self.files[0].file.device()
+        return self.files[0].device()
 
     def parts(self) -> Iterator[SampleColumns]:
         """Yield the samples as the device delivered them, in parts of which each is from the last one of `files`.
@@ -92,22 +76,19 @@ class SampleReader:
         """
         wanted = Selection(end_ns=self.selection.end_ns, topics=frozenset({SAMPLES, CALIBRATION, CLOCK}))
         blocks: list[SampleBlock] = []
-        present: SampledFile | None = None
         for message in self.timeline.messages(wanted):
-            if blocks and (message.file is not self.files[-1].file or len(blocks) == PART_BLOCKS):
+            if blocks and (message.file is not self.files[-1] or len(blocks) == PART_BLOCKS):
                 yield columns_of(blocks)
                 blocks = []
-            if present is None or message.file is not present.file:
-                present = SampledFile(message.file)
             content = self._read(message)
             if isinstance(content, SampleBlock):
-                self._begin_file(present)
-                present.check_unit(content)
+                self._begin_file(message.file)
+                _check_unit(message.file, content)
                 blocks.append(content)
             elif isinstance(content, messages.Calibration):
                 self._add_calibration(CalibrationInForce(message.recorded.log_time_ns, content))
             elif isinstance(content, messages.ClockOffset):
-                present.wall_offset_ns = content.wall_offset_ns
+                self.wall_offsets_ns[message.file.path] = content.wall_offset_ns
         if blocks:
             yield columns_of(blocks)
         if not self.files:
@@ -138,10 +119,10 @@ class SampleReader:
         samples = message.samples()
         return None if samples is None else samples[1]
 
-    def _begin_file(self, file: SampledFile) -> None:
+    def _begin_file(self, file: RecordingFile) -> None:
         if self.files and self.files[-1] is file:
             return
-        device = file.file.device()
+        device = file.device()
         if self.files:
             _check_same_device(self.files[0], file, device)
         self.files.append(file)
@@ -155,12 +136,14 @@ class SampleReader:
 class RecordedSamples:
     """The samples of recordings of one gateway, with everything that is needed to compute their results again."""
 
-    files: tuple[SampledFile, ...]
+    files: tuple[RecordingFile, ...]
     """In order of time."""
     samples: SampleColumns
     """The samples as the device delivered them: times in gateway time, readings in `device.unit`."""
     calibrations: tuple[CalibrationInForce, ...]
     """The calibration in force at the start, and each later one."""
+    wall_offset_ns: int
+    """UTC of the wall clock minus gateway time, by the last message of the clock in the last file."""
     remarks: tuple[str, ...]
     """Incomplete files, files without samples, and gaps between files."""
     span: TimelineSpan | None = None
@@ -174,17 +157,12 @@ class RecordedSamples:
     @property
     def device(self) -> DeviceInfo:
         """The device; its details are those of the first file."""
-        return self.files[0].file.device()
+        return self.files[0].device()
 
     @property
     def losses(self) -> SalvageReport:
         """What could not be read of all files."""
-        return sum_losses([each.file.losses for each in self.files])
-
-    @property
-    def wall_offset_ns(self) -> int:
-        """UTC of the wall clock minus gateway time, by the last message of the clock."""
-        return self.files[-1].wall_offset_ns
+        return sum_losses([each.losses for each in self.files])
 
     def recording(self) -> Recording:
         """Return the samples for `measure`; times count from the first sample of all files.
@@ -236,9 +214,16 @@ def _gather(reader: SampleReader, span: TimelineSpan | None) -> RecordedSamples:
     if span is None:
         empty = [each.path.name for each in reader.timeline.segments if each.path not in parts]
         remarks += [f"{name}: has no samples, left out" for name in empty]
-    remarks += _describe_incomplete(files, is_whole=span is None)
+    remarks += _describe_incomplete(files, reader.wall_offsets_ns, is_whole=span is None)
     remarks += _describe_gaps(files)
-    return RecordedSamples(tuple(reader.files), concatenate(samples), tuple(reader.calibrations), tuple(remarks), span)
+    return RecordedSamples(
+        files=tuple(reader.files),
+        samples=concatenate(samples),
+        calibrations=tuple(reader.calibrations),
+        wall_offset_ns=reader.wall_offsets_ns.get(reader.files[-1].path, 0),
+        remarks=tuple(remarks),
+        span=span,
+    )
 
 
 def _content(calibration: CalibrationInForce) -> tuple[object, ...]:
@@ -260,8 +245,15 @@ def _missing_samples_error(timeline: Timeline) -> RecordingError:
     )
 
 
-def _check_same_device(first: SampledFile, other: SampledFile, device: DeviceInfo) -> None:
-    expected = first.file.device()
+def _check_unit(file: RecordingFile, block: SampleBlock) -> None:
+    """Raise `RecordingError` where a block is not in the unit of the device."""
+    unit, expected = "counts" if block.raw.dtype.kind == "i" else "g", file.device().unit
+    if unit != expected:
+        raise RecordingError(f"{file.path}: samples in {unit} from a device in {expected}; it cannot be replayed")
+
+
+def _check_same_device(first: RecordingFile, other: RecordingFile, device: DeviceInfo) -> None:
+    expected = first.device()
     for name in (each.name for each in fields(DeviceInfo) if each.name not in FREE_DEVICE_FIELDS):
         values = getattr(expected, name), getattr(device, name)
         if values[0] != values[1]:
@@ -271,7 +263,9 @@ def _check_same_device(first: SampledFile, other: SampledFile, device: DeviceInf
             )
 
 
-def _check_overlap(before: SampledFile, samples: SampleColumns, after: SampledFile, following: SampleColumns) -> None:
+def _check_overlap(
+    before: RecordingFile, samples: SampleColumns, after: RecordingFile, following: SampleColumns
+) -> None:
     span_ns, next_ns = samples.span_ns, following.span_ns
     if next_ns == span_ns:
         raise RecordingError(f"{after.path}: has the same times as {before.path}; give one of them")
@@ -280,14 +274,16 @@ def _check_overlap(before: SampledFile, samples: SampleColumns, after: SampledFi
         raise RecordingError(f"{after.path}: overlaps {before.path} by {overlap_s:.3f} s; give one of them")
 
 
-def _describe_incomplete(files: Sequence[tuple[SampledFile, SampleColumns]], *, is_whole: bool) -> Iterator[str]:
+def _describe_incomplete(
+    files: Sequence[SampledFile], wall_offsets_ns: Mapping[Path, int], *, is_whole: bool
+) -> Iterator[str]:
     for each, samples in files:
-        if losses := describe_losses(each.file.losses):
-            end_ns = int(samples.time_ns.max()) + each.wall_offset_ns
+        if losses := describe_losses(each.losses):
+            end_ns = int(samples.time_ns.max()) + wall_offsets_ns.get(each.path, 0)
             yield f"{each.path.name}: {', '.join(losses)}" + (f"; samples up to {iso_utc(end_ns)}" if is_whole else "")
 
 
-def _describe_gaps(files: Sequence[tuple[SampledFile, SampleColumns]]) -> Iterator[str]:
+def _describe_gaps(files: Sequence[SampledFile]) -> Iterator[str]:
     if len(files) == 1:
         return
     time_ns = np.concatenate([samples.time_ns for _, samples in files])

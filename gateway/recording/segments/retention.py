@@ -57,7 +57,7 @@ class SegmentNames:
 
     def unused_path(self, data_dir: Path, start_ns: int) -> Path:
         """Return the path of a segment that starts now; no file has this name yet."""
-        utc = datetime.fromtimestamp(start_ns // 1_000_000_000, tz=UTC).strftime("%Y%m%dT%H%M%SZ")
+        utc = datetime.fromtimestamp(start_ns // 1_000_000_000, tz=UTC).strftime(UTC_FORMAT)
         path = data_dir / f"{self._prefix}-{utc}.mcap"
         copy = 0
         while path.exists():

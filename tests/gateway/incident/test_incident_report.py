@@ -104,7 +104,7 @@ def test_the_recording_that_was_cut_out_has_every_message_of_its_time(
     blocks = [unpack(each.message) for each in sent if isinstance(each.message, Samples)]
     run = read_samples([path])
     assert np.array_equal(np.concatenate([block.raw for block in blocks]), run.samples.raw)
-    assert run.files[0].file.configuration_toml is not None
+    assert run.files[0].configuration_toml is not None
     assert isinstance(run.calibrations[0].message, Calibration)
 
 

@@ -54,8 +54,8 @@ def test_a_recording_is_read_back_block_by_block(
     assert samples.temperature_c.tolist() == [block.temperature_c for block in blocks]
     assert samples.lost.tolist() == [block.lost for block in blocks]
     assert run.device == device
-    assert run.files[0].file.configuration_toml == header.configuration_toml
-    assert run.files[0].file.metadata[ORIGIN]["boot_id"] == "b00t"
+    assert run.files[0].configuration_toml == header.configuration_toml
+    assert run.files[0].metadata[ORIGIN]["boot_id"] == "b00t"
     assert [calibration.message for calibration in run.calibrations] == [standing]
     assert run.losses.closed
 

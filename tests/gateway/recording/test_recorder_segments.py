@@ -40,8 +40,8 @@ def test_segments_are_contiguous_and_complete_in_themselves(
         found = contents(path)
         assert {topic for topic, _ in found} == {"/samples", "/calibration", "/clock"}
         run = read_samples([path])
-        assert (run.device, run.files[0].file.metadata["plumbline"]["crane"]) == (device, "crane-2")
-        assert run.files[0].file.configuration_toml is not None
+        assert (run.device, run.files[0].metadata["plumbline"]["crane"]) == (device, "crane-2")
+        assert run.files[0].configuration_toml is not None
         assert run.calibrations[-1].message == every_message["calibration"]
         numbers += [content["sequence"] for topic, content in found if topic == "/samples"]
     assert numbers == list(range(200))

@@ -73,8 +73,8 @@ def test_an_incomplete_recording_becomes_a_complete_one(torn: Path, tmp_path: Pa
     ]
     run, source = read_samples([out]), read_samples([torn])
     (copy,), (original,) = run.files, source.files
-    assert (run.device, copy.file.configuration_toml) == (source.device, original.file.configuration_toml)
-    assert copy.file.metadata["plumbline"] == original.file.metadata["plumbline"]
+    assert (run.device, copy.configuration_toml) == (source.device, original.configuration_toml)
+    assert copy.metadata["plumbline"] == original.metadata["plumbline"]
     np.testing.assert_array_equal(run.samples.time_ns, source.samples.time_ns)
     assert run.losses.closed
     assert f"recovered      from {torn.name}, closed false" in info_text(summarise(out))

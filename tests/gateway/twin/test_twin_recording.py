@@ -50,7 +50,7 @@ def test_mcap_is_complete_and_has_the_samples_of_the_csv(rig: Path, tmp_path: Pa
     run = read_samples([tmp_path / "log.mcap"])
     assert run.recording().raw == pytest.approx(read_table(tmp_path / "log.csv").raw, abs=1e-7)
     assert run.device.kind == "simulated"
-    configuration_toml = run.files[0].file.configuration_toml
+    configuration_toml = run.files[0].configuration_toml
     assert configuration_toml is not None
     assert tomllib.loads(configuration_toml)["rope"]["length_m"] == 9.0
     housing = read_source([tmp_path / "log.mcap"]).housing
