@@ -23,8 +23,7 @@ from gateway.recording.chain.chain_verification import VouchedKey, find_vouched_
 from gateway.recording.chain.file_verification import FileVerification, verify_file
 from gateway.recording.chain.statements import SIGNATURE, hash_of, parse_statement
 from gateway.recording.format.content import ORIGIN
-from gateway.recording.reading.recording_file import read_index
-from gateway.recording.reading.timeline import GATEWAY_KEYS
+from gateway.recording.reading.recording_file import GATEWAY_KEYS, read_index
 
 MAX_TIME_NS = 2**62
 """Latest time of a recording. Definition: the year 2116, far from where dates and sums overflow."""

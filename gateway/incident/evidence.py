@@ -23,13 +23,12 @@ from gateway.recording.format.mcap_writer import DENSE, McapWriter
 from gateway.recording.format.salvage import describe_losses
 from gateway.recording.format.segment_summary import SUMMARY
 from gateway.recording.reading.interval import iso_utc
-from gateway.recording.reading.recording_file import RecordingFile, Selection
+from gateway.recording.reading.recording_file import RecordingFile, SegmentIndex, Selection
 from gateway.recording.reading.sample_calibration import NEEDED_TOPICS, CalibratedReader
 from gateway.recording.reading.timeline import (
     REPEATED_PATHS,
     ReportProgress,
     Timeline,
-    TimelineSegment,
     ignore_progress,
 )
 from gateway.recording.segments.copying import STATEMENTS, RecordCopier
@@ -169,11 +168,11 @@ def _cut_metadata(timeline: Timeline, window: IncidentWindow, course: Course, pa
     }
 
 
-def _source(segment: TimelineSegment, file: RecordingFile | None) -> SourceFile:
+def _source(segment: SegmentIndex, file: RecordingFile | None) -> SourceFile:
     """Return a file with its hash; `file` is None where no message of it could be read."""
     return SourceFile(
         path=segment.path,
-        size_bytes=segment.index.size_bytes,
+        size_bytes=segment.size_bytes,
         sha256=file_sha256(segment.path),
         from_ns=segment.from_ns,
         to_ns=segment.to_ns,

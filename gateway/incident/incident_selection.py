@@ -204,14 +204,14 @@ def _read_alerts(timeline: Timeline, report: ReportProgress) -> Iterator[tuple[i
     """Yield the messages of alerts; segments in which none stood and nothing changed, by their summaries, are left out."""
     done, total = 0, max(timeline.size_bytes, 1)
     for segment in timeline.segments:
-        summary = segment.index.summary
+        summary = segment.summary
         if summary is None or any(map(_is_eventful, summary.alerts)):
             file = open_recording(segment.path)
             for recorded in file.messages(Selection(topics=ALERTS)):
                 content = file.decode(recorded)
                 if isinstance(content, Alert):
                     yield recorded.log_time_ns, content
-        done += segment.index.size_bytes
+        done += segment.size_bytes
         report(done / total)
 
 

@@ -11,7 +11,6 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
-from devices.errors import RecordingError
 from gateway.pki.signing_key import fingerprint, is_valid
 from gateway.recording.chain.statements import DELETIONS, SIGNATURE, Statement, parse_statement
 from gateway.recording.format.content import ORIGIN, segment_number
@@ -25,7 +24,7 @@ from gateway.recording.format.frames import (
     records_of,
 )
 from gateway.recording.format.mcap_writer import SummarySection, serialise
-from gateway.recording.format.salvage import DAMAGED, PARSERS, open_mcap
+from gateway.recording.format.salvage import DAMAGED, PARSERS, reading_mcap
 from gateway.recording.reading.interval import iso_utc
 
 MAX_END_BYTES = 64_000_000
@@ -123,13 +122,8 @@ def verify_file(path: Path, key: str | None) -> FileVerification:
 
     Raises `RecordingError` where the file cannot be read or is not MCAP, `KeyFileError` where signatures cannot be checked.
     """
-    with open_mcap(path) as file:
-        try:
-            return _FileCheck(path, file, key).run()
-        except OSError as error:
-            raise RecordingError(
-                f"{path}: {error.strerror}; copy it off this disk with `ddrescue` and try again"
-            ) from error
+    with reading_mcap(path) as file:
+        return _FileCheck(path, file, key).run()
 
 
 class _FileCheck:

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from gateway.recording.format.segment_summary import SampleSummary, SegmentSummary, gap_between, is_gap
-from gateway.recording.reading.timeline import TimelineSegment
+from gateway.recording.reading.recording_file import SegmentIndex
 
-SummarisedSegment = tuple[TimelineSegment, SegmentSummary]
+SummarisedSegment = tuple[SegmentIndex, SegmentSummary]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class SampleInfo:
 class _Part:
     """The samples of one segment."""
 
-    segment: TimelineSegment
+    segment: SegmentIndex
     samples: SampleSummary
     wall_offset_ns: int
 

@@ -22,12 +22,11 @@ from gateway.recording.format.segment_summary import (
 )
 from gateway.recording.format.summary_builder import RecordedAlert, join_alerts, unknown_s
 from gateway.recording.reading.interval import WHOLE_RECORDING, RecordingInterval
-from gateway.recording.reading.recording_file import Selection, is_altered
+from gateway.recording.reading.recording_file import SegmentIndex, Selection, is_altered
 from gateway.recording.reading.timeline import (
     ReadSegment,
     ReportProgress,
     Timeline,
-    TimelineSegment,
     ignore_progress,
     summarise_segment,
 )
@@ -135,15 +134,15 @@ def summarise_timeline(
     """Return the contents of an interval of a timeline. Raises `RecordingError`, and `InputError` for an impossible interval."""
     selection = timeline.select(interval)
     chosen = [each for each in timeline.segments if selection.may_contain(each.from_ns, each.to_ns)]
-    total, done = sum(segment.index.size_bytes for segment in chosen), 0
-    read: list[tuple[TimelineSegment, SegmentSummary]] = []
+    total, done = sum(segment.size_bytes for segment in chosen), 0
+    read: list[tuple[SegmentIndex, SegmentSummary]] = []
     files: list[FileInfo] = []
     for segment in chosen:
         part = _read(timeline, segment, selection)
         if part.summary is not None:
             read.append((segment, part.summary))
             files.append(_file_info(segment, part.summary, part.losses))
-        done += segment.index.size_bytes
+        done += segment.size_bytes
         report(done / total)
     if not read:
         raise RecordingError(
@@ -152,21 +151,21 @@ def summarise_timeline(
     return _build_info(timeline, read, files, is_whole=interval == WHOLE_RECORDING)
 
 
-def _read(timeline: Timeline, segment: TimelineSegment, selection: Selection) -> ReadSegment:
+def _read(timeline: Timeline, segment: SegmentIndex, selection: Selection) -> ReadSegment:
     """Return the summary of the selected part of a segment, from its index where that is whole and unaltered."""
     begins = selection.begin_ns is None or selection.begin_ns <= segment.from_ns
     ends = selection.end_ns is None or segment.to_ns < selection.end_ns
     if not (begins and ends):
         return summarise_segment(segment, selection)
-    if segment.index.summary is None or is_altered(segment.path, segment.index):
+    if segment.summary is None or is_altered(segment):
         return timeline.read_summary(segment)
-    return ReadSegment(segment.index.summary, SalvageReport(closed=True))
+    return ReadSegment(segment.summary, SalvageReport(closed=True))
 
 
-def _file_info(segment: TimelineSegment, summary: SegmentSummary, losses: SalvageReport) -> FileInfo:
+def _file_info(segment: SegmentIndex, summary: SegmentSummary, losses: SalvageReport) -> FileInfo:
     return FileInfo(
         path=str(segment.path),
-        size_bytes=segment.index.size_bytes,
+        size_bytes=segment.size_bytes,
         closed=losses.closed,
         losses=losses,
         from_utc_ns=summary.from_ns + summary.wall_offset_ns,
@@ -176,7 +175,7 @@ def _file_info(segment: TimelineSegment, summary: SegmentSummary, losses: Salvag
 
 def _build_info(
     timeline: Timeline,
-    read: Sequence[tuple[TimelineSegment, SegmentSummary]],
+    read: Sequence[tuple[SegmentIndex, SegmentSummary]],
     files: list[FileInfo],
     *,
     is_whole: bool,
@@ -188,7 +187,7 @@ def _build_info(
     samples = count_samples(read)
     size_bytes = sum(file.size_bytes for file in files)
     calibrations = _calibration_changes(summaries)
-    metadata = [segment.index.metadata for segment in segments]
+    metadata = [segment.metadata for segment in segments]
     recovered = [content[names.RECOVERED] for content in metadata if names.RECOVERED in content]
     return RecordingInfo(
         gateway=timeline.gateway,
@@ -211,8 +210,8 @@ def _build_info(
         calibration_id=calibrations[-1].calibration_id if calibrations else None,
         calibration_status=calibrations[-1].status if calibrations else None,
         calibrations=calibrations,
-        configuration=all(names.CONFIGURATION in segment.index.attachments for segment in segments),
-        attachments=sorted({name for segment in segments for name in segment.index.attachments}),
+        configuration=all(names.CONFIGURATION in segment.attachments for segment in segments),
+        attachments=sorted({name for segment in segments for name in segment.attachments}),
         recovered=recovered[-1] if recovered else None,
         alerts=join_alerts([(segment.boot_id, summary) for segment, summary in read]),
         unknown_s=unknown_s(summaries),
@@ -234,7 +233,7 @@ def _calibration_changes(summaries: Sequence[SegmentSummary]) -> list[Calibratio
     return changes
 
 
-def _fault_changes(read: Sequence[tuple[TimelineSegment, SegmentSummary]]) -> list[FaultCount]:
+def _fault_changes(read: Sequence[tuple[SegmentIndex, SegmentSummary]]) -> list[FaultCount]:
     """Return each new count; every segment begins with the counts since the start of the gateway."""
     counts: dict[tuple[str, str], int] = {}
     changes = []

@@ -8,7 +8,7 @@ import os
 import struct
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -123,6 +123,18 @@ def open_mcap(path: Path) -> BinaryIO:
     if not magic:
         raise RecordingError(f"{path}: is empty; choose another recording")
     raise RecordingError(f"{path}: is not an MCAP file; give one that the gateway wrote")
+
+
+@contextmanager
+def reading_mcap(path: Path) -> Iterator[BinaryIO]:
+    """Yield a file behind its magic bytes. Raises `RecordingError` where it is not an MCAP file, or the disk fails meanwhile."""
+    with open_mcap(path) as file:
+        try:
+            yield file
+        except OSError as error:
+            raise RecordingError(
+                f"{path}: {error.strerror}; copy it off this disk with `ddrescue` and try again"
+            ) from error
 
 
 def read_records(

@@ -9,11 +9,9 @@ import zlib
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
-from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
 from mcap.well_known import MessageEncoding
@@ -22,7 +20,7 @@ from pydantic import ValidationError
 
 from devices.block import DeviceInfo
 from devices.errors import RecordingError
-from gateway.recording.format.content import CONFIGURATION, DEVICE, VOUCHER, device_from_metadata
+from gateway.recording.format.content import CONFIGURATION, DEVICE, ORIGIN, VOUCHER, device_from_metadata
 from gateway.recording.format.frames import (
     FOOTER_BYTES,
     INDEX_HEAD,
@@ -30,7 +28,16 @@ from gateway.recording.format.frames import (
     RECORD_HEAD,
     TIME_AND_OFFSET_BYTES,
 )
-from gateway.recording.format.salvage import CHUNK_TIMES, DAMAGED, FOOTER, SalvageReport, open_mcap, read_records
+from gateway.recording.format.salvage import (
+    CHUNK_TIMES,
+    DAMAGED,
+    FOOTER,
+    PARSERS,
+    SalvageReport,
+    open_mcap,
+    read_records,
+    reading_mcap,
+)
 from gateway.recording.format.segment_summary import SUMMARY, SegmentSummary, decode_summary
 from gateway.topics import TOPICS, adapter
 
@@ -39,6 +46,7 @@ MAX_MESSAGE_BYTES = 1_000_000
 MAX_UNREADABLE = 10_000
 """After so many unreadable messages of a file no other is tried. Basis: a choice; such a file is not the gateway's, and each
 costs as much as twenty readable ones."""
+GATEWAY_KEYS = ("site", "crane", "sensor")
 TOPIC_OF_PATH = {topic.path: topic.name for topic in TOPICS.values()}
 READ_OPCODES = frozenset({Opcode.CHUNK, Opcode.MESSAGE_INDEX, Opcode.METADATA, Opcode.ATTACHMENT})
 DATA_END_LENGTH = 4
@@ -183,14 +191,17 @@ class RecordingFile:
 
 @dataclass(slots=True)
 class SegmentIndex:
-    """What is known of a segment without its messages."""
+    """What is known of a file without its messages."""
 
+    path: Path
     size_bytes: int
-    is_closed: bool
+    is_closed: bool = False
     """The file has its end, and nothing may be added to it."""
-    from_ns: int | None = None
-    """Gateway time of the first message; None: there is none."""
-    to_ns: int | None = None
+    is_empty: bool = True
+    """There is no message."""
+    from_ns: int = 0
+    """Gateway time of the first message."""
+    to_ns: int = 0
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: list[str] = field(default_factory=list)
     summary: SegmentSummary | None = None
@@ -200,23 +211,32 @@ class SegmentIndex:
     data_end: int = 0
     """Place of the record at the end of the data, which has their checksum; 0: not closed."""
 
+    @property
+    def origin(self) -> dict[str, str]:
+        """Software, site, crane, sensor and boot id of the gateway; empty where another program wrote the file."""
+        return self.metadata.get(ORIGIN, {})
+
+    @property
+    def gateway(self) -> str:
+        """Site, crane and sensor; the path where another program wrote the file."""
+        return "/".join(self.origin.get(key, "?") for key in GATEWAY_KEYS) if self.origin else str(self.path)
+
+    @property
+    def boot_id(self) -> str:
+        """Id of the run of the gateway."""
+        return self.origin.get("boot_id", "")
+
 
 def read_index(path: Path) -> SegmentIndex:
     """Return the index of a segment. Raises `RecordingError` where it cannot be read or is not an MCAP file."""
-    with open_mcap(path) as file:
-        try:
-            size = os.fstat(file.fileno()).st_size
-            return _read_heads(file, size)
-        except OSError as error:
-            raise RecordingError(
-                f"{path}: {error.strerror}; copy it off this disk with `ddrescue` and try again"
-            ) from error
+    with reading_mcap(path) as file:
+        return _read_heads(file, SegmentIndex(path, os.fstat(file.fileno()).st_size))
 
 
-def is_altered(path: Path, index: SegmentIndex) -> bool:
+def is_altered(index: SegmentIndex) -> bool:
     """Return whether the content of a closed file does not match its checksum. Raises `RecordingError`."""
     checksum, left = 0, index.data_end
-    with open_mcap(path) as file:
+    with reading_mcap(index.path) as file:
         file.seek(0)
         while left > 0 and (part := file.read(min(left, READ_BYTES))):
             checksum = zlib.crc32(part, checksum)
@@ -226,18 +246,17 @@ def is_altered(path: Path, index: SegmentIndex) -> bool:
     return record[:1] != bytes([Opcode.DATA_END]) or promised not in (0, checksum)
 
 
-def _read_heads(file: BinaryIO, size: int) -> SegmentIndex:
-    index = SegmentIndex(size, is_closed=False)
+def _read_heads(file: BinaryIO, index: SegmentIndex) -> SegmentIndex:
     count = 0
     file.seek(len(MCAP0_MAGIC))
     while len(head := file.read(RECORD_HEAD.size)) == RECORD_HEAD.size:
         opcode, length = RECORD_HEAD.unpack(head)
         end = file.tell() + length
-        if opcode == 0 or end > size:  # 0 is not an opcode: some file systems leave zeros
+        if opcode == 0 or end > index.size_bytes:  # 0 is not an opcode: some file systems leave zeros
             break
         if opcode == Opcode.DATA_END:
             index.data_end = end - length - RECORD_HEAD.size
-            index.is_closed = _is_end(file, size)
+            index.is_closed = _is_end(file, index.size_bytes)
             break
         if opcode in READ_OPCODES:
             with suppress(*DAMAGED):  # counted when the messages are read
@@ -260,25 +279,21 @@ def _add_record(index: SegmentIndex, file: BinaryIO, opcode: int, length: int) -
     match opcode:
         case Opcode.CHUNK:
             first_ns, last_ns = CHUNK_TIMES.unpack(file.read(CHUNK_TIMES.size))
-            index.from_ns = first_ns if index.from_ns is None else min(index.from_ns, first_ns)
-            index.to_ns = last_ns if index.to_ns is None else max(index.to_ns, last_ns)
+            index.from_ns = first_ns if index.is_empty else min(index.from_ns, first_ns)
+            index.to_ns, index.is_empty = max(index.to_ns, last_ns), False
         case Opcode.MESSAGE_INDEX:
             _, entries_bytes = INDEX_HEAD.unpack(file.read(INDEX_HEAD.size))
             return int(entries_bytes) // TIME_AND_OFFSET_BYTES
-        case Opcode.METADATA if length <= MAX_RECORD_BYTES:
-            metadata = Metadata.read(_stream(file.read(length)))
-            index.metadata[metadata.name] = metadata.metadata
-        case Opcode.ATTACHMENT if length <= MAX_RECORD_BYTES:
-            attachment = Attachment.read(_stream(file.read(length)))
-            index.attachments.append(attachment.name)
-            if attachment.name == SUMMARY:
-                index.summary = decode_summary(attachment.data)
-            elif attachment.name == VOUCHER:
-                index.voucher = attachment.data
+        case Opcode.METADATA | Opcode.ATTACHMENT if length <= MAX_RECORD_BYTES:
+            match PARSERS[opcode](file.read(length)):
+                case Metadata(name=name, metadata=content):
+                    index.metadata[name] = content
+                case Attachment(name=name, data=data):
+                    index.attachments.append(name)
+                    if name == SUMMARY:
+                        index.summary = decode_summary(data)
+                    elif name == VOUCHER:
+                        index.voucher = data
         case _:
             pass
     return 0
-
-
-def _stream(content: bytes) -> ReadDataStream:
-    return ReadDataStream(BytesIO(content))

@@ -19,7 +19,7 @@ from gateway.file_input import parse_toml
 from gateway.messages import Calibration
 from gateway.pipeline.force_stage import TemperatureFilter
 from gateway.recording.format.salvage import SalvageReport, describe_losses, sum_losses
-from gateway.recording.reading.recording_file import RecordingFile, Selection
+from gateway.recording.reading.recording_file import RecordingFile, SegmentIndex, Selection
 from gateway.recording.reading.timeline import (
     CALIBRATION,
     MAX_BLOCK_NS,
@@ -27,7 +27,6 @@ from gateway.recording.reading.timeline import (
     ReportProgress,
     Timeline,
     TimelineMessage,
-    TimelineSegment,
     ignore_progress,
 )
 
@@ -84,7 +83,7 @@ def _recorded_table(file: RecordingFile) -> dict[str, Any] | None:
 class CalibratedBlock:
     """A block of samples."""
 
-    segment: TimelineSegment
+    segment: SegmentIndex
     block: SampleBlock
     force_g: NDArray[np.float64]
     """Specific force in the housing frame, shape (n, 3)."""
@@ -105,7 +104,7 @@ class CalibratedReader:
         end_ns = None if selection.end_ns is None else selection.end_ns + MAX_BLOCK_NS
         self.wanted = Selection(selection.begin_ns, end_ns, NEEDED_TOPICS)
         """The messages that `add` needs."""
-        self._segment: TimelineSegment | None = None
+        self._segment: SegmentIndex | None = None
         self._message: messages.Calibration | None = None
         self._correction: Correction | None = None
         self._thermometer = TemperatureFilter()

@@ -14,7 +14,7 @@ from devices.block import SampleBlock
 from devices.errors import RecordingError
 from gateway.messages import Samples
 from gateway.packing import unpack
-from gateway.recording.format.content import ORIGIN, RECOVERED
+from gateway.recording.format.content import RECOVERED
 from gateway.recording.format.salvage import SalvageReport
 from gateway.recording.format.segment_summary import SampleSummary, SegmentSummary
 from gateway.recording.format.summary_builder import SummaryBuilder
@@ -31,7 +31,6 @@ from gateway.recording.reading.recording_file import (
 from gateway.topics import paths_with
 
 SAMPLES, CALIBRATION, CLOCK = "/samples", "/calibration", "/clock"
-GATEWAY_KEYS = ("site", "crane", "sensor")
 REPEATED_PATHS = paths_with(lambda topic: topic.repeated)
 SUMMARISED_PATHS = paths_with(lambda topic: topic.summarised)
 MAX_BLOCK_NS = 10_000_000_000
@@ -50,43 +49,10 @@ def ignore_progress(share: float) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class TimelineSegment:
-    """One file of a timeline."""
-
-    path: Path
-    index: SegmentIndex
-
-    @property
-    def from_ns(self) -> int:
-        """Gateway time of the first message."""
-        return self.index.from_ns or 0
-
-    @property
-    def to_ns(self) -> int:
-        """Gateway time of the last message."""
-        return self.index.to_ns or 0
-
-    @property
-    def origin(self) -> dict[str, str]:
-        """Software, site, crane, sensor and boot id of the gateway; empty where another program wrote the file."""
-        return self.index.metadata.get(ORIGIN, {})
-
-    @property
-    def gateway(self) -> str:
-        """Site, crane and sensor; the path where another program wrote the file."""
-        return "/".join(self.origin.get(key, "?") for key in GATEWAY_KEYS) if self.origin else str(self.path)
-
-    @property
-    def boot_id(self) -> str:
-        """Id of the run of the gateway."""
-        return self.origin.get("boot_id", "")
-
-
-@dataclass(frozen=True, slots=True)
 class TimelineMessage:
     """A message with the segment and the open file that it is from."""
 
-    segment: TimelineSegment
+    segment: SegmentIndex
     file: RecordingFile
     recorded: RecordedMessage
 
@@ -134,7 +100,7 @@ class Timeline:
     """The segments of one gateway in order of time."""
 
     gateway: str
-    segments: tuple[TimelineSegment, ...]
+    segments: tuple[SegmentIndex, ...]
     remarks: tuple[str, ...] = ()
     """Files that were left out, and why."""
     _read: dict[Path, ReadSegment] = field(default_factory=dict)
@@ -148,7 +114,7 @@ class Timeline:
     @property
     def size_bytes(self) -> int:
         """Size of all files."""
-        return sum(segment.index.size_bytes for segment in self.segments)
+        return sum(segment.size_bytes for segment in self.segments)
 
     def messages(
         self, selection: Selection = EVERYTHING, report: ReportProgress = ignore_progress
@@ -159,7 +125,7 @@ class Timeline:
         """
         seen: dict[tuple[str, str], int] = {}
         chosen = [segment for segment in self.segments if selection.may_contain(segment.from_ns, segment.to_ns)]
-        total = sum(segment.index.size_bytes for segment in chosen)
+        total = sum(segment.size_bytes for segment in chosen)
         done = 0
         for segment in chosen:
             file, before = open_recording(segment.path), dict(seen)
@@ -170,16 +136,16 @@ class Timeline:
                         continue
                     seen[key] = max(recorded.sequence, seen.get(key, -1))
                 if number % MESSAGES_PER_REPORT == 0:
-                    report((done + segment.index.size_bytes * _share(segment, recorded.log_time_ns)) / total)
+                    report((done + segment.size_bytes * _share(segment, recorded.log_time_ns)) / total)
                 yield TimelineMessage(segment, file, recorded)
-            done += segment.index.size_bytes
+            done += segment.size_bytes
         report(1.0)
 
-    def summary(self, segment: TimelineSegment) -> SegmentSummary | None:
+    def summary(self, segment: SegmentIndex) -> SegmentSummary | None:
         """Return the summary of a segment, from its index, or else by reading it; None where it has no message."""
-        return segment.index.summary or self.read_summary(segment).summary
+        return segment.summary or self.read_summary(segment).summary
 
-    def read_summary(self, segment: TimelineSegment) -> ReadSegment:
+    def read_summary(self, segment: SegmentIndex) -> ReadSegment:
         """Read a segment, unless it was read before, and return its summary and its losses. Raises `RecordingError`."""
         if segment.path not in self._read:
             self._read[segment.path] = summarise_segment(segment)
@@ -206,12 +172,12 @@ class Timeline:
         end_ns = None if end_s == inf else span.first_ns + round(end_s * 1e9)
         return Selection(begin_ns, end_ns, wanted)
 
-    def _samples_of(self, segment: TimelineSegment) -> SampleSummary | None:
+    def _samples_of(self, segment: SegmentIndex) -> SampleSummary | None:
         summary = self.summary(segment)
         return None if summary is None else summary.samples
 
 
-def summarise_segment(segment: TimelineSegment, selection: Selection = EVERYTHING) -> ReadSegment:
+def summarise_segment(segment: SegmentIndex, selection: Selection = EVERYTHING) -> ReadSegment:
     """Read a segment and return its summary. Raises `RecordingError`."""
     file = open_recording(segment.path)
     builder = SummaryBuilder()
@@ -222,7 +188,7 @@ def summarise_segment(segment: TimelineSegment, selection: Selection = EVERYTHIN
     return ReadSegment(builder.summary(), file.losses)
 
 
-def _share(segment: TimelineSegment, time_ns: int) -> float:
+def _share(segment: SegmentIndex, time_ns: int) -> float:
     """Return the share of a segment that is before a time."""
     return min(max((time_ns - segment.from_ns) / max(segment.to_ns - segment.from_ns, 1), 0.0), 1.0)
 
@@ -238,7 +204,7 @@ def open_timelines(paths: Sequence[Path]) -> list[Timeline]:
     where a file that was named cannot be read, or nothing has a message.
     """
     named = {path for path in paths if not path.is_dir()}
-    segments: list[TimelineSegment] = []
+    segments: list[SegmentIndex] = []
     problems: list[RecordingError] = []
     for file in list_recordings(paths):
         try:
@@ -290,23 +256,23 @@ def _list_folder(folder: Path) -> list[Path]:
     return files
 
 
-def _open_segment(path: Path) -> TimelineSegment:
+def _open_segment(path: Path) -> SegmentIndex:
     index = read_index(path)
-    if index.from_ns is None:
+    if index.is_empty:
         raise NoMessageError(f"{path}: has no message; the gateway was stopped before it wrote one")
-    return TimelineSegment(path, index)
+    return index
 
 
-def _in_order(segments: Iterable[TimelineSegment]) -> tuple[TimelineSegment, ...]:
+def _in_order(segments: Iterable[SegmentIndex]) -> tuple[SegmentIndex, ...]:
     return tuple(sorted(segments, key=lambda segment: (segment.from_ns, segment.to_ns, segment.path)))
 
 
-def _without_recovered_sources(segments: Sequence[TimelineSegment]) -> tuple[list[TimelineSegment], list[str]]:
+def _without_recovered_sources(segments: Sequence[SegmentIndex]) -> tuple[list[SegmentIndex], list[str]]:
     """Return the segments without those of which a recovered copy is given too, and a remark on each."""
     by_path = {segment.path.resolve(): segment for segment in segments}
     dropped: dict[Path, str] = {}
     for copy in segments:
-        name = copy.index.metadata.get(RECOVERED, {}).get("from")
+        name = copy.metadata.get(RECOVERED, {}).get("from")
         source = None if name is None else by_path.get(copy.path.resolve().with_name(name))
         if source is None or source.path in dropped:
             continue

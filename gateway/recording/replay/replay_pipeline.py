@@ -18,14 +18,13 @@ from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.pipeline.incidents import Acknowledgement, IncidentRegister
 from gateway.pipeline.outgoing_message import ClockState, HeaderMaker, MessageTime, OutgoingMessage
 from gateway.pipeline.pipeline import Pipeline, PipelineCalibration
-from gateway.recording.reading.recording_file import EVERYTHING, RecordedMessage, RecordingFile, Selection
+from gateway.recording.reading.recording_file import EVERYTHING, RecordedMessage, RecordingFile, SegmentIndex, Selection
 from gateway.recording.reading.sample_calibration import recorded_configuration, recorded_correction
 from gateway.recording.reading.timeline import (
     SAMPLES,
     ReportProgress,
     Timeline,
     TimelineMessage,
-    TimelineSegment,
     ignore_progress,
 )
 from gateway.topics import TOPIC_OF, paths_with
@@ -56,7 +55,7 @@ class StepMessage:
 class ReplayStep:
     """A block and the messages until the next one; at the start of a run, the messages before any block."""
 
-    segment: TimelineSegment
+    segment: SegmentIndex
     file: RecordingFile
     block: SampleBlock | None
     sequence: int

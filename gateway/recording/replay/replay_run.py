@@ -13,13 +13,12 @@ from gateway.errors import InputError
 from gateway.recording.format.segment_summary import SegmentSummary
 from gateway.recording.format.summary_builder import SummaryBuilder
 from gateway.recording.reading.interval import RecordingInterval, iso_utc
-from gateway.recording.reading.recording_file import RecordingFile, Selection
+from gateway.recording.reading.recording_file import RecordingFile, SegmentIndex, Selection
 from gateway.recording.reading.timeline import (
     SAMPLES,
     SUMMARISED_PATHS,
     ReportProgress,
     Timeline,
-    TimelineSegment,
     ignore_progress,
 )
 from gateway.recording.replay.replay_comparison import (
@@ -97,7 +96,7 @@ class ReplayRun:
             self._check_continuity(step)
             self._take(step)
             end_ns = step.end_ns or end_ns
-        is_torn = not self._timeline.segments[-1].index.is_closed
+        is_torn = not self._timeline.segments[-1].is_closed
         if self._mode == "same":
             self._comparison.compare_until(
                 end_ns if is_torn else 2**63
@@ -141,7 +140,7 @@ class ReplayRun:
         utc_ns = self._from_ns + step.clock.wall_offset_ns
         self._notes.append(f"{why}: compared from {iso_utc(utc_ns)} on, {AFTER_START.description}")
 
-    def _platform_tolerance(self, segment: TimelineSegment) -> Tolerance:
+    def _platform_tolerance(self, segment: SegmentIndex) -> Tolerance:
         here = {"software": __version__, "numpy": np.__version__, "machine": platform.machine()}
         others = [f"{name} {segment.origin.get(name, '?')}, here {here[name]}" for name in ENVIRONMENT]
         others = [

@@ -16,7 +16,6 @@ from gateway.incident.incident_summary import MAX_SHOWN_EVENTS, event_table
 from gateway.messages import NO_SESSION, Calibration, ClockOffset, FoxgloveTime, Health, Log, Mark
 from gateway.recording.reading.recording_file import SegmentIndex
 from gateway.recording.reading.sample_calibration import CalibratedBlock
-from gateway.recording.reading.timeline import TimelineSegment
 
 ORIGIN_NS = 1_767_225_600_000_000_000
 HEAD: dict[str, Any] = {"time_ns": ORIGIN_NS, "clock": "synchronised", "sequence": 0}
@@ -41,8 +40,7 @@ def block(first_s: float, lost: int = 0) -> CalibratedBlock:
     samples = SampleBlock(time_ns=time_ns, raw=np.zeros((10, 3), dtype=np.int32), lost=lost)
     info = DeviceInfo(kind="adxl355", device_id="part-7", unit="counts", odr_hz=10.0, units_per_g=256e3)
     correction = correction_for(info, ((0, 1), (1, 1), (2, 1)), None)
-    index = SegmentIndex(0, is_closed=True)
-    return CalibratedBlock(TimelineSegment(Path("one.mcap"), index), samples, np.full((10, 3), first_s), correction, 0)
+    return CalibratedBlock(SegmentIndex(Path("one.mcap"), 0), samples, np.full((10, 3), first_s), correction, 0)
 
 
 def health(**changes: Any) -> Health:

@@ -146,7 +146,7 @@ def cut_behind_first_signature(content: bytes) -> bytes:
 
 def newest_ns(path: Path) -> int:
     """The time of the newest message."""
-    return read_index(path).to_ns or 0
+    return read_index(path).to_ns
 
 
 def stream(content: bytes) -> ReadDataStream:

@@ -1,5 +1,7 @@
 """What is left of a recording after SIGKILL, a cut at any byte, and damage in the middle."""
 
+import errno
+import io
 import os
 import pickle
 import signal
@@ -16,10 +18,11 @@ from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from gateway import messages
 from gateway.pipeline.outgoing_message import encode_message
+from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.export.info_text import info_text
 from gateway.recording.format.content import RecordingHeader
 from gateway.recording.format.salvage import SalvageReport
-from gateway.recording.reading.recording_file import open_recording
+from gateway.recording.reading.recording_file import is_altered, open_recording, read_index
 from gateway.recording.reading.samples import read_samples
 from gateway.recording.segments.recorder import Recorder
 from tests.gateway.recording.conftest import MakeRecorder
@@ -167,6 +170,31 @@ def test_a_flipped_bit_anywhere_raises_nothing_but_recording_errors(
         changed[place] ^= 1 << int(rng.integers(0, 8))
         flipped.write_bytes(changed)
         read_as_users_do(flipped)
+
+
+class BadSector(io.FileIO):
+    """A file of which only the beginning can still be read."""
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        if size is None or size < 0 or self.tell() + size > 4096:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        return super().read(size)
+
+
+def test_a_disk_that_fails_is_named_by_every_reader(
+    small: tuple[Path, list[int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, _ = small
+    index = read_index(path)
+    monkeypatch.setattr("gateway.recording.format.salvage.open_regular", BadSector)
+    for read in (
+        lambda: is_altered(index),
+        lambda: read_index(path),
+        lambda: verify_file(path, None),
+        lambda: recorded_numbers(path),
+    ):
+        with pytest.raises(RecordingError, match="Input/output error; copy it off this disk with `ddrescue`"):
+            read()
 
 
 def test_changed_metadata_are_detected_in_a_closed_file(small: tuple[Path, list[int]], tmp_path: Path) -> None:
