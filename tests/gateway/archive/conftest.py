@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.gateway.archive.archive_rows import indexed, keys_file
-from tests.gateway.archive.small_recordings import SmallCrane
+from tests.gateway.archive.small_recordings import SmallCrane, indexed, keys_file
 
 
 @pytest.fixture(scope="package")

@@ -15,8 +15,7 @@ from gateway.archive.tables import Archive
 from gateway.archive.tasks import TaskKind, TaskLimits, plan_tasks
 from gateway.cli.main import main
 from gateway.errors import ANSWER_IS_NO, BAD_INPUT
-from tests.gateway.archive.archive_rows import indexed, select
-from tests.gateway.archive.small_recordings import SmallCrane
+from tests.gateway.archive.small_recordings import SmallCrane, indexed, select
 from tests.gateway.recorded_crane import RecordedCrane
 from tests.ports import unused_port
 from tests.waiting import PATIENCE_S, wait_until

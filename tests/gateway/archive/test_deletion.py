@@ -14,8 +14,7 @@ from gateway.archive.deletion import DeletionRule
 from gateway.archive.rows import RECORDINGS, TABLES
 from gateway.archive.tables import Archive
 from gateway.cli.main import main
-from tests.gateway.archive.archive_rows import content, indexed, keys_file, select
-from tests.gateway.archive.small_recordings import NS_PER_S, START_NS, SmallCrane
+from tests.gateway.archive.small_recordings import NS_PER_S, START_NS, SmallCrane, content, indexed, keys_file, select
 
 DAY_NS = 86_400 * NS_PER_S
 NEXT_DAY = "2026-01-02"

@@ -11,8 +11,7 @@ from gateway.archive.rows import TABLES
 from gateway.archive.tables import Archive
 from gateway.cli.main import main
 from gateway.errors import BAD_INPUT, InputError
-from tests.gateway.archive.archive_rows import indexed, select
-from tests.gateway.archive.small_recordings import SmallCrane
+from tests.gateway.archive.small_recordings import SmallCrane, indexed, select
 
 
 @pytest.fixture(scope="module")

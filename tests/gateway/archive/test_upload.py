@@ -17,9 +17,8 @@ from gateway.archive.tables import Archive
 from gateway.archive.upload import Uploader, UploadLimits, UploadResult, open_destination, parse_window
 from gateway.cli.main import main
 from gateway.errors import ANSWER_IS_NO, BAD_INPUT
-from tests.gateway.archive.archive_rows import content
 from tests.gateway.archive.s3_server import S3Server, running_s3
-from tests.gateway.archive.small_recordings import SmallCrane
+from tests.gateway.archive.small_recordings import SmallCrane, content
 from tests.ports import unused_port
 from tests.waiting import PATIENCE_S, wait_until
 

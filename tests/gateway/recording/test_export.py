@@ -1,9 +1,14 @@
-"""Recordings as CSV, Parquet and MCAP."""
+"""Recordings as CSV, Parquet and MCAP; the example of the guide reads them in every state with the public reader."""
 
+import contextlib
 import csv
+import io
 import json
 import os
+import re
+import shutil
 from pathlib import Path
+from textwrap import dedent
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -26,6 +31,7 @@ from tests.gateway.recording.recorded_crane import CLOCK, RecordedCrane
 from tests.values import present
 
 SECONDS = 45
+INCOMPLETE = "the file is incomplete, or still being written"
 
 
 @pytest.fixture(scope="module")
@@ -193,3 +199,46 @@ def test_samples_are_read_as_they_are_written(recorded: Path, monkeypatch: pytes
 
 def test_first_sample_is_at_the_start_of_the_simulated_crane(recorded: Path) -> None:
     assert read_samples(sorted(recorded.glob("*.mcap"))[:1]).samples.time_ns[0] == START_NS
+
+
+GUIDE = Path(__file__).parents[3] / "docs" / "guides" / "investigator" / "recordings.md"
+
+
+def example() -> str:
+    """The indented block of the section on Python that imports the reader."""
+    section = GUIDE.read_text().split("## In Python")[1].split("\n## ")[0]
+    (block,) = (each for each in re.findall(r"(?:^ {4}.*\n|^\n)+", section, re.MULTILINE) if "NonSeekingReader" in each)
+    return dedent(block)
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """A file that is being written, the same torn, and the same closed."""
+    folder = tmp_path_factory.mktemp("data")
+    crane = RecordedCrane(folder / "data", segment_s=600.0)
+    crane.record(12)
+    (path,) = crane.folder.glob("*.mcap")
+    live, torn = folder / "live.mcap", folder / "torn.mcap"
+    shutil.copy(path, live)
+    shutil.copy(path, torn)
+    os.truncate(torn, torn.stat().st_size - 1000)
+    crane.close()
+    return {"live": live, "torn": torn, "closed": path}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("state", ["live", "torn", "closed"])
+def test_example_of_the_guide_reads_a_recording(
+    recordings: dict[str, Path], state: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copy(recordings[state], tmp_path / "recording.mcap")
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(example(), names)
+    lines = printed.getvalue().splitlines()
+    assert (INCOMPLETE in lines) == (state != "closed")
+    swings = [line for line in lines if line != INCOMPLETE]
+    assert len(swings) >= 3
+    assert len(names["x_counts"]) == 10  # type: ignore[arg-type]

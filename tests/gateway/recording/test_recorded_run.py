@@ -1,3 +1,8 @@
+"""What was recorded is read back: every block, calibration and correction.
+
+The axes of a recording need nothing else of its configuration, which may be of another version or another program.
+"""
+
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -5,15 +10,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.records import Attachment
 from mcap.writer import Writer
 
+from devices.axes_map import SAME_AXES, parse_axes_map
 from devices.block import DeviceInfo, SampleBlock
 from devices.errors import RecordingError
 from gateway import messages
 from gateway.packing import pack
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.format.content import ORIGIN, RecordingHeader
-from gateway.recording.reading.recording_file import open_recording
+from gateway.recording.format.content import CONFIGURATION, ORIGIN, RecordingHeader
+from gateway.recording.reading.recording_file import RecordingFile, open_recording
+from gateway.recording.reading.sample_calibration import recorded_axes
 from gateway.recording.reading.samples import read_samples
 from gateway.recording.segments.recorder import Recorder
 from tests.gateway.conftest import MakeBlock
@@ -195,3 +203,30 @@ def test_messages_that_do_not_decode_are_counted(
     file_read = open_recording(path)
     assert [file_read.decode(message) for message in file_read.messages()] == [None, None]
     assert file_read.losses.unreadable_messages == 2
+
+
+def recording(configuration: str | None) -> RecordingFile:
+    file = RecordingFile(Path("a.mcap"))
+    if configuration is not None:
+        content = Attachment(0, 0, CONFIGURATION, "application/toml", configuration.encode())
+        file.attachments[CONFIGURATION] = content
+    return file
+
+
+@pytest.mark.parametrize(
+    ("configuration", "axes"),
+    [
+        (None, "x,y,z"),
+        ("other = 1\n", "x,y,z"),
+        ("device = 3\n", "x,y,z"),
+        ('[device]\nkind = "of a later version"\naxes_map = "-y,x,z"\n[rope]\nlength_m = -1\n', "-y,x,z"),
+    ],
+)
+def test_the_axes_are_known_whatever_else_the_configuration_has(configuration: str | None, axes: str) -> None:
+    assert recorded_axes(recording(configuration)) == (SAME_AXES if axes == "x,y,z" else parse_axes_map(axes))
+
+
+@pytest.mark.parametrize("configuration", ["not TOML", '[device]\naxes_map = "x,x,z"\n'])
+def test_axes_that_are_not_known_are_not_guessed(configuration: str) -> None:
+    with pytest.raises(RecordingError, match=r"a\.mcap: its configuration"):
+        recorded_axes(recording(configuration))

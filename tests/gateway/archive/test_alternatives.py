@@ -19,7 +19,7 @@ from gateway.errors import BAD_INPUT
 from gateway.recording.format.segment_summary import RecordedPeak
 from gateway.recording.format.summary_builder import RecordedAlert
 from gateway.recording.replay.replay_result import ReplayOutcome
-from tests.gateway.archive.archive_rows import indexed, select
+from tests.gateway.archive.small_recordings import indexed, select
 from tests.gateway.recorded_crane import RecordedCrane
 
 OTHER_VERSION = "0.1.9"
