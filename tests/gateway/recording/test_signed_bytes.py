@@ -143,11 +143,3 @@ def is_refused(path: Path, key: Path) -> None:
     with pytest.raises(RecordingError, match="stays as it is"):
         compact(path, SegmentChain(path.parent, GATEWAY, load_or_create_key(key)))
     assert path.read_bytes() == before
-
-
-@pytest.mark.slow
-def test_a_repaired_segment_says_from_when_on_it_was_signed_afterwards(record: Record, start_ns: int) -> None:
-    record(start_ns, segments=1, compacted=False, closed=False)
-    paths = record(start_ns + 60 * SECOND_NS, segments=1)
-    (repaired, _) = verify(paths).files
-    assert any("from 2026-01-01T00:00:20" in text for text in repaired.remarks), repaired.remarks
