@@ -157,7 +157,7 @@ class _Content:
 
 
 def compare_replays(
-    database: duckdb.DuckDBPyConnection, against: str | None, condition: str = "true", values: Sequence[Any] = ()
+    database: duckdb.DuckDBPyConnection, against: str | None, condition: str, values: Sequence[Any]
 ) -> VersionComparison:
     """Compare replays, chosen by a condition in SQL on the table of results, and rank what has changed.
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,6 +104,17 @@ class Source:
         """Return the samples that the device marks, or else those at full scale, shape (n,); none where neither is known."""
         return find_clipped(self.force_g, self.recording.saturated, self.full_scale_g)
 
+    def keeping(self, kept: slice | NDArray[np.bool_], recording: Recording, remark: str, **changes: Any) -> "Source":
+        """Return a part of the samples, which is this recording, with a remark on what was left out and other changes."""
+        return replace(
+            self,
+            recording=recording,
+            force_g=self.force_g[kept],
+            rate_rad_s=None if self.rate_rad_s is None else self.rate_rad_s[kept],
+            remarks=(*self.remarks, remark),
+            **changes,
+        )
+
     @property
     def name(self) -> str:
         """The file, or the number of files with the first and the last."""
@@ -156,13 +168,7 @@ def _without_dropouts(source: Source) -> Source:
     remark = (
         f"found: {int(missing.sum())} rows are zero in all axes though the rows around them are not; they are left out"
     )
-    return replace(
-        source,
-        recording=source.recording.without_invalid(missing),
-        force_g=source.force_g[~missing],
-        rate_rad_s=None if source.rate_rad_s is None else source.rate_rad_s[~missing],
-        remarks=(*source.remarks, remark),
-    )
+    return source.keeping(~missing, source.recording.without_invalid(missing), remark)
 
 
 def _without_repeated_readings(source: Source) -> Source:
@@ -176,14 +182,12 @@ def _without_repeated_readings(source: Source) -> Source:
         f"found: the sensor is slower than its file: {found.rate_hz:.4g} readings per second in {recording.rate_hz:.4g} rows; "
         f"{len(recording) - len(found)} repeated rows left out, each reading has the time of its first row"
     )
-    return replace(
-        source,
-        recording=found,
-        force_g=source.force_g[fresh],
+    return source.keeping(
+        fresh,
+        found,
+        remark,
         repeated_readings=len(recording) - len(found),
         held_rows=HeldRows(recording.time_s, np.cumsum(fresh) - 1),
-        rate_rad_s=None if source.rate_rad_s is None else source.rate_rad_s[fresh],
-        remarks=(*source.remarks, remark),
     )
 
 

@@ -111,14 +111,11 @@ def cut_to_free_swing(source: Source) -> CutSource:
     stop = min(stop + 1, len(time_s))
     if found.is_whole or stop - start < 2:
         return CutSource(source, None)
-    kept = slice(start, stop)
-    cut = replace(
-        source,
-        recording=source.recording.part(start, stop),
-        force_g=source.force_g[kept],
+    cut = source.keeping(
+        slice(start, stop),
+        source.recording.part(start, stop),
+        describe_free_swing(source, found),
         held_rows=None if source.held_rows is None else source.held_rows.part(start, stop),
-        rate_rad_s=None if source.rate_rad_s is None else source.rate_rad_s[kept],
-        remarks=(*source.remarks, describe_free_swing(source, found)),
     )
     return CutSource(cut, found)
 

@@ -1,7 +1,7 @@
 """The contents of recordings as aligned text."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from gateway.recording.export.recording_info import RecordingInfo
@@ -146,33 +146,24 @@ class _InfoText:
         return f"  acknowledged by {alert.acknowledged_by} at {self._time(utc_ns)}"
 
     def _marks(self) -> Iterator[str]:
-        if self.info.marks:
-            yield ""
-            yield f"marks: {len(self.info.marks)}"
-        for mark in self.info.marks[:MAX_LIST_LINES]:
-            yield f"  {self._time(mark.utc_ns)}  {mark.text} ({mark.by})"
-        yield from _rest(len(self.info.marks))
+        marks = self.info.marks
+        return _section(
+            f"marks: {len(marks)}", [f"{self._time(each.utc_ns)}  {each.text} ({each.by})" for each in marks]
+        )
 
     def _calibrations(self) -> Iterator[str]:
         changes = self.info.calibrations[1:]
-        if changes:
-            yield ""
-            yield f"calibration: {len(changes)} changes"
-        for change in changes[:MAX_LIST_LINES]:
-            yield f"  {self._time(change.utc_ns)}  {_calibration_text(change)}"
-        yield from _rest(len(changes))
+        lines = [f"{self._time(change.utc_ns)}  {_calibration_text(change)}" for change in changes]
+        return _section(f"calibration: {len(changes)} changes", lines)
 
     def _clock_changes(self) -> Iterator[str]:
-        clock = self.info.clock
-        changes = clock.changes[1:] if clock is not None else []
-        if changes:
-            yield ""
-            yield f"clock: {len(changes)} changes"
-        for change in changes[:MAX_LIST_LINES]:
+        changes = [] if self.info.clock is None else self.info.clock.changes[1:]
+        lines = []
+        for change in changes:
             step = "stepped, " if change.stepped else ""
             utc = self._time(change.log_time_ns + change.wall_offset_ns)
-            yield f"  {utc}  {step}{change.quality}, UTC {change.wall_offset_ns / 1e9:+.6f} s from gateway time"
-        yield from _rest(len(changes))
+            lines.append(f"{utc}  {step}{change.quality}, UTC {change.wall_offset_ns / 1e9:+.6f} s from gateway time")
+        return _section(f"clock: {len(changes)} changes", lines)
 
     def _gaps(self) -> Iterator[str]:
         longest = sorted(self.info.gaps, key=lambda gap: -gap.length_s)[:MAX_LIST_LINES]
@@ -196,12 +187,11 @@ class _InfoText:
             yield f"  {name}: {last.count}, first at {self._time(first.utc_ns)}, last at {self._time(last.utc_ns)}"
 
     def _log(self) -> Iterator[str]:
-        if self.info.log_count:
-            yield ""
-            yield f"log: {self.info.log_count} warnings and errors"
-        for line in self.info.log[:MAX_LIST_LINES]:
-            yield f"  {self._time(line.utc_ns)}  {LOG_LEVEL_WORDS.get(line.level, line.level):<8}{line.message}"
-        yield from _rest(self.info.log_count)
+        lines = [
+            f"{self._time(line.utc_ns)}  {LOG_LEVEL_WORDS.get(line.level, line.level):<8}{line.message}"
+            for line in self.info.log
+        ]
+        return _section(f"log: {self.info.log_count} warnings and errors", lines, self.info.log_count)
 
     def _topics(self) -> Iterator[str]:
         yield ""
@@ -215,6 +205,15 @@ def _calibration_text(change: CalibrationState) -> str:
     text = f"{change.calibration_id or 'no record'}, {change.status}"
     session = f"; recalibration {change.phase} by {change.by or '?'}: {change.session_text}"
     return text if change.phase == "idle" else text + session
+
+
+def _section(title: str, lines: Sequence[str], count: int | None = None) -> Iterator[str]:
+    """Yield a list of `count` entries under its title, as far as it is shown; nothing where it is empty."""
+    if lines:
+        yield ""
+        yield title
+        yield from (f"  {line}" for line in lines[:MAX_LIST_LINES])
+        yield from _rest(len(lines) if count is None else count)
 
 
 def _rest(count: int) -> Iterator[str]:

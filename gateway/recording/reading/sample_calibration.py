@@ -33,15 +33,13 @@ from gateway.recording.reading.timeline import (
 NEEDED_TOPICS = frozenset({CALIBRATION, SAMPLES})
 
 
-def recorded_correction(file: RecordingFile, message: Calibration | None, axes: AxesMap | None = None) -> Correction:
-    """Return the correction of a calibration message, by the device of a file and its axes; `axes` may take their place.
+def recorded_correction(file: RecordingFile, message: Calibration | None, axes: AxesMap) -> Correction:
+    """Return the correction of a calibration message, by the device of a file and axes.
 
     A factory record is in the device. Raises `RecordingError` for what the file states, and `CalibrationError` for a damaged
     record.
     """
     device = file.device()
-    if axes is None:
-        axes = recorded_axes(file)
     if message is not None and message.status == "calibrated":
         return correction_for(device, axes, parse_record(message.record, device.device_id, str(file.path)))
     if message is not None and message.status == "uncalibrated":

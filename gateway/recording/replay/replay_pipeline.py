@@ -18,14 +18,13 @@ from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.pipeline.incidents import Acknowledgement, IncidentRegister
 from gateway.pipeline.outgoing_message import ClockState, HeaderMaker, MessageTime, OutgoingMessage
 from gateway.pipeline.pipeline import Pipeline, PipelineCalibration
-from gateway.recording.reading.recording_file import EVERYTHING, RecordedMessage, RecordingFile, SegmentIndex, Selection
+from gateway.recording.reading.recording_file import RecordedMessage, RecordingFile, SegmentIndex, Selection
 from gateway.recording.reading.sample_calibration import recorded_configuration, recorded_correction
 from gateway.recording.reading.timeline import (
     SAMPLES,
     ReportProgress,
     Timeline,
     TimelineMessage,
-    ignore_progress,
 )
 from gateway.topics import TOPIC_OF, paths_with
 
@@ -79,9 +78,7 @@ class ReplayStep:
         return self.next_block is None or time_ns not in self.next_block.time_ns
 
 
-def read_steps(
-    timeline: Timeline, selection: Selection = EVERYTHING, report: ReportProgress = ignore_progress
-) -> Iterator[ReplayStep]:
+def read_steps(timeline: Timeline, selection: Selection, report: ReportProgress) -> Iterator[ReplayStep]:
     """Yield the steps of a selection in order. Raises `RecordingError`."""
     wanted = Selection(selection.begin_ns, selection.end_ns, RECOMPUTED_PATHS)
     step: ReplayStep | None = None
