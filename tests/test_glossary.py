@@ -58,7 +58,7 @@ COMMON_WORDS = words(
     writer zoom I2C WitMotion chip identity section
     analogue part probe recovery self test expected watch column layout notation MATLAB parallel
     exposition protocol latest setting runtime sampling storage native
-    completion analysis machine terminal language supervision extras operator
+    completion analysis machine terminal language supervision extras operator alternative content
     """
 )
 """Words of computing and everyday English, and names of parts; every other word of a module name is a term of the glossary."""
