@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from gateway.alert_periods import AlertState
 from gateway.file_input import decode_json
@@ -122,11 +123,7 @@ def is_gap(before_ns: int, after_ns: int, period_ns: float | None) -> bool:
     return period_ns is not None and after_ns - before_ns > MIN_GAP_PERIODS * period_ns
 
 
-def _period_ns(
-    first_ns: np.ndarray[tuple[int], np.dtype[np.int64]],
-    last_ns: np.ndarray[tuple[int], np.dtype[np.int64]],
-    length: np.ndarray[tuple[int], np.dtype[np.int64]],
-) -> float | None:
+def _period_ns(first_ns: NDArray[np.int64], last_ns: NDArray[np.int64], length: NDArray[np.int64]) -> float | None:
     """Return the median distance of neighbouring samples, inside blocks and between them."""
     inside = length > 1
     periods_ns = np.concatenate([(last_ns - first_ns)[inside] / (length[inside] - 1), first_ns[1:] - last_ns[:-1]])

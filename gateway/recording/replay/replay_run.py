@@ -36,8 +36,6 @@ WARM_UP_NS = 120_000_000_000
 """Time after which a replay from the middle of a run is compared. Basis: in free swing its angle agrees within 0.03 degrees after
 40 s; the angle of a filter that was not sure of itself may differ for as long as that lasts."""
 ReplayMode = Literal["same", "other"]
-ENVIRONMENT = ("software", "numpy", "machine")
-"""The fields of a recording's origin on which the last bit of a result may depend."""
 
 
 @dataclass(slots=True)
@@ -141,10 +139,12 @@ class ReplayRun:
         self._notes.append(f"{why}: compared from {iso_utc(utc_ns)} on, {AFTER_START.description}")
 
     def _platform_tolerance(self, segment: SegmentIndex) -> Tolerance:
+        # the fields of an origin on which the last bit of a result may depend
         here = {"software": __version__, "numpy": np.__version__, "machine": platform.machine()}
-        others = [f"{name} {segment.origin.get(name, '?')}, here {here[name]}" for name in ENVIRONMENT]
         others = [
-            text for text, name in zip(others, ENVIRONMENT, strict=True) if segment.origin.get(name) != here[name]
+            f"{name} {segment.origin.get(name, '?')}, here {value}"
+            for name, value in here.items()
+            if segment.origin.get(name) != value
         ]
         if not others:
             return EXACT
