@@ -8,12 +8,11 @@ from typing import Any
 from mcap.reader import make_reader
 
 from gateway.pipeline.outgoing_message import encode_message
+from gateway.recording.chain.chain_verification import ChainVerification
 from gateway.recording.export.recording_info import RecordingInfo, summarise_timeline
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.reading.timeline import open_timeline
 from gateway.recording.segments.recorder import Recorder
-
-SECOND_NS = 1_000_000_000
 
 
 def contents(path: Path) -> list[tuple[str, dict[str, Any]]]:
@@ -43,6 +42,11 @@ def record_blocks(
         now_ns = start_ns + round(number * block_s * 1e9)
         recorder.write(encode_message("samples", make_samples(number), now_ns))
         recorder.tick(now_ns)
+
+
+def problems(found: ChainVerification) -> list[str]:
+    """What differs, of all files and between them."""
+    return [text for file in found.files for text in file.problems] + list(found.problems)
 
 
 def sample_sequences(path: Path) -> list[int]:

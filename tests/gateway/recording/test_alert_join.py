@@ -9,9 +9,9 @@ from gateway.alert_periods import AlertState
 from gateway.messages import ActiveAlert, Level
 from gateway.recording.format.segment_summary import SegmentSummary
 from gateway.recording.format.summary_builder import SummaryBuilder, join_alerts, unknown_s
+from tests.gateway.recording.conftest import SECOND_NS
 from tests.values import present
 
-SECOND_NS = 10**9
 OFFSET_NS = 7 * SECOND_NS
 """UTC minus gateway time."""
 

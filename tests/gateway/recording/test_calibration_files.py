@@ -23,11 +23,10 @@ from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.segments.copying import recover
 from gateway.recording.segments.recorder import Recorder, RecorderError
 from gateway.recording.segments.segment import CalibrationFiles, calibration_files
-from tests.gateway.recording.conftest import GATEWAY, MakeRecorder
+from tests.gateway.recording.conftest import GATEWAY, SECOND_NS, MakeRecorder
 from tests.gateway.recording.recorded_files import record_blocks, segments, summarise
 from tests.values import present
 
-SECOND_NS = 1_000_000_000
 CERTIFICATES_OF_R1 = ("calibration-r1.json", "calibration-r1.html", "calibration-r1.xml")
 
 

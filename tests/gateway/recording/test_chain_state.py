@@ -25,6 +25,7 @@ from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.statements import hash_of
 from gateway.recording.format.content import segment_number
 from tests.gateway.recording.conftest import GATEWAY, SECOND_NS, Record
+from tests.gateway.recording.recorded_files import problems
 
 LATER_NS = 1000 * SECOND_NS
 NEXT: dict[str, Any] = {"segment": 9, "name": "x", "n_bytes": 0, "sha256": "", "from_ns": 0, "to_ns": 0}
@@ -55,10 +56,6 @@ def stated(chain: SegmentChain) -> tuple[int, int, str, int]:
 
 def verify(folder: Path) -> ChainVerification:
     return verify_chain([verify_file(path, None) for path in sorted(folder.glob("*.mcap"))], [folder])
-
-
-def problems(found: ChainVerification) -> list[str]:
-    return [text for file in found.files for text in file.problems] + list(found.problems)
 
 
 def is_noticed_and_rebuilt(folder: Path, content: bytes, sound: tuple[int, int, str, int]) -> bool:

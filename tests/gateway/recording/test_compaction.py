@@ -24,10 +24,9 @@ from gateway.recording.segments.compaction import CompactionError, compact, trim
 from gateway.recording.segments.copying import recover, recovered_path
 from gateway.recording.segments.events import EventIndex, is_trimmed, uncompacted_marker
 from gateway.recording.segments.recorder import Recorder
-from tests.gateway.recording.conftest import MakeRecorder
+from tests.gateway.recording.conftest import SECOND_NS, MakeRecorder
 
 NOISE_COUNTS, BLOCK, SECONDS = 143, 32, 30
-SECOND_NS = 1_000_000_000
 PRE_S, POST_S, EVENT_S = 10, 15, 45
 
 

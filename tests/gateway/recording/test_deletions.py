@@ -21,6 +21,7 @@ from gateway.recording.segments.compaction import HashingFile
 from gateway.recording.segments.copying import RecordCopier
 from gateway.recording.segments.events import marker_path
 from tests.gateway.recording.conftest import SECOND_NS, Record
+from tests.gateway.recording.recorded_files import segments
 
 LATER_NS = 1000 * SECOND_NS
 QUOTA_MB = 0.2
@@ -36,10 +37,6 @@ def verify(capsys: Capture, *paths: Path) -> tuple[int, str, dict[str, Any]]:
     text = capsys.readouterr().out
     main([*arguments, "--json", "-"])
     return code, text, json.loads(capsys.readouterr().out)
-
-
-def segments_in(folder: Path) -> list[Path]:
-    return sorted(folder.glob("*.mcap"))
 
 
 @pytest.fixture
@@ -87,7 +84,7 @@ def test_what_the_quota_deleted_is_signed_with_its_reason(folder: Path, capsys: 
 
 @pytest.mark.slow
 def test_a_segment_taken_away_after_those_of_the_quota_is_told_apart(folder: Path, capsys: Capture) -> None:
-    oldest, *_ = segments_in(folder)
+    oldest, *_ = segments(folder)
     first = verify(capsys, folder)[2]["first_segment"]
     oldest.unlink()
     code, text, result = verify(capsys, folder)
@@ -141,9 +138,9 @@ def test_a_deletion_is_stated_before_the_next_sync(record: Record, start_ns: int
 
 @pytest.mark.slow
 def test_a_deletion_that_no_segment_states_yet_is_in_the_saved_state(folder: Path, capsys: Capture) -> None:
-    oldest, *_ = segments_in(folder)
+    oldest, *_ = segments(folder)
     chain = SegmentChain(folder, "yard/crane-2/hook", load_or_create_key(folder / "signing-key.pem"))
-    chain.restore(segments_in(folder)[::-1])
+    chain.restore(segments(folder)[::-1])
     chain.note_deletion(chain.number_of(oldest), "disk", 16000.0)
     oldest.unlink()
     code, text, _ = verify(capsys, folder)
@@ -188,7 +185,7 @@ def test_a_deletion_that_was_written_into_the_saved_state_is_never_believed(
 def test_the_statement_stays_short_however_many_segments_are_kept_in_between(folder: Path) -> None:
     """Every other segment has an event, for years; of the oldest ones it is not stated which were deleted."""
     chain = SegmentChain(folder, "yard/crane-2/hook", load_or_create_key(folder / "signing-key.pem"))
-    chain.restore(segments_in(folder)[::-1])
+    chain.restore(segments(folder)[::-1])
     for number in range(11, 11 + 2 * (MAX_RUNS + 50), 2):
         chain.note_deletion(number, "quota", QUOTA_MB)
     statement = parse_deletions(chain.deletions)
@@ -213,7 +210,7 @@ def test_what_was_deleted_is_known_without_the_saved_state(
 
 @pytest.mark.slow
 def test_a_statement_about_deletions_that_was_changed_is_named(folder: Path, capsys: Capture) -> None:
-    newest = segments_in(folder)[-1]
+    newest = segments(folder)[-1]
     content = newest.read_bytes()
     assert content.count(b'"segments":[[1,') == content.count(b'"quota_mb":0.2') > 0
     newest.write_bytes(content.replace(b'"quota_mb":0.2', b'"quota_mb":9.2'))
@@ -244,8 +241,8 @@ def test_recordings_of_a_version_before_are_judged_by_what_they_state(
     record: Record, folder: Path, start_ns: int, capsys: Capture
 ) -> None:
     """They state the largest number that the quota has deleted; the hashes of those before no longer match here."""
-    newest = segments_in(folder)[-1]
-    for path in segments_in(folder)[:-1]:
+    newest = segments(folder)[-1]
+    for path in segments(folder)[:-1]:
         path.unlink()
     as_the_version_before_wrote_it(newest)
     statement = parse_statement(read_index(newest).metadata[SIGNATURE]["statement"])

@@ -26,8 +26,8 @@ from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.reading.samples import read_samples
 from gateway.recording.segments.recorder import RecorderError
 from gateway.topics import TOPICS, adapter
-from tests.gateway.recording.conftest import MakeRecorder
-from tests.gateway.recording.recorded_files import SECOND_NS, contents, names, record_blocks, sample_sequences, segments
+from tests.gateway.recording.conftest import SECOND_NS, MakeRecorder
+from tests.gateway.recording.recorded_files import contents, names, record_blocks, sample_sequences, segments
 
 FULL_DISK = """
 import pickle, resource, sys

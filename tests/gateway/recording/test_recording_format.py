@@ -17,9 +17,9 @@ from gateway import messages
 from gateway.recording.format.content import encode_recorded, logged_topics, schema_bytes
 from gateway.recording.format.mcap_writer import CHUNK_BYTES, McapWriter
 from gateway.topics import TOPICS, adapter, encode, json_schema
+from tests.gateway.recording.conftest import SECOND_NS
 from tests.gateway.recording.viewer_rules import lichtblick_fields
 
-SECOND_NS = 1_000_000_000
 TYPES: dict[str, tuple[type, ...]] = {
     "object": (dict,),
     "array": (list,),

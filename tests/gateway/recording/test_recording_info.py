@@ -17,11 +17,9 @@ from gateway.recording.format.segment_summary import RecordedPeak
 from gateway.recording.reading.interval import RecordingInterval, parse_recording_time
 from gateway.recording.reading.timeline import open_timeline
 from gateway.recording.segments.copying import recover
-from tests.gateway.recording.conftest import MakeRecorder
+from tests.gateway.recording.conftest import SECOND_NS, MakeRecorder
 from tests.gateway.recording.recorded_crane import RecordedCrane
 from tests.gateway.recording.recorded_files import summarise
-
-SECOND_NS = 1_000_000_000
 
 
 @pytest.fixture

@@ -32,7 +32,7 @@ from gateway.recording.segments.copying import recover
 from gateway.recording.segments.recorder import Recorder
 from tests.benchmarks.survival import campaign, content, record, specimen
 from tests.gateway.recording.conftest import MakeRecorder
-from tests.gateway.recording.recorded_files import summarise
+from tests.gateway.recording.recorded_files import sample_sequences, summarise
 
 BLOCK = 32
 FSYNC_S = 1.0
@@ -52,10 +52,6 @@ for message in made:
     recorder.tick(message.time_ns)
     print(message.sequence, flush=True)
 """
-
-
-def recorded_numbers(path: Path) -> list[int]:
-    return [message.sequence for message in open_recording(path).messages() if message.topic == "/samples"]
 
 
 @pytest.fixture
@@ -106,7 +102,7 @@ def test_sigkill_costs_at_most_fsync_s_and_one_block(
         written = max([written, *map(int, child.stdout.read().split())])
     assert child.returncode == -signal.SIGKILL
     (path,) = tmp_path.glob("*.mcap")
-    kept = recorded_numbers(path)
+    kept = sample_sequences(path)
     assert kept == list(range(len(kept)))
     assert (written + 1 - len(kept)) * BLOCK <= FSYNC_S * 1000 + BLOCK
     assert not open_recording(path).losses.closed
@@ -117,7 +113,7 @@ def test_sigkill_costs_at_most_fsync_s_and_one_block(
 def test_truncation_at_any_byte_keeps_every_chunk_before_it(small: tuple[Path, list[int]], tmp_path: Path) -> None:
     path, ends = small
     whole = path.read_bytes()
-    expected = [recorded_numbers(cut_to(tmp_path, whole, end)) for end in ends]
+    expected = [sample_sequences(cut_to(tmp_path, whole, end)) for end in ends]
     assert [len(numbers) for numbers in expected] == [0, 4, 7, 10]
     rng = np.random.default_rng(5)
     sizes = {*range(40), *(end + shift for end in ends for shift in (-1, 0, 1)), *rng.integers(0, len(whole), 200)}
@@ -125,7 +121,7 @@ def test_truncation_at_any_byte_keeps_every_chunk_before_it(small: tuple[Path, l
         cut = cut_to(tmp_path, whole, int(size))
         due = max((numbers for numbers, end in zip(expected, ends, strict=True) if end <= size), key=len, default=[])
         try:
-            numbers = recorded_numbers(cut)
+            numbers = sample_sequences(cut)
         except RecordingError:
             numbers = []
         assert numbers == list(range(len(numbers)))
@@ -158,7 +154,7 @@ def test_every_chunk_but_the_damaged_one_is_read(small: tuple[Path, list[int]], 
     whole[middle] ^= 0xFF
     damaged = tmp_path / "damaged.mcap"
     damaged.write_bytes(whole)
-    assert recorded_numbers(damaged) == [0, 1, 2, 3, 7, 8, 9, 10, 11]
+    assert sample_sequences(damaged) == [0, 1, 2, 3, 7, 8, 9, 10, 11]
     info = summarise(damaged)
     assert (info.losses.damaged_records, info.samples.missing_blocks, info.closed) == (1, 3, True)
     assert "1 damaged records left out" in info_text(info)
@@ -197,7 +193,7 @@ def test_a_disk_that_fails_is_named_by_every_reader(
         lambda: is_altered(index),
         lambda: read_index(path),
         lambda: verify_file(path, None),
-        lambda: recorded_numbers(path),
+        lambda: sample_sequences(path),
     ):
         with pytest.raises(RecordingError, match="Input/output error; copy it off this disk with `ddrescue`"):
             read()

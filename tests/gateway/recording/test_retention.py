@@ -17,10 +17,9 @@ from gateway.recording.segments.events import (
     read_event_intervals,
 )
 from gateway.recording.segments.retention import DiskSpace, Retention, SegmentNames
+from tests.gateway.recording.conftest import SECOND_NS, START_NS
 
 NAMES = SegmentNames("yard", "crane-2", "hook")
-SECOND_NS = 1_000_000_000
-START_NS = 1_767_225_600 * SECOND_NS
 HEAD: dict[str, Any] = {"time_ns": START_NS, "clock": "synchronised", "sequence": 0, "calibration_id": "c-1"}
 
 

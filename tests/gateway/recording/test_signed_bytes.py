@@ -16,9 +16,7 @@ from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.segments.compaction import compact
 from tests.gateway.recording import forgery
-from tests.gateway.recording.conftest import GATEWAY, Record
-
-SECOND_NS = 1_000_000_000
+from tests.gateway.recording.conftest import GATEWAY, SECOND_NS, Record
 
 
 @pytest.fixture

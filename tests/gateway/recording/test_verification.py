@@ -13,9 +13,8 @@ from gateway.recording.chain.chain_state import read_state, save_state
 from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
 from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.segments.recorder import RecorderError
-from tests.gateway.recording.conftest import Record
-
-SECOND_NS = 1_000_000_000
+from tests.gateway.recording.conftest import SECOND_NS, Record
+from tests.gateway.recording.recorded_files import problems
 
 
 @pytest.fixture
@@ -25,10 +24,6 @@ def segments(record: Record, start_ns: int) -> list[Path]:
 
 def verify(paths: list[Path], key: str | None = None, folders: tuple[Path, ...] = ()) -> ChainVerification:
     return verify_chain([verify_file(path, key) for path in paths], folders, key)
-
-
-def problems(found: ChainVerification) -> list[str]:
-    return [text for file in found.files for text in file.problems] + list(found.problems)
 
 
 def key_of(folder: Path) -> str:
