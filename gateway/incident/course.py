@@ -145,12 +145,16 @@ class Course:
     @property
     def begin_s(self) -> float:
         """Begin of the course."""
-        return (self.begin_ns - self.origin_ns) / 1e9
+        return self.time_s(self.begin_ns)
 
     @property
     def end_s(self) -> float:
         """End of the course."""
-        return (self.end_ns - self.origin_ns) / 1e9
+        return self.time_s(self.end_ns)
+
+    def time_s(self, time_ns: int) -> float:
+        """Return a gateway time as a time of the course."""
+        return (time_ns - self.origin_ns) / 1e9
 
     def utc_ns(self, time_s: float) -> int:
         """Return the UTC of a time of the course."""

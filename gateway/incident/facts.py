@@ -83,11 +83,11 @@ class IncidentFacts:
 
 def incident_facts(course: Course, incident: AlertIncident | None) -> IncidentFacts:
     """Return the numbers of an incident, or of the whole course where there is none."""
-    raised_s = None if incident is None else (incident.raised_ns - course.origin_ns) / 1e9
+    raised_s = None if incident is None else course.time_s(incident.raised_ns)
     cleared_ns = None if incident is None else incident.cleared_ns
-    cleared_s = None if cleared_ns is None else (cleared_ns - course.origin_ns) / 1e9
+    cleared_s = None if cleared_ns is None else course.time_s(cleared_ns)
     begin_s = course.begin_s if raised_s is None else max(raised_s, course.begin_s)
-    end_s = course.end_s if incident is None else min((incident.last_ns - course.origin_ns) / 1e9, course.end_s)
+    end_s = course.end_s if incident is None else min(course.time_s(incident.last_ns), course.end_s)
     limit_deg = None if incident is None else incident.highest.limit_deg
     peak = _peak(course, begin_s, end_s)
     motion = course.motion
@@ -230,7 +230,7 @@ def _acknowledgement(evidence: IncidentEvidence) -> dict[str, Any] | None:
     known = None if incident is None else incident.acknowledgement
     if known is None:
         return None
-    time_s = (known.time_ns - evidence.course.origin_ns) / 1e9
+    time_s = evidence.course.time_s(known.time_ns)
     return {"by": known.acknowledged_by, "reason": known.reason, "utc": iso_utc(evidence.course.utc_ns(time_s))}
 
 

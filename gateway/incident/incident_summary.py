@@ -57,7 +57,7 @@ def _what_was_raised(
         yield f"No alert was raised in this time, {span}."
         return
     highest = incident.highest
-    highest_s = (highest.time_ns - course.origin_ns) / 1e9
+    highest_s = course.time_s(highest.time_ns)
     limit = "" if highest.limit_deg is None else f" (limit {highest.limit_deg:.1f}°)"
     level = LEVEL_WORDS.get(highest.level, highest.level)
     if highest.event == STANDING:
@@ -82,7 +82,7 @@ def _how_large(clock: ReportClock, incident: AlertIncident | None, facts: Incide
     if incident is None or incident.highest.limit_deg is None or incident.rule != SWING.name:
         return
     limit_deg, (low_deg, high_deg) = incident.highest.limit_deg, facts.peak.interval_deg
-    highest_s = (incident.highest.time_ns - clock.course.origin_ns) / 1e9
+    highest_s = clock.course.time_s(incident.highest.time_ns)
     if facts.reached_s is not None:
         lead_s = facts.reached_s - highest_s
         when = f"{lead_s:.1f} s after the alert" if lead_s > 0.05 else "when the alert was raised"
@@ -136,7 +136,7 @@ def _acknowledgement(course: Course, clock: ReportClock, incident: AlertIncident
     known = incident.acknowledgement
     if known is None:
         return "The recordings state no acknowledgement of it."
-    time_s = (known.time_ns - course.origin_ns) / 1e9
+    time_s = course.time_s(known.time_ns)
     reason = f", with the words: {known.reason}" if known.reason else ""
     return f"It was acknowledged at {clock.both(time_s)} by {known.acknowledged_by}{reason}."
 
@@ -219,7 +219,7 @@ def _events(evidence: IncidentEvidence, course: Course) -> Iterator[tuple[float,
     for incident in incidents:
         for change in () if incident is None else incident.changes:
             told.add(change.text)
-            yield (change.time_ns - course.origin_ns) / 1e9, ALERT, as_sentence(change.text)
+            yield course.time_s(change.time_ns), ALERT, as_sentence(change.text)
     yield from _state_events("condition", course.condition, course)
     yield from _state_events("gateway", course.health, course)
     yield from _state_events("clock", course.clock, course)
