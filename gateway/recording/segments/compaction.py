@@ -10,8 +10,9 @@ import hashlib
 import json
 import os
 import struct
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
@@ -27,7 +28,7 @@ from gateway.recording.format.content import ORIGIN, REPAIRED, TRIMMED, segment_
 from gateway.recording.format.mcap_writer import DENSE, McapWriter
 from gateway.recording.format.salvage import SalvageReport, open_mcap, read_records
 from gateway.recording.reading.recording_file import read_index
-from gateway.recording.segments.copying import RecordCopier
+from gateway.recording.segments.copying import KeepMessage, RecordCopier
 from gateway.recording.segments.events import note_trimmed, read_event_intervals, uncompacted_marker
 from gateway.topics import paths_with
 
@@ -53,34 +54,22 @@ def compact(path: Path, chain: SegmentChain | None = None) -> SalvageReport:
     signature: dict[str, str] = {}
     with replace_file(path) as descriptor:
         with os.fdopen(descriptor, "wb", closefd=False) as file:
-            sink = HashingFile(file)
-            writer = McapWriter(sink, DENSE)
-            copier = RecordCopier(writer, losses)
+            copy = SegmentCopy(file, losses)
             before = ContentDigest()
             with open_mcap(path) as source:
-                copier.copy(before.observe(read_records(source, losses)), with_summary=True)
-            if losses.damaged_records or losses.unreadable_messages or losses.altered or not copier.messages:
+                copy.records.copy(before.observe(read_records(source, losses)), with_summary=True)
+            if losses.damaged_records or losses.unreadable_messages or losses.altered or not copy.records.messages:
                 raise CompactionError(
                     f"{path}: is damaged or empty, and stays as it is; `plumbline record recover` reads it"
                 )
             if not losses.closed:
-                writer.add_metadata(REPAIRED, {name: json.dumps(value) for name, value in asdict(losses).items()})
-            segment = segment_number(copier.metadata.get(ORIGIN, {}))
+                copy.writer.add_metadata(REPAIRED, {name: json.dumps(value) for name, value in asdict(losses).items()})
+            segment = segment_number(copy.records.metadata.get(ORIGIN, {}))
             if chain is not None and segment:
-                writer.add_metadata(DELETIONS, chain.deletions)
-                writer.flush()
-                signature = chain.sign(
-                    "final",
-                    segment=segment,
-                    name=path.name,
-                    n_bytes=sink.tell(),
-                    sha256=sink.sha256,
-                    from_ns=copier.from_ns,
-                    to_ns=copier.to_ns,
-                    repaired_from_ns=None if losses.closed or before_repair is None else before_repair.to_ns,
-                )
-                writer.add_metadata(SIGNATURE, signature)
-            writer.finish()
+                repaired_from_ns = None if losses.closed or before_repair is None else before_repair.to_ns
+                whole = partial(chain.sign, "final", segment=segment, name=path.name, repaired_from_ns=repaired_from_ns)
+                signature = copy.add_signature(chain, whole)
+            copy.writer.finish()
         if _digest(partial_of(path)) != before.value:
             raise CompactionError(
                 f"{path}: stays as it is, because its copy was not the same; check the memory and the disk"
@@ -107,17 +96,15 @@ def _require_signed(path: Path, chain: SegmentChain) -> Statement | None:
     return found.statement
 
 
-class HashingFile:
-    """A file with the SHA-256 of what was written to it."""
+class SegmentCopy:
+    """A copy of a segment in long chunks, with the SHA-256 of what was written to its file."""
 
-    def __init__(self, file: BinaryIO) -> None:
+    def __init__(self, file: BinaryIO, losses: SalvageReport, keep: KeepMessage | None = None) -> None:
+        """`losses` and `keep` as of `RecordCopier`."""
         self._file = file
         self._hash = hashlib.sha256()
-
-    @property
-    def sha256(self) -> str:
-        """Hash so far, in hexadecimal digits."""
-        return self._hash.hexdigest()
+        self.writer = McapWriter(self, DENSE)
+        self.records = RecordCopier(self.writer, losses, keep)
 
     def write(self, data: bytes) -> int:
         """Append data."""
@@ -127,6 +114,19 @@ class HashingFile:
     def tell(self) -> int:
         """Return the number of bytes so far."""
         return self._file.tell()
+
+    def add_signature(self, chain: SegmentChain, sign: Callable[..., dict[str, str]]) -> dict[str, str]:
+        """Add what was deleted, and the signature of everything so far; return it. `sign` takes length, hash and times."""
+        self.writer.add_metadata(DELETIONS, chain.deletions)
+        self.writer.flush()
+        signature = sign(
+            n_bytes=self.tell(),
+            sha256=self._hash.hexdigest(),
+            from_ns=self.records.from_ns,
+            to_ns=self.records.to_ns,
+        )
+        self.writer.add_metadata(SIGNATURE, signature)
+        return signature
 
 
 def _digest(path: Path) -> bytes:
@@ -180,23 +180,16 @@ def trim(path: Path, chain: SegmentChain | None = None) -> SalvageReport:
     signature: dict[str, str] = {}
     statement = read_index(path).metadata.get(SIGNATURE, {}).get("statement")
     with replace_file(path) as descriptor, os.fdopen(descriptor, "wb", closefd=False) as file:
-        sink = HashingFile(file)
-        writer = McapWriter(sink, DENSE)
-        copier = RecordCopier(writer, losses, keep_around)
+        copy = SegmentCopy(file, losses, keep_around)
         with open_mcap(path) as source:
-            copier.copy(read_records(source, losses))
-        if losses != SalvageReport(closed=True) or not copier.messages:
+            copy.records.copy(read_records(source, losses))
+        if losses != SalvageReport(closed=True) or not copy.records.messages:
             raise CompactionError(f"{path}: is incomplete or damaged, and is not trimmed")
         kept = json.dumps([asdict(interval) for interval in intervals])
-        writer.add_metadata(TRIMMED, {"stretches": kept, "whole_bytes": str(size_bytes)})
+        copy.writer.add_metadata(TRIMMED, {"stretches": kept, "whole_bytes": str(size_bytes)})
         if chain is not None and statement is not None:
-            writer.add_metadata(DELETIONS, chain.deletions)
-            writer.flush()
-            signature = chain.trimmed(
-                statement, n_bytes=sink.tell(), sha256=sink.sha256, from_ns=copier.from_ns, to_ns=copier.to_ns
-            )
-            writer.add_metadata(SIGNATURE, signature)
-        writer.finish()
+            signature = copy.add_signature(chain, partial(chain.trimmed, statement))
+        copy.writer.finish()
     if chain is not None and signature:
         chain.commit(json.loads(signature["statement"])["segment"], signature)
     note_trimmed(path)

@@ -1,5 +1,7 @@
 """Deletions: what the gateway deletes it signs with the reason, and what somebody else took away is told apart from it."""
 
+import hashlib
+import io
 import json
 import sys
 from dataclasses import replace
@@ -8,7 +10,6 @@ from typing import Any
 
 import pytest
 
-from gateway.atomic_io import replace_file
 from gateway.cli.main import main
 from gateway.pki.signing_key import load_or_create_key
 from gateway.recording.chain.chain_state import read_state, save_state
@@ -17,7 +18,6 @@ from gateway.recording.chain.statements import MAX_RUNS, SIGNATURE, parse_deleti
 from gateway.recording.format.mcap_writer import DENSE, McapWriter
 from gateway.recording.format.salvage import SalvageReport, open_mcap, read_records
 from gateway.recording.reading.recording_file import read_index
-from gateway.recording.segments.compaction import HashingFile
 from gateway.recording.segments.copying import RecordCopier
 from gateway.recording.segments.events import marker_path
 from tests.gateway.recording.conftest import SECOND_NS, Record
@@ -225,15 +225,16 @@ def as_the_version_before_wrote_it(path: Path) -> None:
     statement = parse_statement(read_index(path).metadata[SIGNATURE]["statement"])
     assert key is not None
     assert statement is not None
-    with replace_file(path) as descriptor, open(descriptor, "wb", closefd=False) as file:
-        sink = HashingFile(file)
-        writer = McapWriter(sink, DENSE)
-        with open_mcap(path) as source:
-            RecordCopier(writer, SalvageReport()).copy(read_records(source, SalvageReport()))
-        writer.flush()
-        text = replace(statement, bytes=sink.tell(), sha256=sink.sha256).text()
-        writer.add_metadata(SIGNATURE, {"statement": text, "signature": key.sign(text)})
-        writer.finish()
+    copied = io.BytesIO()
+    writer = McapWriter(copied, DENSE)
+    with open_mcap(path) as source:
+        RecordCopier(writer, SalvageReport()).copy(read_records(source, SalvageReport()))
+    writer.flush()
+    sha256 = hashlib.sha256(copied.getvalue()).hexdigest()
+    text = replace(statement, bytes=copied.tell(), sha256=sha256).text()
+    writer.add_metadata(SIGNATURE, {"statement": text, "signature": key.sign(text)})
+    writer.finish()
+    path.write_bytes(copied.getvalue())
 
 
 @pytest.mark.slow
