@@ -9,7 +9,7 @@ import numpy as np
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.clock import SampleLoss
-from gateway.twin.model import Model
+from gateway.twin.model import EffectValues, Model
 from gateway.twin.reconcile.data.crane_inputs import NO_INPUTS, CraneInputs, KnownModel, registered
 from gateway.twin.reconcile.data.data_checks import CheckedRecording, find_lack_of_rest
 from gateway.twin.reconcile.data.recordings import Recordings, find_lack_of_test, split_recordings
@@ -22,7 +22,7 @@ from gateway.twin.reconcile.output.result import AVERAGED, Reconciliation
 from gateway.twin.reconcile.output.result_builder import SearchOutcome, unusable_result
 from gateway.twin.reconcile.residual.isolability import indistinguishable_pairs
 from gateway.twin.reconcile.search.ambiguity import indistinguishable, is_beyond_parts, replace_implausible
-from gateway.twin.reconcile.search.baseline import Values, detect_in_samples, fit_baseline
+from gateway.twin.reconcile.search.baseline import detect_in_samples, fit_baseline
 from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.coincident import fit_coincident_effects
@@ -130,7 +130,7 @@ def _reconcile(
 
 
 def _search(
-    known: KnownModel, recordings: Recordings, detected: Values, budget: Budget, tick: ReportProgress
+    known: KnownModel, recordings: Recordings, detected: EffectValues, budget: Budget, tick: ReportProgress
 ) -> SearchRun | None:
     """Search for missing effects; once more at true times where samples turn out to be lost."""
     run = _begin(known, recordings, detected, budget, tick)
@@ -145,7 +145,7 @@ def _search(
 
 
 def _begin(
-    known: KnownModel, recordings: Recordings, detected: Values, budget: Budget, tick: ReportProgress
+    known: KnownModel, recordings: Recordings, detected: EffectValues, budget: Budget, tick: ReportProgress
 ) -> SearchRun | None:
     """Fit the nominal model, the baseline and the persistent effects; None where the nominal model cannot be fitted."""
     context = make_context(known.of_log, recordings.log, budget, lambda: tick("search", budget.spent_share))
@@ -169,7 +169,7 @@ def _finish(run: SearchRun) -> SearchRun:
 
 
 def _search_at_true_times(
-    known: KnownModel, run: SearchRun, suspect: CandidateFit, detected: Values, tick: ReportProgress
+    known: KnownModel, run: SearchRun, suspect: CandidateFit, detected: EffectValues, tick: ReportProgress
 ) -> SearchRun | None:
     """Search once more with the time stamps corrected for lost samples; None where no samples were lost."""
     setting, recordings = run.context.setting, run.recordings

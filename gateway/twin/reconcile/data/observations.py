@@ -49,6 +49,11 @@ class Observations:
         """Time from the first to the last sample."""
         return float(self.time_s[-1] - self.time_s[0])
 
+    @property
+    def interval_s(self) -> float:
+        """Median interval between samples."""
+        return float(np.median(np.diff(self.time_s)))
+
     @cached_property
     def amplitude_rad(self) -> float:
         """Amplitude of the swing at the start of the recording."""
@@ -60,6 +65,12 @@ class Observations:
         return self.amplitude_rad > LARGE_AMPLITUDE_RAD and has_axial_reading_of_swing(
             self.time_s, make_upright(self.force_g)
         )
+
+    @property
+    def per_sigma(self) -> Array:
+        """One over the noise, 0 where a sample does not count, shape (n, 3)."""
+        weight: Array = self.used[:, None] / self.noise_g
+        return weight
 
     def residual_sigma(self, simulated_g: Array) -> Array:
         """Return (measured - simulated)/noise, 0 where a sample does not count, shape (n, 3)."""

@@ -25,7 +25,7 @@ def samples_per_mean(recordings: Recordings) -> int:
     """Return how many samples one mean is made of, an odd number; 1 where the recordings are short enough as they are."""
     log = recordings.log
     wanted = (len(log.time_s) + len(recordings.held_out.time_s)) / AFFORDABLE_SAMPLES
-    allowed = 1 / (LOWEST_RATE_HZ * float(np.median(np.diff(log.time_s))))
+    allowed = 1 / (LOWEST_RATE_HZ * log.interval_s)
     half = max(0, min(int(np.ceil((wanted - 1) / 2)), int((allowed - 1) / 2)))
     return 2 * half + 1
 

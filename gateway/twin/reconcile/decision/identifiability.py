@@ -19,7 +19,8 @@ from gateway.twin.effects.plausibility import TAIL_SHARE, limit_of
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.decision.ranking import MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE
-from gateway.twin.reconcile.residual.isolability import orthonormal
+from gateway.twin.reconcile.fit.fit_context import sensitivities_sigma
+from gateway.twin.reconcile.residual.isolability import orthonormal, project_out
 from gateway.twin.simulator.parameter_vector import ParameterSpec
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
@@ -81,7 +82,7 @@ def contribution_angles(
     kept = [i for i, spec in enumerate(specs) if spec.effect in model and spec.effect != name and not spec.refitted]
     contribution = columns[:, _places(specs, name)] @ _distance_from_neutral(simulator, model, name)
     basis = orthonormal(columns[:, kept])
-    size = float(np.linalg.norm(contribution - basis @ (basis.T @ contribution)))
+    size = float(np.linalg.norm(project_out(basis, contribution)))
     if size == 0.0:
         return 0.0, {}
     lower, upper = possible_changes(simulator, model, rig)
@@ -135,17 +136,14 @@ def _project_recording(simulator: Simulator, rig: TwinRig, model: EffectValues, 
     }
     own = Simulator(rig, sorted({*simulator.effect_names, *acting}))
     at = own.values(recording.initial, acting)
-    weight = (o.used[:, None] / o.noise_g)[:, :, None]
-    found = own.linearise(at, o.time_s, o.temperature_c).jacobian * weight
-    flat = found.reshape(-1, len(own.parameters))
+    flat = sensitivities_sigma(own, at, o).reshape(-1, len(own.parameters))
     nuisances = [i for i, spec in enumerate(own.parameters) if spec.refitted]
     if not recording.heading_is_fitted:
         nuisances.remove(HEADING)
     basis = orthonormal(flat[:, nuisances])
     place_of = {spec.label: i for i, spec in enumerate(own.parameters)}
     flat = flat[:, [place_of[spec.label] for spec in simulator.parameters]]
-    projected: Array = flat - basis @ (basis.T @ flat)
-    return projected
+    return project_out(basis, flat)
 
 
 def _places(specs: Sequence[ParameterSpec], name: str) -> list[int]:

@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 
 from gateway.twin.effects.term_library import registered_library
+from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.decision.ranking import RankedCandidate
 from gateway.twin.reconcile.equation.selection import FoundLaw, find_law, leaves_residual
 from gateway.twin.reconcile.output.law_builder import add_law
 from gateway.twin.reconcile.output.result import Reconciliation
 from gateway.twin.reconcile.output.result_builder import SearchOutcome, build_result
-from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable, Values
+from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 
 MIN_ATTEMPT_CLOSED = 0.5
@@ -51,7 +52,7 @@ def _describe(found: SearchOutcome, random: np.random.Generator) -> SearchOutcom
 
 
 def _law_beside(
-    found: SearchOutcome, values: Values, optional: tuple[str, ...], random: np.random.Generator
+    found: SearchOutcome, values: EffectValues, optional: tuple[str, ...], random: np.random.Generator
 ) -> FoundLaw | None:
     base = _base(found, values)
     try:
@@ -60,7 +61,7 @@ def _law_beside(
         return None
 
 
-def _base(found: SearchOutcome, values: Values) -> CandidateFit | None:
+def _base(found: SearchOutcome, values: EffectValues) -> CandidateFit | None:
     known = found.table.get(values)
     if known is not None:
         return known

@@ -16,7 +16,7 @@ from gateway.twin.reconcile.decision.ranking import MIN_EVIDENCE_MARGIN, VALIDAT
 from gateway.twin.reconcile.equation.screening import ScreenedTerm, screen_terms
 from gateway.twin.reconcile.fit.validation import ValidationFit
 from gateway.twin.reconcile.residual.whiteness import noise_inflation_factor, warrants_another_effect
-from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable, Values
+from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import SearchContext
 from gateway.twin.reconcile.search.parallel_fits import FitRequest
 from gateway.twin.reconcile.search.validation_cache import Validator
@@ -223,7 +223,7 @@ def _without_idle_parts(
     for name in [*law.terms[:-1], *optional]:
         if context.budget.work > max_work:
             break
-        values: Values = {other: each for other, each in law.candidate.values.items() if other != name}
+        values = law.candidate.without(name)
         table = context.fit(table, values)
         shorter = table.get(values)
         if shorter is None:

@@ -58,7 +58,7 @@ def condense(
         closing[i + 1] = batch.ends_by_start[i] @ closing[i] + discontinuity
         by_values[i + 1] = batch.ends_by_start[i] @ by_values[i]
         by_values[i + 1, :, n_states:] += batch.ends_by_effects[i]
-    weight = observations.used[:, None] / observations.noise_g
+    weight = observations.per_sigma
     residual = observations.residual_sigma(batch.force_g)
     jacobian = np.empty((len(residual), 3, n_values))
     for i, (first, last) in enumerate(pairwise([*first_samples, len(residual)])):

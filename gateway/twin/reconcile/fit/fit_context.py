@@ -49,6 +49,13 @@ def segment_bounds(rig: TwinRig, values: EffectValues, observations: Observation
     return uniform_segments(observations, min([longest_s, *(EFFECTS[name].segment_s for name in values)]))
 
 
+def sensitivities_sigma(simulator: Simulator, values: Array, observations: Observations) -> Array:
+    """Return the derivatives of a model's readings by its values (k,), in sigma of a recording, shape (n, 3, k)."""
+    found = simulator.linearise(values, observations.time_s, observations.temperature_c)
+    sensitivities: Array = found.jacobian * observations.per_sigma[:, :, None]
+    return sensitivities
+
+
 def is_world_directed(names: Iterable[str]) -> bool:
     """Return whether one of these effects has a direction in the world, so that the heading is identifiable."""
     return any(EFFECTS[name].world_directed for name in names)

@@ -157,8 +157,8 @@ def _linearise_each(
         first_samples,
         observations.temperature_c,
     )
-    weight = (observations.used[:, None] / observations.noise_g)[:, :, None]
-    residual, jacobian = observations.residual_sigma(batch.force_g), batch.force_by_start * weight
+    residual = observations.residual_sigma(batch.force_g)
+    jacobian = batch.force_by_start * observations.per_sigma[:, :, None]
     parts = list(pairwise([*first_samples, len(residual)]))
     equations = tuple(NormalEquations.from_jacobian(jacobian[a:b], residual[a:b]) for a, b in parts)
     is_finite = np.array([np.isfinite(each.normal).all() and np.isfinite(each.gradient).all() for each in equations])

@@ -1,6 +1,6 @@
 """Validation: a model on a recording to which it was not fitted. Only the nuisance parameters are fitted again."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from gateway.numerics.spectrum import fit_sine_phasors
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.parameter import Value
+from gateway.twin.effects.parameter import Values
 from gateway.twin.effects.sensor import Vibration
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
@@ -120,7 +120,7 @@ def _closest_in_windows(
     yield from (initial_states for initial_states, _, _ in ranked[:MAX_HEADINGS])
 
 
-def _estimate_phase_rad(vibration: Mapping[str, Value], held_out: Observations) -> float:
+def _estimate_phase_rad(vibration: Values, held_out: Observations) -> float:
     """Return the phase of a vibration from the second difference of the samples, in which the slow swing hardly shows."""
     second_difference_g = np.diff(held_out.force_g, n=2, axis=0)
     frequency_hz = float(np.asarray(vibration["frequency_hz"]))
@@ -131,14 +131,14 @@ def _estimate_phase_rad(vibration: Mapping[str, Value], held_out: Observations) 
 
 
 def block_bootstrap_gain(
-    before_sigma: Array, after_sigma: Array, time_s: Array, rng: np.random.Generator
+    before_sigma: Array, after_sigma: Array, interval_s: float, rng: np.random.Generator
 ) -> tuple[float, float]:
     """Return the 95 % interval of the decrease of the reduced chi-square between two residuals (n, 3), in sigma.
 
-    Moving blocks keep the correlation within a block (Künsch 1989).
+    Their samples count as evenly spaced, by `interval_s`. Moving blocks keep the correlation within a block (Künsch 1989).
     """
     gain = ((before_sigma**2) - (after_sigma**2)).mean(axis=1)
-    length = max(1, int(np.searchsorted(time_s, BOOTSTRAP_BLOCK_S)))
+    length = max(1, int(np.searchsorted(np.arange(len(gain)) * interval_s, BOOTSTRAP_BLOCK_S)))
     block_means = np.convolve(gain, np.ones(length), mode="valid") / length
     count = max(1, len(gain) // length)
     means = block_means[rng.integers(0, len(block_means), (BOOTSTRAP_DRAWS, count))].mean(axis=1)

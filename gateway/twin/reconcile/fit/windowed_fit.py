@@ -56,7 +56,7 @@ class FitWindow:
 
 def split_windows(batch: SegmentBatch, observations: Observations, first_samples: Sequence[int]) -> list[FitWindow]:
     """Return the windows of a linearisation."""
-    weight = (observations.used[:, None] / observations.noise_g)[..., None]
+    weight = observations.per_sigma[..., None]
     by_state = np.delete(batch.force_by_start, HEADING, axis=2) * weight
     by_effects, residual = batch.force_by_effects * weight, observations.residual_sigma(batch.force_g)
     return [

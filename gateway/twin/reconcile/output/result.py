@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS, ModelStructure
-from gateway.twin.effects.parameter import Value
-from gateway.twin.model import TwinRig
+from gateway.twin.effects.parameter import Values
+from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 from gateway.twin.reconcile.output.estimates import Law, NamedEffect
 from gateway.twin.reconcile.output.remainder import Remainder
@@ -103,7 +103,7 @@ class Equivalent:
     name: str
     of: str
     """The effect of the answer."""
-    parameters: Mapping[str, Value]
+    parameters: Values
     """The values at which it does."""
     split_by: str
     """The measurement or manoeuvre that separates the two."""
@@ -252,7 +252,7 @@ class Reconciliation:
     refitted_on_held_out: tuple[str, ...]
     counts: Mapping[str, int]
     """Samples read, used, lone spikes, lost, repeated, invalid; of a long recording, `AVERAGED` of them to one mean."""
-    model: Mapping[str, Mapping[str, Value]]
+    model: EffectValues
     """`[model.*]` of the final model, those that the rig had before included."""
     inputs: tuple[EstimatedInput, ...] = ()
     """What the crane did in the log, where that is taken as known."""
@@ -272,7 +272,7 @@ class Reconciliation:
     """What describes the remainder where no effect explains it; part of the final model."""
 
     @property
-    def best_attempt(self) -> Mapping[str, Mapping[str, Value]]:
+    def best_attempt(self) -> EffectValues:
         """The effects of the best model, where it does not explain the data: they have no claim to be the cause."""
         if self.verdict != "unmodelled":
             return {}

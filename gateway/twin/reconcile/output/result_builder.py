@@ -12,7 +12,7 @@ from gateway.twin.effects.clock import SampleLoss
 from gateway.twin.effects.parameter import Parameter, Value
 from gateway.twin.effects.plausibility import excess, limit_of, rests_at_edge
 from gateway.twin.effects.sensor_output import Quantization
-from gateway.twin.model import Model, TwinRig
+from gateway.twin.model import EffectValues, Model, TwinRig
 from gateway.twin.reconcile.data.artefact_detectors import quantised_mean
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
@@ -156,13 +156,13 @@ def _discriminating_experiments(candidates: Sequence[str]) -> str | None:
     return "; ".join(dict.fromkeys(EFFECTS[name].discriminating_experiment for name in candidates)) or None
 
 
-def _final_model(found: SearchOutcome) -> Mapping[str, Mapping[str, Value]]:
+def _final_model(found: SearchOutcome) -> EffectValues:
     lost = found.lost_fraction
-    sample_loss: dict[str, Mapping[str, Value]] = {} if lost is None else {SampleLoss.name: {"fraction": lost}}
+    sample_loss: EffectValues = {} if lost is None else {SampleLoss.name: {"fraction": lost}}
     return {**found.model.effects, **found.decision.model.candidate.values, **sample_loss}
 
 
-def _quantised(found: SearchOutcome, values: Mapping[str, Mapping[str, Value]], force_g: Array) -> Array:
+def _quantised(found: SearchOutcome, values: EffectValues, force_g: Array) -> Array:
     """With the steps of the readings, where the model has them."""
     if Quantization.name not in values:
         return force_g
@@ -211,8 +211,7 @@ def _gap(log: Curves, held_out: Curves, in_test: NDArray[np.bool_], random: np.r
     held_before, held_after = _reduced_chi2(held_out, held_out.used)
     test_before, test_after = _reduced_chi2(held_out, in_test)
     before, after = (each[in_test] for each in _sigma(held_out))
-    time_s: Array = np.arange(len(before)) * np.float64(np.median(np.diff(held_out.time_s)))
-    interval = block_bootstrap_gain(before, after, time_s, random)
+    interval = block_bootstrap_gain(before, after, float(np.median(np.diff(held_out.time_s))), random)
     return Gap(log_before, held_before, test_before, log_after, held_after, test_after, interval)
 
 

@@ -1,11 +1,12 @@
 """The answer for a terminal."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Value, without_rounding
+from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 from gateway.twin.reconcile.output.estimates import Estimate, Law, Resemblance
 from gateway.twin.reconcile.output.result import AVERAGED, Curves, Gap, Reconciliation
@@ -99,7 +100,7 @@ def _fitted(group: Sequence[str], result: Reconciliation) -> str:
     return f"; fitted: {_effects(fitted)}" if fitted else ""
 
 
-def _effects(effects: Mapping[str, Mapping[str, Value]]) -> str:
+def _effects(effects: EffectValues) -> str:
     return "; ".join(
         f"{name} ({', '.join(_value(name, parameter, value) for parameter, value in values.items())})"
         for name, values in effects.items()

@@ -54,6 +54,12 @@ def orthonormal(columns: Array) -> Array:
     return basis
 
 
+def project_out(basis: Array, columns: Array) -> Array:
+    """Return what of columns (m,) or (m, k) is orthogonal to an orthonormal basis (m, rank)."""
+    projected: Array = columns - basis @ (basis.T @ columns)
+    return projected
+
+
 def _basis_cosine(first: Array, second: Array) -> float:
     if not first.shape[1] or not second.shape[1]:
         return 0.0

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.plausibility import implausibility
 from gateway.twin.reconcile.decision.identifiability import FittedRecording, indistinguishable_from
 from gateway.twin.reconcile.decision.ranking import MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE
@@ -51,12 +50,12 @@ def replace_implausible(
     for name in sorted(best.names - set(context.baseline_effects)):
         if not is_beyond_parts(name, best, context):
             continue
-        rest = {each: values for each, values in best.values.items() if each != name}
-        starts, residual_g = context.segment_starts(best), context.setting.log.force_g - best.fit.force_g
+        rest = best.without(name)
+        starts = context.segment_starts(best)
         partners = sorted(indistinguishable(context, validator, best, name))
         for other in partners:
-            guesses = EFFECTS[other].initial_guesses(context.setting.guess_context(residual_g))
-            table = context.fit_in_turn(table, context.requests(table, rest, other, guesses, starts))
+            requests = context.requests(table, rest, other, context.guesses(other, best), starts)
+            table = context.fit_in_turn(table, requests)
         fits = (table.get({*rest, other}) for other in partners)
         alike = [fit for fit in fits if fit is not None and leaves_no_more(fit.reduced_chi2, best.reduced_chi2)]
         if alike:

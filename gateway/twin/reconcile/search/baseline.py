@@ -1,17 +1,15 @@
 """Effects found before the search: steps and limits of the samples, a wrong length by the period, a machine's line."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from gateway.numerics.spectrum import find_machine_line
 from gateway.swing.detection.rope_length import rope_length_by_period
-from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.parameter import Value
 from gateway.twin.effects.rope import RopeLength
 from gateway.twin.effects.sensor import Vibration
 from gateway.twin.effects.sensor_output import Clipping, Quantization, SampleHold
+from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.artefact_detectors import (
     MIN_NAMED_STEP_SIGMA,
     detect_quantisation_step,
@@ -24,12 +22,13 @@ from gateway.twin.reconcile.search.candidates import MIN_VARIANCE_SHARE, Candida
 from gateway.twin.reconcile.search.context import SearchContext
 from gateway.twin.reconcile.search.validation_cache import Validator
 
-Values = Mapping[str, Mapping[str, Value]]
 MIN_REPEATED_GAIN = 0.5
 """Gain of an effect on another part of the data over its gain on the log, from which it is no accident of the log."""
 
 
-def detect_in_samples(recordings: Recordings, rows_per_reading: float, model: Values) -> tuple[Recordings, Values]:
+def detect_in_samples(
+    recordings: Recordings, rows_per_reading: float, model: EffectValues
+) -> tuple[Recordings, EffectValues]:
     """Detect steps, limits and repeats of the samples, which need no model; steps add their variance to the noise.
 
     `model` are the effects that are known already.
@@ -40,7 +39,7 @@ def detect_in_samples(recordings: Recordings, rows_per_reading: float, model: Va
     return recordings, detected
 
 
-def _detect_steps_or_limits(recordings: Recordings) -> tuple[Recordings, Values]:
+def _detect_steps_or_limits(recordings: Recordings) -> tuple[Recordings, EffectValues]:
     log, held_out = recordings.log, recordings.held_out
     step_g = detect_quantisation_step(log.force_g, log.noise_g)
     if step_g is not None:
@@ -54,7 +53,7 @@ def _detect_steps_or_limits(recordings: Recordings) -> tuple[Recordings, Values]
 
 
 def fit_baseline(
-    table: CandidateTable, context: SearchContext, detected: Values, validator: Validator
+    table: CandidateTable, context: SearchContext, detected: EffectValues, validator: Validator
 ) -> tuple[CandidateTable, SearchContext]:
     """Fit the effects that were detected, a wrong length and a machine's line; the search starts from these."""
     if table.get(detected) is None:
@@ -93,7 +92,7 @@ def _add_machine_line(
         return table, context
     if find_machine_line(log.time_s, log.force_g - base.fit.force_g, log.noise_g) is None:
         return table, context
-    guesses = EFFECTS[Vibration.name].initial_guesses(setting.guess_context(log.force_g - base.fit.force_g))
+    guesses = context.guesses(Vibration.name, base)
     if not guesses:
         return table, context
     table = context.fit(table, {**base.values, Vibration.name: guesses[0]})

@@ -8,8 +8,9 @@ import numpy as np
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.crane_input import LENGTH_CORRECTION
-from gateway.twin.effects.parameter import Value
+from gateway.twin.effects.parameter import Values
 from gateway.twin.effects.plausibility import implausibility
+from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.coloured_covariance import coloured_covariance
 from gateway.twin.reconcile.fit.fit_context import FitContext
@@ -18,7 +19,6 @@ from gateway.twin.reconcile.fit.reparameterisation import NO_LIMITS, Limits
 from gateway.twin.reconcile.residual.whiteness import noise_inflation_factor, warrants_another_effect
 from gateway.twin.simulator.simulator import Simulator
 
-Values = Mapping[str, Mapping[str, Value]]
 EVENT_MARGIN_S = 1.0
 """An event begins and ends this far inside the recording: nearer to an end it cannot be told from another initial motion."""
 MIN_VARIANCE_SHARE = 0.002
@@ -35,7 +35,7 @@ SCORE_PENALTY_PER_PARAMETER = 0.1
 class CandidateFit:
     """A set of effects, fitted to the log."""
 
-    values: Values
+    values: EffectValues
     """Parameters of each effect of the set."""
     fit: Fit
     reduced_chi2: float
@@ -45,7 +45,7 @@ class CandidateFit:
     """The residual is larger than noise, or has lines in it: the search should continue."""
     implausibility: float = 0.0
     """Minus twice the logarithm of the prior density of the values; 0 where a part or a mount can have them."""
-    crane_inputs: Values = field(default_factory=dict)
+    crane_inputs: EffectValues = field(default_factory=dict)
     """The inputs of the crane with their corrections, which belong to the recording."""
     length_limits: Limits = field(default_factory=dict)
     """Bounds that the log sets to corrections of the rope's length, which last beyond it."""
@@ -54,6 +54,10 @@ class CandidateFit:
     def names(self) -> frozenset[str]:
         """The set of effects."""
         return frozenset(self.values)
+
+    def without(self, name: str) -> EffectValues:
+        """Return the values of the other effects."""
+        return {other: values for other, values in self.values.items() if other != name}
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +112,7 @@ class CandidateTable:
     def bic(self, fit: CandidateFit) -> float:
         """Bayesian information criterion: chi-square over the noise inflation + parameters x ln(values) (Schwarz 1978).
 
-        Values that no part has count against the set.
+        EffectValues that no part has count against the set.
         """
         explained = fit.fit.chi2 / self.noise_inflation + fit.implausibility
         return explained + fit.n_parameters * math.log(self.log.n_values)
@@ -141,7 +145,7 @@ class CandidateTable:
         return gain > MIN_VARIANCE_SHARE * self.log.n_values and statistic > MIN_SCORE_STATISTIC
 
 
-def make_candidate(setting: FitContext, values: Values, fit: Fit) -> CandidateFit | None:
+def make_candidate(setting: FitContext, values: EffectValues, fit: Fit) -> CandidateFit | None:
     """Make a candidate of a fit; None where it diverged, or an event lies outside the recording."""
     if not np.isfinite(fit.chi2):
         return None
@@ -177,7 +181,7 @@ def _length_limits(simulator: Simulator, fit: Fit, log: Observations) -> Limits:
     }
 
 
-def _is_inside_recording(name: str, values: Mapping[str, Value], duration_s: float) -> bool:
+def _is_inside_recording(name: str, values: Values, duration_s: float) -> bool:
     """Whether a transient effect begins and ends inside the recording, and lasts as long as such effects do."""
     interval_s = EFFECTS[name].interval_s(values)
     if interval_s is None:

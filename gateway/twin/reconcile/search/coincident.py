@@ -1,9 +1,10 @@
 """Effects that coincide with another one as long as no length changes: statements beside it, or rivals where one does."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Values
+from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import SearchContext
 
@@ -13,7 +14,7 @@ def any_length_changes(names: Iterable[str]) -> bool:
     return any(EFFECTS[name].changes_length for name in names)
 
 
-def coincident_effects(model: Mapping[str, Values], length_m: float) -> Iterator[tuple[str, str, Values]]:
+def coincident_effects(model: EffectValues, length_m: float) -> Iterator[tuple[str, str, Values]]:
     """Yield effects that can give the same samples as one of a model: their names, its name, and their parameters."""
     for name, effect in EFFECTS.items():
         of = effect.coincides_with
@@ -31,6 +32,5 @@ def fit_coincident_effects(table: CandidateTable, context: SearchContext, best: 
         return table
     for name, of, values in coincident_effects(best.values, setting.rig.length_m):
         if of not in context.baseline_effects:
-            rest = {each: known for each, known in best.values.items() if each != of}
-            table = context.fit(table, {**rest, name: values}, context.segment_starts(best))
+            table = context.fit(table, {**best.without(of), name: values}, context.segment_starts(best))
     return table

@@ -1,6 +1,6 @@
 """What all steps of a search share: the recording, the budget, and results that are computed once."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.effects.guess_context import EventWindow
-from gateway.twin.effects.parameter import Value
+from gateway.twin.effects.parameter import Values
 from gateway.twin.effects.rope import DoublePendulum
-from gateway.twin.model import Model
+from gateway.twin.model import EffectValues, Model
 from gateway.twin.reconcile.changepoints.changepoint import locate_changepoint
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import SEARCH_ITERATIONS, FitContext
@@ -22,7 +22,6 @@ from gateway.twin.reconcile.search.score_test import Signatures, compute_signatu
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 
 Array = NDArray[np.float64]
-Values = Mapping[str, Mapping[str, Value]]
 REFINE_ITERATIONS = 20
 """Iterations of a fit that continues along a narrow valley of chi-square."""
 MIN_PARALLEL_WORK = 5e4
@@ -35,13 +34,13 @@ class SearchContext:
 
     setting: FitContext
     budget: Budget
-    baseline_effects: Values = field(default_factory=dict)
+    baseline_effects: EffectValues = field(default_factory=dict)
     """Effects found without a search: every candidate contains them."""
     _changepoints: dict[tuple[frozenset[str], bool], EventWindow | None] = field(default_factory=dict)
     _signatures: dict[frozenset[str], Signatures] = field(default_factory=dict)
     _segment_starts: dict[frozenset[str], Array] = field(default_factory=dict)
 
-    def with_baseline(self, baseline_effects: Values) -> "SearchContext":
+    def with_baseline(self, baseline_effects: EffectValues) -> "SearchContext":
         """The same recording and budget with other baseline effects."""
         return replace(self, baseline_effects=baseline_effects)
 
@@ -53,7 +52,7 @@ class SearchContext:
     def fit(
         self,
         table: CandidateTable,
-        values: Values,
+        values: EffectValues,
         starts: Array | None = None,
         iterations: int = SEARCH_ITERATIONS,
         give_up_above: float = np.inf,
@@ -116,12 +115,17 @@ class SearchContext:
             return None, self.budget.work_of_fit
         return make_candidate(self.setting, values, fit), self.budget.work_of_fit
 
+    def guesses(self, name: str, parent: CandidateFit) -> Sequence[Values]:
+        """Return initial guesses of an effect from what a fitted set of effects leaves."""
+        residual_g = self.setting.log.force_g - parent.fit.force_g
+        return EFFECTS[name].initial_guesses(self.setting.guess_context(residual_g))
+
     def requests(
         self,
         table: CandidateTable,
-        others: Values,
+        others: EffectValues,
         name: str,
-        guesses: Iterable[Mapping[str, Value]],
+        guesses: Iterable[Values],
         starts: Array | None = None,
     ) -> list[FitRequest]:
         """Return the fits of an effect beside others, one for each guess; none where it cannot be beside them."""
@@ -135,7 +139,7 @@ class SearchContext:
             for index, values in enumerate(tried)
         ]
 
-    def _may_be_beside(self, name: str, others: Values) -> bool:
+    def _may_be_beside(self, name: str, others: EffectValues) -> bool:
         return not (name in others or name in self.setting.model_effects or _excludes_each_other(name, others))
 
     def segment_starts(self, parent: CandidateFit) -> Array:

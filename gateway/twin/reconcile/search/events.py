@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.guess_context import EventWindow, GuessContext
-from gateway.twin.effects.parameter import ParameterKind, Value
+from gateway.twin.effects.parameter import ParameterKind, Values
 from gateway.twin.effects.rope import RopeLength
 from gateway.twin.reconcile.changepoints.changepoint_scan import exclude_unmodelled_profiles, scan_for_changepoints
+from gateway.twin.reconcile.fit.fit_context import sensitivities_sigma
 from gateway.twin.reconcile.residual.whiteness import EXCESS_SIGNIFICANT, warrants_another_effect
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import REFINE_ITERATIONS, SearchContext
@@ -19,7 +20,6 @@ from gateway.twin.reconcile.search.persistent import baseline_of
 from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
-Values = Mapping[str, Value]
 MAX_WINDOW_REMAINDER = 0.6
 """Share of the best fit's gap that a scanned window may leave for events to be fitted in it."""
 MAX_LENGTH_WINDOW_REMAINDER = 1.3
@@ -120,11 +120,9 @@ def _scan(context: SearchContext, parent: CandidateFit, *, length: bool) -> tupl
     simulator = setting.simulator((*parent.values, *extra))
     model = setting.simulator(tuple(parent.values)).effects(parent.fit.values)
     at = simulator.values(parent.fit.values[: simulator.n_initial_states], model)
-    found = simulator.linearise(at, log.time_s, log.temperature_c)
-    weight = (log.used[:, None] / log.noise_g)[:, :, None]
     chosen = [*range(HEADING), *(i for i, spec in enumerate(simulator.parameters) if spec.effect in extra)]
     residual = log.residual_sigma(parent.fit.force_g)
-    return scan_for_changepoints(log.time_s, residual, (found.jacobian * weight)[..., chosen], log.used)
+    return scan_for_changepoints(log.time_s, residual, sensitivities_sigma(simulator, at, log)[..., chosen], log.used)
 
 
 def _converges_slowly(fit: CandidateFit) -> bool:

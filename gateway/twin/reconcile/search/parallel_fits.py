@@ -12,8 +12,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.fit.fit_context import SEARCH_ITERATIONS
-from gateway.twin.reconcile.search.candidates import Values
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -56,7 +56,7 @@ def _run(index: int) -> Any:
 class FitRequest:
     """The arguments of a fit."""
 
-    values: Values
+    values: EffectValues
     """Effects of the set, at the values from which they are fitted."""
     starts: Array | None = None
     """Initial states of the segments (segments, states)."""
@@ -67,7 +67,7 @@ class FitRequest:
     """It is tried only while nothing explains the log."""
 
 
-def values_key(values: Values) -> tuple[object, ...]:
+def values_key(values: EffectValues) -> tuple[object, ...]:
     """Return what makes two sets of values the same."""
     return tuple(
         sorted(

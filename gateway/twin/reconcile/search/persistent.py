@@ -1,13 +1,13 @@
 """Steps that fit persistent effects: a score test ranks them, the best ones are fitted."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.effects.clock import ClockDrift
-from gateway.twin.effects.parameter import Value
+from gateway.twin.effects.parameter import Values
 from gateway.twin.effects.rope import DoublePendulum, RopeLength
 from gateway.twin.reconcile.residual.isolability import CONFUSABLE_COSINE, smallest_angle_cosine
 from gateway.twin.reconcile.search.baseline import length_error_by_period
@@ -119,15 +119,14 @@ def fit_by_score(
 
 def _guesses_and_starts(
     context: SearchContext, parent: CandidateFit, name: str
-) -> tuple[Sequence[Mapping[str, Value]], Array | None]:
+) -> tuple[Sequence[Values], Array | None]:
     """Return the guesses of one more effect, and the initial conditions to start from: the parent's.
 
     An effect with initial guesses from the data is fitted from fresh ones: segments join only under the right guess.
     """
     if not EFFECTS[name].guesses_from_data:
         return [{}], context.segment_starts(parent)
-    setting = context.setting
-    return EFFECTS[name].initial_guesses(setting.guess_context(setting.log.force_g - parent.fit.force_g)), None
+    return context.guesses(name, parent), None
 
 
 def requests_beside(
@@ -186,28 +185,22 @@ def fit_bodies(table: CandidateTable, context: SearchContext) -> CandidateTable:
     for structure in (ModelStructure.YIELDING_PIVOT, ModelStructure.PRESLIDING):
         for name in EFFECTS.choose(structure=structure):
             if not table.is_explained:
-                table = _fit_guessed(table, context, baseline_of(table, context), name)
+                table = context.fit_in_turn(table, _requests(table, context, baseline_of(table, context), name))
     return table
 
 
 def _fit_beyond_its_equivalent(table: CandidateTable, context: SearchContext, name: str) -> CandidateTable:
     """Fit an effect that coincides with a simpler one where that closes most of the gap, or where the residual shows it."""
-    setting, effect, base = context.setting, EFFECTS[name], baseline_of(table, context)
+    effect, base = EFFECTS[name], baseline_of(table, context)
     of = effect.coincides_with or ""
     simpler = table.get(base.names | {of})
     nearest = base if simpler is None or simpler.fit.chi2 > base.fit.chi2 else simpler
-    guesses = list(effect.initial_guesses(setting.guess_context(setting.log.force_g - nearest.fit.force_g)))
+    guesses = list(context.guesses(name, nearest))
     if nearest is simpler and nearest.reduced_chi2 - 1 < MAX_REMAINDER_OF_SIMPLER * (base.reduced_chi2 - 1):
-        same = effect.equivalent_values(nearest.values[of], setting.rig.length_m)
+        same = effect.equivalent_values(nearest.values[of], context.setting.rig.length_m)
         guesses += [] if same is None else [same]
     return context.fit_in_turn(table, context.requests(table, base.values, name, guesses))
 
 
-def _fit_guessed(table: CandidateTable, context: SearchContext, parent: CandidateFit, name: str) -> CandidateTable:
-    return context.fit_in_turn(table, _requests(table, context, parent, name))
-
-
 def _requests(table: CandidateTable, context: SearchContext, parent: CandidateFit, name: str) -> list[FitRequest]:
-    setting = context.setting
-    guesses = EFFECTS[name].initial_guesses(setting.guess_context(setting.log.force_g - parent.fit.force_g))
-    return context.requests(table, parent.values, name, guesses)
+    return context.requests(table, parent.values, name, context.guesses(name, parent))

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from gateway.twin.effects import EFFECTS
 from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.fit_context import FitContext
+from gateway.twin.reconcile.fit.fit_context import FitContext, sensitivities_sigma
 from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.fit.swing_windows import window_bounds
 from gateway.twin.reconcile.fit.windowed_fit import project_out_initial_states
-from gateway.twin.reconcile.residual.isolability import orthonormal
+from gateway.twin.reconcile.residual.isolability import orthonormal, project_out
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
 
@@ -49,7 +49,7 @@ class Signatures:
 def compute_signatures(
     setting: FitContext,
     fit: Fit,
-    values: Mapping[str, Mapping[str, object]],
+    values: EffectValues,
     names: Sequence[str],
     shapes: EffectValues = NO_SHAPES,
     segment_starts: Array | None = None,
@@ -69,9 +69,7 @@ def compute_signatures(
     if o.has_large_amplitude:
         starts = setting.segment_starts(fitted) if segment_starts is None else segment_starts
         return _signatures_by_window(simulator, o, starts, at[simulator.n_initial_states :], own)
-    found = simulator.linearise(at, o.time_s, o.temperature_c)
-    weight = (o.used[:, None] / o.noise_g)[:, :, None]
-    flat = (found.jacobian * weight).reshape(-1, len(simulator.parameters))
+    flat = sensitivities_sigma(simulator, at, o).reshape(-1, len(simulator.parameters))
     nuisance = [
         i
         for i, slot in enumerate(simulator.parameters)
@@ -82,8 +80,8 @@ def compute_signatures(
     of = {}
     for name in tried:
         columns = flat[:, [i for i, slot in enumerate(simulator.parameters) if slot.effect == name]]
-        of[name] = columns - basis @ (basis.T @ columns)
-    return Signatures(residual - basis @ (basis.T @ residual), of)
+        of[name] = project_out(basis, columns)
+    return Signatures(project_out(basis, residual), of)
 
 
 def scorable_effects(setting: FitContext) -> tuple[str, ...]:
@@ -108,9 +106,5 @@ def _signatures_by_window(
         for name in simulator.effect_names
     }
     basis = orthonormal(columns[:, [i for name in sorted(own) for i in places[name]]])
-    of = {
-        name: columns[:, place] - basis @ (basis.T @ columns[:, place])
-        for name, place in places.items()
-        if name not in own
-    }
-    return Signatures(residual - basis @ (basis.T @ residual), of)
+    of = {name: project_out(basis, columns[:, place]) for name, place in places.items() if name not in own}
+    return Signatures(project_out(basis, residual), of)

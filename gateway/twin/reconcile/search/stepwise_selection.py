@@ -60,7 +60,7 @@ def try_swaps(table: CandidateTable, context: SearchContext, best: CandidateFit)
     for name in sorted(best.names - base.names):
         if context.budget.is_exhausted:
             break
-        rest = {n: values for n, values in best.values.items() if n != name}
+        rest = best.without(name)
         if table.get(rest) is None:
             table = context.fit(table, rest)
         without = table.get(rest)
@@ -88,10 +88,9 @@ def _fit_rivals_with_swapped(
     dropped, added = before.names - after.names, after.names - before.names
     if len(dropped) != 1 or len(added) != 1:
         return table
-    (new,), limit = added, table.bic(before) + VALIDATED_MARGIN
+    (old,), (new,), limit = dropped, added, table.bic(before) + VALIDATED_MARGIN
     for rival in [fit for fit in table.ranked(len(before.values)) if table.bic(fit) < limit and dropped <= fit.names]:
-        values = {name: each for name, each in rival.values.items() if name not in dropped}
-        values = {**values, new: after.values[new]}
+        values = {**rival.without(old), new: after.values[new]}
         if table.get(values) is None and new not in rival.names and not context.budget.is_exhausted:
             table = context.fit(table, values, context.segment_starts(rival))
     return table
@@ -104,7 +103,7 @@ def eliminate(
     give_up_above = max(table.give_up_above, _settled_chi2(table, context, best))
     shorter = [
         FitRequest(
-            {n: values for n, values in best.values.items() if n != name},
+            best.without(name),
             iterations=REFINE_ITERATIONS,
             give_up_above=give_up_above,
             held_by_parts=held_by_parts,

@@ -51,9 +51,8 @@ class Validator:
     def is_improved(self, before: ValidationFit, after: ValidationFit, random: np.random.Generator) -> bool:
         """Return whether less remains on the recording, by more than chance and enough to matter."""
         used, residual_sigma = self.selection.used, self.selection.residual_sigma
-        time_s: Array = np.arange(int(used.sum())) * np.float64(np.median(np.diff(self.selection.time_s)))
         left_before, left_after = (residual_sigma(each.fit.force_g)[used] for each in (before, after))
-        low, _ = block_bootstrap_gain(left_before, left_after, time_s, random)
+        low, _ = block_bootstrap_gain(left_before, left_after, self.selection.interval_s, random)
         return low > 0 and before.reduced_chi2 - after.reduced_chi2 > MIN_VARIANCE_SHARE
 
     def limits_of(self, candidate: CandidateFit) -> Limits:

@@ -22,7 +22,6 @@ from gateway.twin.reconcile.timing.time_warp import (
     linearise_in_time,
     lowpass,
     quantised_mean_of,
-    sampling_interval_s,
     step_variance,
 )
 from gateway.twin.reconcile.timing.time_warp_smoother import TimeWarpSmoother, make_knots, marginalise_time_warp
@@ -55,7 +54,7 @@ def score_additional_effects(
     linear = linearise_in_time(model, fitted, log, true_s)
     by_slope = (linear.by_time * true_s[:, None])[:, :, None]
     by_values = np.concatenate([linear.by_values, by_slope], axis=2)
-    knots, interval_s = make_knots(len(log.time_s)), sampling_interval_s(log)
+    knots, interval_s = make_knots(len(log.time_s)), log.interval_s
     residual = lowpass(log.residual_sigma(_simulate(context, others, initial_state, true_s)), interval_s)
     smoother = marginalise_time_warp(
         residual, linear.by_time, by_values, np.zeros(knots.count), knots, step_variance(fraction, interval_s)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gateway.numerics.spectrum import MachineLine, find_machine_line
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.timing.time_warp import INITIAL_STATES, MIN_LOST_FRACTION, TimeWarp, sampling_interval_s
+from gateway.twin.reconcile.timing.time_warp import INITIAL_STATES, MIN_LOST_FRACTION, TimeWarp
 from gateway.twin.simulator.simulator import Simulator
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ MAX_CONSECUTIVE_LOSSES = 3
 
 def viterbi_loss_count(simulator: Simulator, warp: TimeWarp, observations: Observations) -> TimeWarp:
     """Return the time warp in whole samples, by the most likely path (Viterbi 1967)."""
-    o, interval_s = observations, sampling_interval_s(observations)
+    o, interval_s = observations, observations.interval_s
     rows, positions = np.arange(len(o.time_s)), list(INITIAL_STATES)
     lost = np.maximum.accumulate(np.round(warp.true_s / interval_s - rows)).astype(np.int64)
     values, fraction = warp.values.copy(), warp.fraction
@@ -35,8 +35,7 @@ def viterbi_loss_count(simulator: Simulator, warp: TimeWarp, observations: Obser
         if iteration:
             true_s = np.asarray((rows + lost) * interval_s, dtype=np.float64)
             linear = simulator.linearise(values, true_s, o.temperature_c)
-            weight = (o.used[:, None] / o.noise_g)[:, :, None]
-            by_state = (linear.jacobian[:, :, positions] * weight).reshape(-1, len(positions))
+            by_state = (linear.jacobian[:, :, positions] * o.per_sigma[:, :, None]).reshape(-1, len(positions))
             residual = o.residual_sigma(linear.force_g + _vibration_g(line, true_s)).ravel()
             values[positions] += np.linalg.lstsq(by_state, residual, rcond=None)[0]
         line = find_machine_line(true_s, o.force_g - simulator.predict(values, true_s, o.temperature_c), o.noise_g)

@@ -36,7 +36,6 @@ from gateway.twin.reconcile.timing.time_warp import (
     lowpass,
     noise_chi2_below_swing_frequencies,
     quantised_mean_of,
-    sampling_interval_s,
 )
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 from gateway.twin.simulator.simulator import Simulator
@@ -210,7 +209,7 @@ def _fit_time_warp(context: FitContext, constant_rate: ConstantRateFit) -> Sampl
 def _is_sample_loss(context: FitContext, constant_rate: ConstantRateFit, loss: SampleLossFit) -> bool:
     """Return whether the walk has the variance of lost samples, and explains the residual of a constant rate."""
     log, warp, simulator = context.log, loss.time_warp, context.simulator(tuple(loss.others))
-    interval_s = sampling_interval_s(log)
+    interval_s = log.interval_s
     simulated_g = simulator.predict(warp.values, warp.true_s, log.temperature_c)
 
     def chi2(force_g: Array) -> float:

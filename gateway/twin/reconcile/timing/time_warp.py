@@ -83,7 +83,7 @@ def estimate_time_warp(
 
     The simulator has no clock effect: the linear part of the warp takes its place.
     """
-    interval_s, n_states = sampling_interval_s(observations), simulator.n_initial_states
+    interval_s, n_states = observations.interval_s, simulator.n_initial_states
     model = reparameterise(simulator, np.isin(np.arange(len(values)), free))
     fitted = np.concatenate([values[:n_states], model.to_fitted(values[n_states:])])
     knots, positions = make_knots(len(observations.time_s)), list(free)
@@ -123,18 +123,13 @@ def linearise_in_time(
     n_states = model.simulator.n_initial_states
     state, effects = fitted[:n_states], fitted[n_states:]
     batch = model.linearise_segments(state[None], effects, true_s, [0], observations.temperature_c)
-    weight = observations.used[:, None] / observations.noise_g
+    weight = observations.per_sigma
     by_values = np.concatenate([batch.force_by_start, batch.force_by_effects], axis=2) * weight[:, :, None]
     by_time = np.gradient(batch.force_g, true_s, axis=0) * weight
     values = np.concatenate([state, model.to_physical(effects)])
     return TimeLinearisation(
         quantised_mean_of(model.simulator, values, batch.force_g), by_time, by_values, batch.is_finite
     )
-
-
-def sampling_interval_s(observations: Observations) -> float:
-    """Return the median interval between time stamps."""
-    return float(np.median(np.diff(observations.time_s)))
 
 
 def quantised_mean_of(simulator: Simulator, values: Array, force_g: Array) -> Array:
@@ -152,7 +147,7 @@ def noise_chi2_below_swing_frequencies(
     """
     noise_g, step_g = np.array(simulator.rig.noise_g), _step_g(simulator, values)
     variance = np.full(force_g.shape, noise_g**2) if step_g is None else quantised_variance(force_g, step_g, noise_g)
-    frequency_hz = np.fft.fftfreq(len(force_g), sampling_interval_s(observations))
+    frequency_hz = np.fft.fftfreq(len(force_g), observations.interval_s)
     share = float(np.mean(np.abs(frequency_hz) <= MAX_SWING_HZ))
     return float((variance / observations.noise_g**2 * observations.used[:, None]).sum()) * share
 

@@ -51,7 +51,7 @@ def test_bootstrap_interval_covers_the_true_gain_under_correlated_noise() -> Non
         rng = np.random.default_rng(trial)
         after = coloured_noise(rng, 0.7)
         before = after + 0.5 * np.sin(2 * np.pi * 0.2 * TIME_S)[:, None]
-        low, high = block_bootstrap_gain(before, after, TIME_S, rng)
+        low, high = block_bootstrap_gain(before, after, 1 / RATE_HZ, rng)
         covered += low < 0.125 < high
 
     assert covered >= 0.85 * trials  # nominally 95 %; blocks of a finite recording give a little less
