@@ -8,13 +8,13 @@ from functools import partial, wraps
 from typing import Any, Protocol
 from unittest.mock import patch
 
-from gateway.twin.reconcile import reconcile
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.decision import verdict
 from gateway.twin.reconcile.decision.evidence import Evidence
+from gateway.twin.reconcile.search import search
 from gateway.twin.reconcile.search.candidates import CandidateTable
 from gateway.twin.reconcile.search.context import SearchContext
-from gateway.twin.reconcile.search.steps import SINGLE_EFFECT_STEPS, SearchStep
+from gateway.twin.reconcile.search.search import SINGLE_EFFECT_STEPS, SearchStep
 
 RECONCILE = "gateway.twin.reconcile."
 Note = Callable[[], None]
@@ -102,7 +102,7 @@ class StepOfSearch:
     def off(self) -> Any:
         """Leave the step out."""
         left = tuple(step for step in SINGLE_EFFECT_STEPS if step.name != self.name)
-        return patch.object(reconcile, "SINGLE_EFFECT_STEPS", left)
+        return patch.object(search, "SINGLE_EFFECT_STEPS", left)
 
     def watched(self, note: Note) -> Any:
         """Call `note` where the step returns another table."""
@@ -116,7 +116,7 @@ class StepOfSearch:
         steps = (
             replace(step, run=partial(run, step)) if step.name == self.name else step for step in SINGLE_EFFECT_STEPS
         )
-        return patch.object(reconcile, "SINGLE_EFFECT_STEPS", tuple(steps))
+        return patch.object(search, "SINGLE_EFFECT_STEPS", tuple(steps))
 
 
 @dataclass(frozen=True, slots=True)

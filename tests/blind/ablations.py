@@ -178,7 +178,7 @@ STEPS = {
     ),
     "refinement": Part(
         "fits in narrow valleys are continued, events tried shorter and longer",
-        (_step("search.steps.refine"), _step("search.stepwise_selection.refine")),
+        (_step("search.search.refine"), _step("search.stepwise_selection.refine")),
     ),
     "stretched events": Part("events are tried shorter and longer", (Call("search.events._stretched", _constant(())),)),
     "ambiguity partners": Part(
@@ -200,7 +200,7 @@ STEPS = {
         "each effect of a set is exchanged for the best others",
         (
             Call("search.stepwise_selection.try_swaps", _first_and_third),
-            Call("search.steps.try_swaps", _first_and_third),
+            Call("search.search.try_swaps", _first_and_third),
         ),
     ),
     "rivals with the swapped": Part(
@@ -209,11 +209,11 @@ STEPS = {
     ),
     "coincident effects": Part(
         "effects that coincide until a length changes are fitted where one does",
-        (_step("reconcile.fit_coincident_effects"),),
+        (_step("search.search.fit_coincident_effects"),),
     ),
     "lost samples first": Part(
         "a clock error beside the baseline starts the search at true times at once",
-        (Call("reconcile.fit_clock_hypothesis", _constant(None)),),
+        (Call("search.search.fit_clock_hypothesis", _constant(None)),),
     ),
     "reversed swing": Part(
         "a start whose sign the data hide is tried both ways",

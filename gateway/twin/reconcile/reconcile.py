@@ -1,7 +1,7 @@
 """The workflow: check, split, search, accept, validate, decide, report."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Protocol
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.clock import SampleLoss
-from gateway.twin.model import EffectValues, Model
+from gateway.twin.model import Model
 from gateway.twin.reconcile.data.crane_inputs import NO_INPUTS, CraneInputs, KnownModel, registered
 from gateway.twin.reconcile.data.data_checks import CheckedRecording, find_lack_of_rest
 from gateway.twin.reconcile.data.recordings import Recordings, find_lack_of_test, split_recordings
@@ -18,27 +18,15 @@ from gateway.twin.reconcile.decision.evidence import gather_evidence
 from gateway.twin.reconcile.decision.ranking import RankedCandidate, rank_candidates, rivals_of
 from gateway.twin.reconcile.decision.verdict import as_best_so_far, decide
 from gateway.twin.reconcile.equation.remainder import describe_result
+from gateway.twin.reconcile.output.outcome import SearchOutcome
 from gateway.twin.reconcile.output.result import AVERAGED, Reconciliation
-from gateway.twin.reconcile.output.result_builder import SearchOutcome, unusable_result
+from gateway.twin.reconcile.output.result_builder import unusable_result
 from gateway.twin.reconcile.residual.isolability import indistinguishable_pairs
 from gateway.twin.reconcile.search.ambiguity import indistinguishable, is_beyond_parts, replace_implausible
-from gateway.twin.reconcile.search.baseline import detect_in_samples, fit_baseline
+from gateway.twin.reconcile.search.baseline import detect_in_samples
 from gateway.twin.reconcile.search.budget import Budget
-from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
-from gateway.twin.reconcile.search.coincident import fit_coincident_effects
-from gateway.twin.reconcile.search.context import SearchContext, make_context
-from gateway.twin.reconcile.search.events import has_event
-from gateway.twin.reconcile.search.persistent import baseline_of, fit_clock_hypothesis
-from gateway.twin.reconcile.search.steps import (
-    PERSISTENT_STEP,
-    SINGLE_EFFECT_STEPS,
-    choose_single_effect,
-    run_steps,
-)
-from gateway.twin.reconcile.search.stepwise_selection import grow
+from gateway.twin.reconcile.search.search import SearchRun, search
 from gateway.twin.reconcile.search.usual_causes import fit_usual_causes
-from gateway.twin.reconcile.search.validation_cache import Validator
-from gateway.twin.reconcile.timing.sample_loss import find_sample_loss, retime_validation
 
 
 class ReportProgress(Protocol):
@@ -46,26 +34,6 @@ class ReportProgress(Protocol):
 
     def __call__(self, stage: str, share: float | None = None) -> None:
         """Take the stage, and the share of its largest work that is done; None: not known."""
-
-
-@dataclass(frozen=True, slots=True)
-class SearchRun:
-    """A search on one version of the recordings: as stamped, or at true times where samples were lost."""
-
-    recordings: Recordings
-    context: SearchContext
-    table: CandidateTable
-    validator: Validator
-    nominal: CandidateFit
-    """The nominal model: only the initial motion is fitted."""
-    best: CandidateFit
-    lost_fraction: float | None = None
-    """Share of the samples that is missing without a trace in the time stamps."""
-
-    @property
-    def base(self) -> CandidateFit:
-        """The fit of what was found before the search."""
-        return baseline_of(self.table, self.context)
 
 
 def reconcile(
@@ -115,7 +83,7 @@ def _reconcile(
     recordings = take_means(recordings, averaged)
     random = np.random.default_rng(seed)
     tick("baseline")
-    run = _search(known, recordings, detected, budget, tick)
+    run = search(known, recordings, detected, budget, lambda: tick("search", budget.spent_share))
     if run is None:
         return unusable_result(known.model, log, "the nominal model cannot be fitted")
     tick("validation")
@@ -125,68 +93,11 @@ def _reconcile(
         table, best = fit_usual_causes(table.start_round(), run.context, best, run.validator)
     table, best = replace_implausible(table.start_round(), run.context, run.validator, best)
     run = replace(run, table=table.start_round(), best=best)
-    outcome = _decide(known, run, random)
+    outcome = _decide(run, random)
     return describe_result(outcome, log.counts if averaged == 1 else {**log.counts, AVERAGED: averaged}, random)
 
 
-def _search(
-    known: KnownModel, recordings: Recordings, detected: EffectValues, budget: Budget, tick: ReportProgress
-) -> SearchRun | None:
-    """Search for missing effects; once more at true times where samples turn out to be lost."""
-    run = _begin(known, recordings, detected, budget, tick)
-    if run is None:
-        return None
-    suspect = fit_clock_hypothesis(run.table, run.context)
-    if suspect is not None and not run.table.is_explained and not has_event(run.table, run.context):
-        retimed = _search_at_true_times(known, run, suspect, detected, tick)
-        if retimed is not None:
-            return retimed
-    return _finish(run)
-
-
-def _begin(
-    known: KnownModel, recordings: Recordings, detected: EffectValues, budget: Budget, tick: ReportProgress
-) -> SearchRun | None:
-    """Fit the nominal model, the baseline and the persistent effects; None where the nominal model cannot be fitted."""
-    context = make_context(known.of_log, recordings.log, budget, lambda: tick("search", budget.spent_share))
-    validator = Validator(known.model.rig, known.held_out_effects, recordings.selection, budget.processes)
-    table = context.fit(CandidateTable(recordings.log), {})
-    nominal = table.get({})
-    if nominal is None:
-        return None
-    table, context = fit_baseline(table.start_round(), context, detected, validator)
-    table = run_steps((PERSISTENT_STEP,), table, context)
-    return SearchRun(recordings, context, table, validator, nominal, table.best)
-
-
-def _finish(run: SearchRun) -> SearchRun:
-    """Fit single effects and pairs, then add effects to the best."""
-    table = run_steps(SINGLE_EFFECT_STEPS, run.table, run.context)
-    table, best = choose_single_effect(table, run.context)
-    table, best = grow(table, run.context, best)
-    table = fit_coincident_effects(table, run.context, best)
-    return replace(run, context=run.context.without_eliminated(table, best), table=table.start_round(), best=best)
-
-
-def _search_at_true_times(
-    known: KnownModel, run: SearchRun, suspect: CandidateFit, detected: EffectValues, tick: ReportProgress
-) -> SearchRun | None:
-    """Search once more with the time stamps corrected for lost samples; None where no samples were lost."""
-    setting, recordings = run.context.setting, run.recordings
-    lost = find_sample_loss(setting, suspect)
-    if lost is None:
-        return None
-    held_out = retime_validation(setting, lost, recordings.held_out)
-    recordings = replace(recordings, log=lost.time_warp.retimed(recordings.log), held_out=held_out)
-    baseline = {name: run.context.baseline_effects[name] for name in detected if name in run.context.baseline_effects}
-    again = _begin(known, recordings, baseline, run.context.budget, tick)
-    if again is None:
-        return None
-    again = replace(again, nominal=run.nominal, lost_fraction=lost.time_warp.fraction)
-    return _finish(again)
-
-
-def _decide(known: KnownModel, run: SearchRun, random: np.random.Generator) -> SearchOutcome:
+def _decide(run: SearchRun, random: np.random.Generator) -> SearchOutcome:
     """Rank the sets near the best by all evidence and decide between them; of a search that was ended, take the best as it is."""
     context, table, validator = run.context, run.table, run.validator
     ended_early = context.budget.is_over()
@@ -211,21 +122,7 @@ def _decide(known: KnownModel, run: SearchRun, random: np.random.Generator) -> S
     decision = decide(evidence, run.recordings.log, partial(indistinguishable, context, validator, best.candidate))
     if ended_early:
         decision = as_best_so_far(decision)
-    return SearchOutcome(
-        model=known.model,
-        recordings=run.recordings,
-        context=context,
-        table=table,
-        validator=validator,
-        nominal=run.nominal,
-        base=run.base,
-        ranked=ranked,
-        decision=decision,
-        lost_fraction=run.lost_fraction,
-        inputs=known.inputs.found,
-        held_out_inputs=() if run.recordings.last_third else known.held_out_inputs.found,
-        ended_early=ended_early,
-    )
+    return SearchOutcome(replace(run, table=table), ranked, decision, ended_early)
 
 
 def _is_supported_by_selection(

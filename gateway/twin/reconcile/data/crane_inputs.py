@@ -118,7 +118,7 @@ def estimate_inputs(source: Source, rig: TwinRig, prefix: str = "") -> CraneInpu
 def find_inputs(history: MotionHistory, rig: TwinRig, prefix: str = "") -> CraneInputs:
     """Return the inputs in a smoothed motion whose times count from the first sample of the recording."""
     found = sorted([*_drives(history), *_hoists(history)], key=lambda each: each.from_s)
-    windows = _merge([(each.from_s - MARGIN_S, each.to_s + MARGIN_S) for each in found], LONGEST_REST_S)
+    windows = merge_spans([(each.from_s - MARGIN_S, each.to_s + MARGIN_S) for each in found], LONGEST_REST_S)
     effects: dict[CraneInput, float] = {}
     for number, (from_s, to_s) in enumerate(windows, start=1):
         name = f"{prefix}crane_motion_{number}"
@@ -147,7 +147,7 @@ def _events(
     runs = [run for run in true_runs(likely | (np.abs(signal) > SIGNIFICANT * u)) if likely[slice(*run)].any()]
     times_s = [(float(history.time_s[first]), float(history.time_s[stop - 1])) for first, stop in runs]
     found = []
-    for from_s, to_s in _merge(times_s, LONGEST_REST_S):
+    for from_s, to_s in merge_spans(times_s, LONGEST_REST_S):
         at = (history.time_s >= from_s) & (history.time_s <= to_s)
         largest = np.argmax(np.abs(signal[at]))
         if abs(signal[at][largest]) > SIGNIFICANT * u[at][largest]:
@@ -155,7 +155,7 @@ def _events(
     return found
 
 
-def _merge(spans_s: Sequence[tuple[float, float]], gap_s: float) -> list[tuple[float, float]]:
+def merge_spans(spans_s: Sequence[tuple[float, float]], gap_s: float) -> list[tuple[float, float]]:
     """Return ascending time spans, those closer than a gap as one."""
     merged: list[tuple[float, float]] = []
     for from_s, to_s in spans_s:

@@ -9,9 +9,10 @@ from gateway.twin.effects.term_library import registered_library
 from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.decision.ranking import RankedCandidate
 from gateway.twin.reconcile.equation.selection import FoundLaw, find_law, leaves_residual
-from gateway.twin.reconcile.output.law_builder import add_law
+from gateway.twin.reconcile.fit.validation import ValidationFit
+from gateway.twin.reconcile.output.outcome import SearchOutcome
 from gateway.twin.reconcile.output.result import Reconciliation
-from gateway.twin.reconcile.output.result_builder import SearchOutcome, build_result
+from gateway.twin.reconcile.output.result_builder import build_result
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 
@@ -21,11 +22,11 @@ MIN_ATTEMPT_CLOSED = 0.5
 
 def describe_result(found: SearchOutcome, counts: Mapping[str, int], random: np.random.Generator) -> Reconciliation:
     """Return the result of a search, with the law of what is left where something is and the test part does not refute it."""
-    if not found.decision.leaves_remainder or found.context.budget.is_over():
+    if not found.decision.leaves_remainder or found.run.context.budget.is_over():
         return build_result(found, counts, random)
     with registered_library():
         described = _describe(found, random)
-        result = add_law(build_result(described, counts, random), described)
+        result = build_result(described, counts, random)
         return build_result(found, counts, random) if _is_refuted(result) else result
 
 
@@ -41,31 +42,27 @@ def _describe(found: SearchOutcome, random: np.random.Generator) -> SearchOutcom
     known = decision.known
     certain = {name: each for name, each in attempt.candidate.values.items() if name in known}
     law = _law_beside(found, certain, (), random)
-    if (law is None or leaves_residual(found.context, law, found.validator)) and _is_worth_extending(found):
+    if (law is None or leaves_residual(found.run.context, law, found.run.validator)) and _is_worth_extending(found):
         other = _law_beside(found, attempt.candidate.values, tuple(attempt.names - known), random)
-        if other is not None and (law is None or _evidence(found, other) < _evidence(found, law)):
+        if other is not None and (law is None or _evidence_of(found, other) < _evidence_of(found, law)):
             law = other
-    if law is None or _evidence(found, law) > _evidence_of(found, attempt, law.noise_inflation):
+    if law is None:
         return found
-    model = RankedCandidate(law.candidate, law.after, found.table.bic(law.candidate), 0.0)
+    if _evidence_of(found, law) > _evidence(found, attempt.candidate, attempt.validation, law.noise_inflation):
+        return found
+    model = RankedCandidate(law.candidate, law.after, found.run.table.bic(law.candidate), 0.0)
     return replace(found, decision=replace(decision, model=model), law=law)
 
 
 def _law_beside(
     found: SearchOutcome, values: EffectValues, optional: tuple[str, ...], random: np.random.Generator
 ) -> FoundLaw | None:
-    base = _base(found, values)
+    run = found.run
+    base = run.table.get(values) or run.context.fit(CandidateTable(run.recordings.log), values).get(values)
     try:
-        return None if base is None else find_law(found.context, base, found.validator, random, optional)
+        return None if base is None else find_law(run.context, base, run.validator, random, optional)
     except INTEGRATION_FAILURES:  # a base that diverges on the held-out recording describes nothing
         return None
-
-
-def _base(found: SearchOutcome, values: EffectValues) -> CandidateFit | None:
-    known = found.table.get(values)
-    if known is not None:
-        return known
-    return found.context.fit(CandidateTable(found.recordings.log), values).get(values)
 
 
 def _is_worth_extending(found: SearchOutcome) -> bool:
@@ -73,15 +70,16 @@ def _is_worth_extending(found: SearchOutcome) -> bool:
     decision, attempt = found.decision, found.decision.model
     if attempt.names <= decision.known:
         return False
-    before = found.validator.evaluate(found.base).reduced_chi2
+    before = found.run.validator.evaluate(found.run.base).reduced_chi2
     return before - attempt.validation.reduced_chi2 > MIN_ATTEMPT_CLOSED * (before - 1)
 
 
-def _evidence(found: SearchOutcome, law: FoundLaw) -> float:
-    table = replace(found.table, noise_inflation=law.noise_inflation)
-    return table.bic(law.candidate) + law.after.fit.chi2 / law.noise_inflation
+def _evidence_of(found: SearchOutcome, law: FoundLaw) -> float:
+    return _evidence(found, law.candidate, law.after, law.noise_inflation)
 
 
-def _evidence_of(found: SearchOutcome, attempt: RankedCandidate, noise_inflation: float) -> float:
-    table = replace(found.table, noise_inflation=noise_inflation)
-    return table.bic(attempt.candidate) + attempt.validation.fit.chi2 / noise_inflation
+def _evidence(
+    found: SearchOutcome, candidate: CandidateFit, validation: ValidationFit, noise_inflation: float
+) -> float:
+    table = replace(found.run.table, noise_inflation=noise_inflation)
+    return table.bic(candidate) + validation.fit.chi2 / noise_inflation

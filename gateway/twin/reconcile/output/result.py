@@ -229,39 +229,39 @@ class Reconciliation:
     """One sentence: why this verdict; for data_unusable what is wrong and what would do."""
     reason_code: str
     """The same as a constant word."""
-    parts: tuple[DataPart, ...]
-    """Which part of the data the models were fitted to, selected by and tested on."""
     rig: TwinRig
-    effects: tuple[NamedEffect, ...]
-    candidates: tuple[str, ...]
-    """Names that explain the data equally well, where the verdict is one_of."""
-    split_by: str | None
-    disagreement: tuple[Disagreement, ...]
-    gap: Gap | None
-    residual: Residual | None
-    steps: tuple[Step, ...]
-    scores: tuple[ScoreTestResult, ...]
-    ranking: tuple[Candidate, ...]
-    confusable: tuple[Confusable, ...]
-    equations_before: tuple[str, ...]
-    equations_after: tuple[str, ...]
-    log: Curves | None
-    held_out: Curves | None
-    """None where LOG's own last third was held out and no second recording was given."""
-    held_out_is_last_third: bool
-    refitted_on_held_out: tuple[str, ...]
     counts: Mapping[str, int]
     """Samples read, used, lone spikes, lost, repeated, invalid; of a long recording, `AVERAGED` of them to one mean."""
     model: EffectValues
     """`[model.*]` of the final model, those that the rig had before included."""
+    parts: tuple[DataPart, ...] = ()
+    """Which part of the data the models were fitted to, selected by and tested on."""
+    effects: tuple[NamedEffect, ...] = ()
+    candidates: tuple[str, ...] = ()
+    """Names that explain the data equally well, where the verdict is one_of."""
+    also_one_of: tuple[tuple[str, ...], ...] = ()
+    """Further groups of candidates, of each of which one effect acts as well."""
+    equivalents: tuple[Equivalent, ...] = ()
+    """Effects that coincide with named ones or with candidates."""
+    split_by: str | None = None
+    disagreement: tuple[Disagreement, ...] = ()
+    gap: Gap | None = None
+    residual: Residual | None = None
+    steps: tuple[Step, ...] = ()
+    scores: tuple[ScoreTestResult, ...] = ()
+    ranking: tuple[Candidate, ...] = ()
+    confusable: tuple[Confusable, ...] = ()
+    equations_before: tuple[str, ...] = ()
+    equations_after: tuple[str, ...] = ()
+    log: Curves | None = None
+    held_out: Curves | None = None
+    """None where LOG's own last third was held out and no second recording was given."""
+    held_out_is_last_third: bool = False
+    refitted_on_held_out: tuple[str, ...] = ()
     inputs: tuple[EstimatedInput, ...] = ()
     """What the crane did in the log, where that is taken as known."""
     held_out_inputs: tuple[EstimatedInput, ...] = ()
     """The same in a second recording; empty where the end of the log is held out."""
-    equivalents: tuple[Equivalent, ...] = ()
-    """Effects that coincide with named ones or with candidates."""
-    also_one_of: tuple[tuple[str, ...], ...] = ()
-    """Further groups of candidates, of each of which one effect acts as well."""
     leaves_remainder: bool = False
     """Something is left that neither an effect of the answer nor one of a group explains."""
     ended_early: bool = False
