@@ -17,7 +17,7 @@ from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
 from gateway.twin.reconcile.fit.swing_windows import initial_state_from_samples
-from gateway.twin.reconcile.fit.windowed_fit import fit_windows
+from gateway.twin.reconcile.fit.trajectory_fit import fit_windows
 from gateway.twin.simulator.simulator import Simulator
 
 Array = NDArray[np.float64]

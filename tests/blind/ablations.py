@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from gateway.cli.main import main as plumbline
-from gateway.twin.reconcile.decision.ranking import RankedCandidate
-from gateway.twin.reconcile.fit.validation import ValidationFit
+from gateway.twin.reconcile.decision.evidence import RankedCandidate
+from gateway.twin.reconcile.search.validation import ValidationFit
 from tests.blind.ablation import Call, Instead, Part, RuleOfVerdict, StepOfSearch
 
 RULES = (

@@ -28,7 +28,7 @@ from gateway.twin.reconcile.output.result import Gap
 from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateTable
 from gateway.twin.reconcile.search.context import make_context
-from gateway.twin.reconcile.search.validation_cache import Validator
+from gateway.twin.reconcile.search.validation import Validator
 from tests.blind.cases import Case, generate
 from tests.blind.plan import CATALOGUE, Plan
 from tests.blind.write import write_case

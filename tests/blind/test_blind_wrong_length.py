@@ -16,7 +16,7 @@ from gateway.twin.reconcile.search.baseline import fit_baseline
 from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateTable
 from gateway.twin.reconcile.search.context import make_context
-from gateway.twin.reconcile.search.validation_cache import Validator
+from gateway.twin.reconcile.search.validation import Validator
 from tests.blind.rigid_pendulum import GRAVITY_M_S2, RigidPendulum, simulate
 
 NOISE_G = 1e-3

@@ -156,11 +156,11 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.measurement.swing import cut_to_free_swing
     from gateway.twin.model import model_of
     from gateway.twin.reconcile.data.data_checks import check_recording, model_from_recording
-    from gateway.twin.reconcile.data.sensor_noise import with_measured_noise
+    from gateway.twin.reconcile.data.sensor import with_measured_noise
     from gateway.twin.reconcile.output.serialisation import to_json
     from gateway.twin.reconcile.output.text import to_text
     from gateway.twin.reconcile.reconcile import reconcile
-    from gateway.twin.reconcile.search.parallel_fits import usable_processes
+    from gateway.twin.reconcile.search.budget import usable_processes
 
     begin_s = time.monotonic()
     _check_files(arguments)

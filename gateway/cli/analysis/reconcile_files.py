@@ -28,7 +28,7 @@ def output_texts(
     arguments: argparse.Namespace, result: "Reconciliation", runtime_s: float, predicted: "Source"
 ) -> dict[Path, str]:
     """Return the texts of the requested outputs (prediction, model, report) by their paths."""
-    from gateway.twin.reconcile.output.export import format_model_toml
+    from gateway.twin.reconcile.output.serialisation import format_model_toml
 
     found = {}
     if arguments.prediction is not None:
@@ -42,8 +42,8 @@ def output_texts(
 
 def _prediction(result: "Reconciliation", source: "Source", *, of_second: bool) -> str:
     """Return the prediction of the held-out recording, or of both parts of the log."""
-    from gateway.twin.reconcile.output.export import format_prediction_csv
     from gateway.twin.reconcile.output.result import AVERAGED
+    from gateway.twin.reconcile.output.serialisation import format_prediction_csv
 
     curves: list[Curves | None] = [result.held_out] if of_second else [result.log, result.held_out]
     predicted = [each for each in curves if each is not None]

@@ -12,21 +12,29 @@ from gateway.twin.effects.clock import SampleLoss
 from gateway.twin.model import Model
 from gateway.twin.reconcile.data.crane_inputs import NO_INPUTS, CraneInputs, KnownModel, registered
 from gateway.twin.reconcile.data.data_checks import CheckedRecording, find_lack_of_rest
-from gateway.twin.reconcile.data.recordings import Recordings, find_lack_of_test, split_recordings
-from gateway.twin.reconcile.data.sample_means import samples_per_mean, take_means
-from gateway.twin.reconcile.decision.evidence import gather_evidence
-from gateway.twin.reconcile.decision.ranking import RankedCandidate, rank_candidates, rivals_of
+from gateway.twin.reconcile.data.recordings import (
+    Recordings,
+    find_lack_of_test,
+    samples_per_mean,
+    split_recordings,
+    take_means,
+)
+from gateway.twin.reconcile.decision.evidence import RankedCandidate, gather_evidence, rank_candidates, rivals_of
 from gateway.twin.reconcile.decision.verdict import as_best_so_far, decide
 from gateway.twin.reconcile.equation.remainder import describe_result
 from gateway.twin.reconcile.output.outcome import SearchOutcome
 from gateway.twin.reconcile.output.result import AVERAGED, Reconciliation
 from gateway.twin.reconcile.output.result_builder import unusable_result
 from gateway.twin.reconcile.residual.isolability import indistinguishable_pairs
-from gateway.twin.reconcile.search.ambiguity import indistinguishable, is_beyond_parts, replace_implausible
+from gateway.twin.reconcile.search.alternatives import (
+    fit_usual_causes,
+    indistinguishable,
+    is_beyond_parts,
+    replace_implausible,
+)
 from gateway.twin.reconcile.search.baseline import detect_in_samples
 from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.search import SearchRun, search
-from gateway.twin.reconcile.search.usual_causes import fit_usual_causes
 
 
 class ReportProgress(Protocol):

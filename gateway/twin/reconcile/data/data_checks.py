@@ -11,13 +11,19 @@ from gateway.measurement.source import Source
 from gateway.numerics.stats import robust_sigma, true_runs
 from gateway.swing.data.input_checks import WITHOUT_GRAVITY, lacks_gravity
 from gateway.twin.model import Model, TwinRig
-from gateway.twin.reconcile.data.artefact_detectors import (
+from gateway.twin.reconcile.data.observations import (
+    NEIGHBOUR_RATIO,
+    SAME_FREQUENCY_RATIO,
+    Observations,
+    has_axial_swing,
+    make_observations,
+    unmeasured_axes,
+)
+from gateway.twin.reconcile.data.sensor import (
     constant_share,
     detect_quantisation_step,
     regular_reading_times,
 )
-from gateway.twin.reconcile.data.observations import Observations, make_observations, unmeasured_axes
-from gateway.twin.reconcile.data.swing_amplitude import NEIGHBOUR_RATIO, SAME_FREQUENCY_RATIO, has_axial_swing
 
 Array = NDArray[np.float64]
 MIN_PERIODS = 2.0

@@ -18,7 +18,7 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.plausibility import TAIL_SHARE, limit_of
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.decision.ranking import MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE
+from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE
 from gateway.twin.reconcile.fit.fit_context import sensitivities_sigma
 from gateway.twin.reconcile.residual.isolability import orthonormal, project_out
 from gateway.twin.simulator.parameter_vector import ParameterSpec

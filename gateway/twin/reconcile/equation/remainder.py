@@ -7,13 +7,13 @@ import numpy as np
 
 from gateway.twin.effects.term_library import registered_library
 from gateway.twin.model import EffectValues
-from gateway.twin.reconcile.decision.ranking import RankedCandidate
+from gateway.twin.reconcile.decision.evidence import RankedCandidate
 from gateway.twin.reconcile.equation.selection import FoundLaw, find_law, leaves_residual
-from gateway.twin.reconcile.fit.validation import ValidationFit
 from gateway.twin.reconcile.output.outcome import SearchOutcome
 from gateway.twin.reconcile.output.result import Reconciliation
 from gateway.twin.reconcile.output.result_builder import build_result
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
+from gateway.twin.reconcile.search.validation import ValidationFit
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 
 MIN_ATTEMPT_CLOSED = 0.5

@@ -12,14 +12,13 @@ import numpy as np
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.term_library import TERMS
-from gateway.twin.reconcile.decision.ranking import MIN_EVIDENCE_MARGIN, VALIDATED_MARGIN
+from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_MARGIN, VALIDATED_MARGIN
 from gateway.twin.reconcile.equation.screening import ScreenedTerm, screen_terms
-from gateway.twin.reconcile.fit.validation import ValidationFit
 from gateway.twin.reconcile.residual.whiteness import noise_inflation_factor, warrants_another_effect
+from gateway.twin.reconcile.search.budget import FitRequest
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import SearchContext
-from gateway.twin.reconcile.search.parallel_fits import FitRequest
-from gateway.twin.reconcile.search.validation_cache import Validator
+from gateway.twin.reconcile.search.validation import ValidationFit, Validator
 
 MAX_TERMS = 3
 MAX_FITTED = 4

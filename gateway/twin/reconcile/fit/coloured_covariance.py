@@ -12,7 +12,7 @@ from scipy.special import ndtr
 
 from gateway.numerics.stats import NORMAL_975
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.fit_result import Fit
+from gateway.twin.reconcile.fit.least_squares import Fit
 
 Array = NDArray[np.float64]
 MIN_SHARE = 1e-4

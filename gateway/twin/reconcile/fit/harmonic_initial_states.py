@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from devices.pendulum.small_swing import period_ratio
 from gateway.twin.model import TwinRig
-from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.data.swing_amplitude import local_amplitude_rad
+from gateway.twin.reconcile.data.observations import Observations, local_amplitude_rad
 from gateway.twin.simulator.state import ROPE_RATES, ROPE_TILTS
 
 Array = NDArray[np.float64]

@@ -1,26 +1,157 @@
-"""The fit of a recording as one trajectory, whatever the amplitude."""
+"""The fit of a recording as one trajectory; of a large swing first in windows with an initial state each (variable projection).
+
+A model without the right losses cannot follow a swing that decays, and a fit that begins with continuity constraints diverges.
+Without them, the initial state of each window is eliminated, and the change of the samples within the windows determines the
+effects (Golub and Pereyra 1973).
+"""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.fit_result import Fit
-from gateway.twin.reconcile.fit.levenberg_marquardt import FIT_ITERATIONS
+from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, Fit, NormalPrior, no_prior
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
-from gateway.twin.reconcile.fit.prior import NormalPrior
 from gateway.twin.reconcile.fit.reparameterisation import NO_LIMITS, Limits
-from gateway.twin.reconcile.fit.windowed_fit import fit_windows
-from gateway.twin.simulator.simulator import Simulator
+from gateway.twin.simulator.compiled_model import IntegrationError
+from gateway.twin.simulator.simulator import SegmentBatch, Simulator
 from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
+STEP_FRACTIONS = (1.0, 0.3, 0.1)
+"""Fractions of a step that are tried in turn until chi-square falls."""
+RANK_TOLERANCE = 1e-5
+"""Singular value, relative to the largest, below which samples do not determine a combination of values, such as the azimuth of a
+swing seen at the load."""
+MIN_RELATIVE_GAIN = 1e-3
+"""A windowed fit ends when a step lowers chi-square by less than this share; it only has to start the next fit."""
 LARGE_AMPLITUDE_ITERATIONS = 30
 """Iterations of a fit of a large swing: its period depends on every parameter, and its segments join slowly."""
 STATE_SCALES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
 """Factors on an initial state, for a model that decays too slowly to follow the recording from the true one."""
+
+
+@dataclass(frozen=True, slots=True)
+class FitWindow:
+    """The linearisation of one window, in sigma; the heading is left out, because samples do not determine it."""
+
+    by_state: Array
+    """Derivatives by the initial state, shape (rows, states - 1)."""
+    by_effects: Array
+    """Derivatives by the effect values, shape (rows, effect values)."""
+    residual: Array
+    """Shape (rows,)."""
+
+    def project_out_initial_state(self) -> tuple[Array, Array]:
+        """Return the derivatives by the effect values and the residual, orthogonal to those by the initial state."""
+        basis = np.linalg.qr(self.by_state)[0]
+        by_effects = self.by_effects - basis @ (basis.T @ self.by_effects)
+        residual = self.residual - basis @ (basis.T @ self.residual)
+        return np.asarray(by_effects, dtype=np.float64), np.asarray(residual, dtype=np.float64)
+
+    def state_step(self, effect_step: Array) -> Array:
+        """Return the step of the whole initial state (states,) that goes with a step of the effect values."""
+        remaining = self.residual - self.by_effects @ effect_step
+        step = np.linalg.lstsq(self.by_state, remaining, rcond=RANK_TOLERANCE)[0]
+        return np.asarray(np.insert(step, HEADING, 0.0), dtype=np.float64)
+
+
+def split_windows(batch: SegmentBatch, observations: Observations, first_samples: Sequence[int]) -> list[FitWindow]:
+    """Return the windows of a linearisation."""
+    weight = observations.per_sigma[..., None]
+    by_state = np.delete(batch.force_by_start, HEADING, axis=2) * weight
+    by_effects, residual = batch.force_by_effects * weight, observations.residual_sigma(batch.force_g)
+    return [
+        FitWindow(
+            by_state[first:last].reshape(3 * (last - first), -1),
+            by_effects[first:last].reshape(3 * (last - first), -1),
+            residual[first:last].ravel(),
+        )
+        for first, last in pairwise([*first_samples, len(residual)])
+    ]
+
+
+@np.errstate(over="ignore", invalid="ignore")  # a step to trajectories that diverge is not taken
+def fit_windows(
+    simulator: Simulator,
+    observations: Observations,
+    initial_states: Array,
+    effect_values: Array,
+    free: NDArray[np.bool_],
+    first_samples: Sequence[int],
+    tick: Callable[[], None] = lambda: None,
+    prior: NormalPrior | None = None,
+) -> tuple[Array, Array, SegmentBatch]:
+    """Return the fitted initial states (windows, states) and effect values (k,), and the linearisation there.
+
+    Of the effect values those in `free` (k,) are fitted, inside their bounds, by Gauss-Newton with the initial states eliminated.
+    Raises `LinAlgError` as the solver does, and `IntegrationError` where the windows diverge.
+    """
+    time_s, temperature_c = observations.time_s, observations.temperature_c
+    batch = simulator.linearise_segments(initial_states, effect_values, time_s, first_samples, temperature_c)
+    if not batch.is_finite:
+        raise IntegrationError("the trajectories of the windows diverge from these values")
+    known = (no_prior(simulator) if prior is None else prior).of_effects(simulator.n_initial_states)
+    chi2 = observations.chi2(batch.force_g) + known.chi2(effect_values)
+    for _ in range(FIT_ITERATIONS):
+        windows = split_windows(batch, observations, first_samples)
+        effect_step = _effect_step(simulator, windows, effect_values, free, known)
+        state_steps = np.array([window.state_step(effect_step) for window in windows])
+        gain = 0.0
+        for fraction in STEP_FRACTIONS:
+            tick()
+            states_after, effects_after = (
+                initial_states + fraction * state_steps,
+                effect_values + fraction * effect_step,
+            )
+            after = simulator.linearise_segments(states_after, effects_after, time_s, first_samples, temperature_c)
+            left = observations.chi2(after.force_g) + known.chi2(effects_after)
+            gain = chi2 - left if after.is_finite else 0.0
+            if gain > 0:
+                initial_states, effect_values, batch, chi2 = states_after, effects_after, after, chi2 - gain
+                break
+        if not gain > MIN_RELATIVE_GAIN * chi2:
+            break
+    return initial_states, effect_values, batch
+
+
+def project_out_initial_states(
+    batch: SegmentBatch, observations: Observations, first_samples: Sequence[int]
+) -> tuple[Array, Array]:
+    """Return the effects' columns (3 n, k) and the residual (3 n,) in sigma, without what the initial states explain."""
+    return _stack_projected(split_windows(batch, observations, first_samples))
+
+
+def _stack_projected(windows: Sequence[FitWindow]) -> tuple[Array, Array]:
+    projected = map(FitWindow.project_out_initial_state, windows)
+    by_effects, residual = (np.concatenate(each) for each in zip(*projected, strict=True))
+    return by_effects, residual
+
+
+def _effect_step(
+    simulator: Simulator,
+    windows: Sequence[FitWindow],
+    effect_values: Array,
+    free: NDArray[np.bool_],
+    prior: NormalPrior,
+) -> Array:
+    """Return the Gauss-Newton step of the free effect values, cut at their bounds, shape (k,)."""
+    step = np.zeros(len(effect_values))
+    if not free.any():
+        return step
+    by_effects, residual = _stack_projected(windows)
+    weight = np.sqrt(prior.precision)
+    by_effects = np.concatenate([by_effects, np.diag(weight)])
+    residual = np.concatenate([residual, weight * (prior.centre - effect_values)])
+    step[free] = np.linalg.lstsq(by_effects[:, free], residual, rcond=RANK_TOLERANCE)[0]
+    lower = np.array([parameter.lower for parameter in simulator.effect_parameters])
+    upper = np.array([parameter.upper for parameter in simulator.effect_parameters])
+    inside: Array = np.clip(effect_values + step, lower, upper) - effect_values
+    return inside
 
 
 def fit_trajectory(

@@ -10,16 +10,16 @@ from gateway.numerics.stats import true_runs
 from gateway.twin.effects.clock import SampleLoss
 from gateway.twin.effects.sensor_output import Quantization
 from gateway.twin.model import EffectValues, TwinRig
-from gateway.twin.reconcile.data.artefact_detectors import quantised_mean
 from gateway.twin.reconcile.data.crane_inputs import merge_spans
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.data.recordings import Recordings, selection_part, test_part
-from gateway.twin.reconcile.decision.ranking import RankedCandidate
+from gateway.twin.reconcile.data.sensor import quantised_mean
+from gateway.twin.reconcile.decision.evidence import RankedCandidate
 from gateway.twin.reconcile.decision.verdict import Decision
 from gateway.twin.reconcile.equation.selection import FoundLaw
-from gateway.twin.reconcile.fit.validation import block_bootstrap_gain, evaluate_on_validation
 from gateway.twin.reconcile.output.result import Curves, DataPart, Gap
 from gateway.twin.reconcile.search.search import SearchRun
+from gateway.twin.reconcile.search.validation import block_bootstrap_gain, evaluate_on_validation
 
 Array = NDArray[np.float64]
 

@@ -15,8 +15,7 @@ from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.effects.parameter import Values
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
-from gateway.twin.reconcile.output.estimates import Law, NamedEffect
-from gateway.twin.reconcile.output.remainder import Remainder
+from gateway.twin.reconcile.output.estimates import Law, NamedEffect, Remainder
 
 Array = NDArray[np.float64]
 AVERAGED = "averaged"

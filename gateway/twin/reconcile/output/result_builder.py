@@ -13,7 +13,7 @@ from gateway.twin.effects.plausibility import excess, limit_of, rests_at_edge
 from gateway.twin.effects.term_library import TERMS
 from gateway.twin.model import Model, TwinRig
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
-from gateway.twin.reconcile.decision.ranking import MIN_EVIDENCE_MARGIN
+from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_MARGIN
 from gateway.twin.reconcile.equation.selection import FoundLaw
 from gateway.twin.reconcile.fit.coloured_covariance import coloured_covariance
 from gateway.twin.reconcile.output.estimates import Estimate, Law, LawTerm, NamedEffect, Resemblance
@@ -28,11 +28,10 @@ from gateway.twin.reconcile.output.result import (
     Verdict,
 )
 from gateway.twin.reconcile.residual.isolability import confusable, orthonormal
-from gateway.twin.reconcile.residual.localisation import localise_residual
 from gateway.twin.reconcile.residual.remainder_of_motion import describe_remainder, name_multiples
-from gateway.twin.reconcile.residual.whiteness import analyse_residual
+from gateway.twin.reconcile.residual.whiteness import analyse_residual, localise_residual
+from gateway.twin.reconcile.search.alternatives import any_length_changes, coincident_effects
 from gateway.twin.reconcile.search.candidates import MIN_SCORE_STATISTIC
-from gateway.twin.reconcile.search.coincident import any_length_changes, coincident_effects
 from gateway.twin.reconcile.search.search import SearchRun
 
 Array = NDArray[np.float64]

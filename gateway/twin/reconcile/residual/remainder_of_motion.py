@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from gateway.numerics.spectrum import periodogram
 from gateway.twin.model import TwinRig
-from gateway.twin.reconcile.output.remainder import DIRECTIONS, Remainder
+from gateway.twin.reconcile.output.estimates import DIRECTIONS, Remainder
 from gateway.twin.reconcile.output.result import Curves, Peak, Residual
 from gateway.twin.reconcile.residual.whiteness import find_peaks
 

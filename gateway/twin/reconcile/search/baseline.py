@@ -10,17 +10,17 @@ from gateway.twin.effects.rope import RopeLength
 from gateway.twin.effects.sensor import Vibration
 from gateway.twin.effects.sensor_output import Clipping, Quantization, SampleHold
 from gateway.twin.model import EffectValues
-from gateway.twin.reconcile.data.artefact_detectors import (
+from gateway.twin.reconcile.data.recordings import Recordings
+from gateway.twin.reconcile.data.sensor import (
     MIN_NAMED_STEP_SIGMA,
     detect_quantisation_step,
     detect_saturation,
     noise_with_quantisation_g,
 )
-from gateway.twin.reconcile.data.recordings import Recordings
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.search.candidates import MIN_VARIANCE_SHARE, CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import SearchContext
-from gateway.twin.reconcile.search.validation_cache import Validator
+from gateway.twin.reconcile.search.validation import Validator
 
 MIN_REPEATED_GAIN = 0.5
 """Gain of an effect on another part of the data over its gain on the log, from which it is no accident of the log."""

@@ -14,7 +14,7 @@ from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.coloured_covariance import coloured_covariance
 from gateway.twin.reconcile.fit.fit_context import FitContext
-from gateway.twin.reconcile.fit.fit_result import Fit
+from gateway.twin.reconcile.fit.least_squares import Fit
 from gateway.twin.reconcile.fit.reparameterisation import NO_LIMITS, Limits
 from gateway.twin.reconcile.residual.whiteness import noise_inflation_factor, warrants_another_effect
 from gateway.twin.simulator.simulator import Simulator

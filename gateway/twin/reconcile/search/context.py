@@ -12,12 +12,11 @@ from gateway.twin.effects.guess_context import EventWindow
 from gateway.twin.effects.parameter import Values
 from gateway.twin.effects.rope import DoublePendulum
 from gateway.twin.model import EffectValues, Model
-from gateway.twin.reconcile.changepoints.changepoint import locate_changepoint
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import SEARCH_ITERATIONS, FitContext
-from gateway.twin.reconcile.search.budget import Budget
+from gateway.twin.reconcile.search.budget import Budget, FitRequest, run_in_processes
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable, make_candidate
-from gateway.twin.reconcile.search.parallel_fits import FitRequest, run_in_processes
+from gateway.twin.reconcile.search.changepoints import locate_changepoint
 from gateway.twin.reconcile.search.score_test import Signatures, compute_signatures, scorable_effects
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 

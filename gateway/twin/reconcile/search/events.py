@@ -10,12 +10,12 @@ from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.guess_context import EventWindow, GuessContext
 from gateway.twin.effects.parameter import ParameterKind, Values
 from gateway.twin.effects.rope import RopeLength
-from gateway.twin.reconcile.changepoints.changepoint_scan import exclude_unmodelled_profiles, scan_for_changepoints
 from gateway.twin.reconcile.fit.fit_context import sensitivities_sigma
 from gateway.twin.reconcile.residual.whiteness import EXCESS_SIGNIFICANT, warrants_another_effect
+from gateway.twin.reconcile.search.budget import FitRequest
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
+from gateway.twin.reconcile.search.changepoints import exclude_unmodelled_profiles, scan_for_changepoints
 from gateway.twin.reconcile.search.context import REFINE_ITERATIONS, SearchContext
-from gateway.twin.reconcile.search.parallel_fits import FitRequest
 from gateway.twin.reconcile.search.persistent import baseline_of
 from gateway.twin.simulator.state import HEADING
 

@@ -15,9 +15,9 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext, sensitivities_sigma
-from gateway.twin.reconcile.fit.fit_result import Fit
+from gateway.twin.reconcile.fit.least_squares import Fit
 from gateway.twin.reconcile.fit.swing_windows import window_bounds
-from gateway.twin.reconcile.fit.windowed_fit import project_out_initial_states
+from gateway.twin.reconcile.fit.trajectory_fit import project_out_initial_states
 from gateway.twin.reconcile.residual.isolability import orthonormal, project_out
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING

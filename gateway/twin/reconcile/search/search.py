@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.crane_inputs import KnownModel
 from gateway.twin.reconcile.data.recordings import Recordings
+from gateway.twin.reconcile.search.alternatives import fit_coincident_effects
 from gateway.twin.reconcile.search.baseline import fit_baseline
 from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
-from gateway.twin.reconcile.search.coincident import fit_coincident_effects
 from gateway.twin.reconcile.search.context import SearchContext, make_context
 from gateway.twin.reconcile.search.events import fit_events_in_windows, has_event, refine
 from gateway.twin.reconcile.search.persistent import (
@@ -26,7 +26,7 @@ from gateway.twin.reconcile.search.persistent import (
     fit_persistent_pairs,
 )
 from gateway.twin.reconcile.search.stepwise_selection import grow, try_swaps
-from gateway.twin.reconcile.search.validation_cache import Validator
+from gateway.twin.reconcile.search.validation import Validator
 from gateway.twin.reconcile.timing.sample_loss import find_sample_loss, retime_validation
 
 

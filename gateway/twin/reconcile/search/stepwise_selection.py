@@ -3,11 +3,11 @@
 import math
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.reconcile.decision.ranking import VALIDATED_MARGIN
+from gateway.twin.reconcile.decision.evidence import VALIDATED_MARGIN
+from gateway.twin.reconcile.search.budget import FitRequest
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import REFINE_ITERATIONS, SearchContext
 from gateway.twin.reconcile.search.events import fit_events_in_windows, needs_more, refine
-from gateway.twin.reconcile.search.parallel_fits import FitRequest
 from gateway.twin.reconcile.search.persistent import (
     MAX_SCORED,
     baseline_of,

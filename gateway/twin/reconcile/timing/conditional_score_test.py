@@ -19,12 +19,14 @@ from gateway.twin.reconcile.search.candidates import MIN_SCORE_STATISTIC, MIN_VA
 from gateway.twin.reconcile.search.score_test import scorable_effects
 from gateway.twin.reconcile.timing.time_warp import (
     INITIAL_STATES,
+    TimeWarpSmoother,
     linearise_in_time,
     lowpass,
+    make_knots,
+    marginalise_time_warp,
     quantised_mean_of,
     step_variance,
 )
-from gateway.twin.reconcile.timing.time_warp_smoother import TimeWarpSmoother, make_knots, marginalise_time_warp
 from gateway.twin.simulator.simulator import Simulator
 
 Array = NDArray[np.float64]

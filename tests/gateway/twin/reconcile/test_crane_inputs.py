@@ -25,9 +25,8 @@ from gateway.twin.reconcile.data.crane_inputs import (
 )
 from gateway.twin.reconcile.data.data_checks import check_recording
 from gateway.twin.reconcile.data.observations import make_observations
-from gateway.twin.reconcile.output.export import format_model_toml
 from gateway.twin.reconcile.output.result import Reconciliation
-from gateway.twin.reconcile.output.serialisation import to_json
+from gateway.twin.reconcile.output.serialisation import format_model_toml, to_json
 from gateway.twin.reconcile.reconcile import reconcile
 from gateway.twin.simulator.simulator import Simulator
 from tests.gateway.twin.reconcile.working_recording import (

@@ -12,9 +12,8 @@ from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.output.serialisation import to_json
 from gateway.twin.reconcile.reconcile import reconcile
 from gateway.twin.reconcile.search import context
-from gateway.twin.reconcile.search.budget import Budget
+from gateway.twin.reconcile.search.budget import Budget, FitRequest, run_in_processes
 from gateway.twin.reconcile.search.candidates import CandidateTable
-from gateway.twin.reconcile.search.parallel_fits import FitRequest, run_in_processes
 from tests.values import present
 
 

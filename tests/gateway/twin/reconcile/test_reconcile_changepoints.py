@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 
 from gateway.twin.model import EffectValues, Model, TwinRig
-from gateway.twin.reconcile.changepoints.changepoint import locate_changepoint
-from gateway.twin.reconcile.changepoints.changepoint_scan import exclude_unmodelled_profiles, scan_for_changepoints
-from gateway.twin.reconcile.changepoints.consistent_prefix import longest_consistent_prefix
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.reconcile import reconcile
 from gateway.twin.reconcile.search.candidates import make_candidate
+from gateway.twin.reconcile.search.changepoints import (
+    exclude_unmodelled_profiles,
+    locate_changepoint,
+    longest_consistent_prefix,
+    scan_for_changepoints,
+)
 
 ContextOf = Callable[[EffectValues], FitContext]
 HOIST: EffectValues = {"hoisting": {"speed_m_s": -0.15, "start_s": 32.0, "duration_s": 6.0}}

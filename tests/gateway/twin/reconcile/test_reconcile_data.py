@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 from devices.pendulum.small_swing import period_ratio
 from gateway.measurement.source import HeldRows
 from gateway.twin.model import TwinRig
-from gateway.twin.reconcile.data.artefact_detectors import (
+from gateway.twin.reconcile.data.data_checks import find_fault
+from gateway.twin.reconcile.data.observations import Observations, detect_spikes, make_observations
+from gateway.twin.reconcile.data.recordings import split_recordings
+from gateway.twin.reconcile.data.sensor import (
     detect_quantisation_step,
     detect_saturation,
     quantised_mean,
     regular_reading_times,
 )
-from gateway.twin.reconcile.data.data_checks import find_fault
-from gateway.twin.reconcile.data.observations import Observations, detect_spikes, make_observations
-from gateway.twin.reconcile.data.recordings import split_recordings
-from gateway.twin.reconcile.output.export import format_prediction_csv
 from gateway.twin.reconcile.output.result import Curves
+from gateway.twin.reconcile.output.serialisation import format_prediction_csv
 from gateway.twin.reconcile.search.baseline import detect_in_samples
 from gateway.twin.simulator.simulator import Simulator
 

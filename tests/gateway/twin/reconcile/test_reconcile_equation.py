@@ -18,13 +18,13 @@ from gateway.twin.model import EffectValues, Model, model_of
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.equation.selection import pairs_loss_with_gain, replaces_loss
-from gateway.twin.reconcile.fit.fit_result import Fit
-from gateway.twin.reconcile.fit.validation import evaluate_on_validation
-from gateway.twin.reconcile.output.export import format_model_toml
+from gateway.twin.reconcile.fit.least_squares import Fit
+from gateway.twin.reconcile.output.serialisation import format_model_toml
 from gateway.twin.reconcile.output.text import to_text
 from gateway.twin.reconcile.reconcile import reconcile
 from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateFit
+from gateway.twin.reconcile.search.validation import evaluate_on_validation
 from tests.values import present
 
 CREEP_G, SETTLE_S = np.array([0.008, -0.005, 0.006]), 7.0

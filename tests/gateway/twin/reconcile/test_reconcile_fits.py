@@ -9,9 +9,9 @@ import pytest
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations, slice_samples
 from gateway.twin.reconcile.fit.fit_context import FitContext
-from gateway.twin.reconcile.fit.levenberg_marquardt import NormalEquations
+from gateway.twin.reconcile.fit.least_squares import NormalEquations
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
-from gateway.twin.reconcile.fit.validation import evaluate_on_validation
+from gateway.twin.reconcile.search.validation import evaluate_on_validation
 from gateway.twin.simulator.simulator import Simulator
 
 Record = Callable[..., Observations]

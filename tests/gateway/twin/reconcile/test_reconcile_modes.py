@@ -13,8 +13,7 @@ from gateway.twin.effects.parameter import Values
 from gateway.twin.effects.spectral_guesses import guess_double_pendulum, guess_vibration
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.data_checks import find_fault
-from gateway.twin.reconcile.data.observations import Observations, make_observations
-from gateway.twin.reconcile.data.swing_amplitude import LARGE_AMPLITUDE_RAD
+from gateway.twin.reconcile.data.observations import LARGE_AMPLITUDE_RAD, Observations, make_observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.reparameterisation import reparameterise
 from gateway.twin.simulator.simulator import Simulator

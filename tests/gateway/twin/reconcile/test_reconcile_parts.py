@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gateway.twin.reconcile.changepoints.changepoint_scan import scan_for_changepoints
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.data.recordings import find_lack_of_test, split_recordings
+from gateway.twin.reconcile.search.changepoints import scan_for_changepoints
 
 
 def observations(duration_s: float) -> Observations:

@@ -9,7 +9,7 @@ import pytest
 from gateway.twin.model import Model
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.fit_result import Fit
+from gateway.twin.reconcile.fit.least_squares import Fit
 from gateway.twin.reconcile.output.serialisation import to_json
 from gateway.twin.reconcile.output.text import to_text
 from gateway.twin.reconcile.reconcile import reconcile

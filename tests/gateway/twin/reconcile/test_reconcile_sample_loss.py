@@ -9,22 +9,19 @@ from numpy.typing import NDArray
 
 from gateway.twin.effects.parameter import Value
 from gateway.twin.model import EffectValues, TwinRig
-from gateway.twin.reconcile.data.artefact_detectors import noise_with_quantisation_g, quantised_variance
 from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.data.sensor import noise_with_quantisation_g, quantised_variance
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.search.candidates import CandidateFit, make_candidate
-from gateway.twin.reconcile.timing.loss_count import viterbi_loss_count
-from gateway.twin.reconcile.timing.sample_loss import find_sample_loss, retime_validation
+from gateway.twin.reconcile.timing.sample_loss import find_sample_loss, retime_validation, viterbi_loss_count
 from gateway.twin.reconcile.timing.time_warp import (
-    estimate_time_warp,
-    lowpass,
-    noise_chi2_below_swing_frequencies,
-)
-from gateway.twin.reconcile.timing.time_warp_smoother import (
     KNOT_SPACING_SAMPLES,
     effective_degrees_of_freedom,
+    estimate_time_warp,
+    lowpass,
     make_knots,
     marginalise_time_warp,
+    noise_chi2_below_swing_frequencies,
 )
 from gateway.twin.simulator.simulator import Simulator
 

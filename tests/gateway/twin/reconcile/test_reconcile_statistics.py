@@ -6,10 +6,9 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from gateway.numerics.spectrum import find_machine_line
-from gateway.twin.reconcile.fit.validation import block_bootstrap_gain
 from gateway.twin.reconcile.residual.isolability import confusable, smallest_angle_cosine
-from gateway.twin.reconcile.residual.localisation import localise_residual
-from gateway.twin.reconcile.residual.whiteness import find_peaks, ljung_box_p, noise_inflation_factor
+from gateway.twin.reconcile.residual.whiteness import find_peaks, ljung_box_p, localise_residual, noise_inflation_factor
+from gateway.twin.reconcile.search.validation import block_bootstrap_gain
 
 Array = NDArray[np.float64]
 RATE_HZ = 20.0

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from gateway.twin.reconcile.data.observations import Observations, make_observations
-from gateway.twin.reconcile.data.recordings import Recordings, split_recordings
-from gateway.twin.reconcile.data.sample_means import samples_per_mean, take_means
+from gateway.twin.reconcile.data.recordings import Recordings, samples_per_mean, split_recordings, take_means
 
 RATE_HZ, NOISE_G, PERIOD_S = 100.0, 1e-3, 6.0
 

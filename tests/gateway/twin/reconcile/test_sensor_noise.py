@@ -8,7 +8,7 @@ import pytest
 
 from gateway.measurement.source import read_source
 from gateway.twin.model import Model, TwinRig
-from gateway.twin.reconcile.data.sensor_noise import measure_noise_g, with_measured_noise
+from gateway.twin.reconcile.data.sensor import measure_noise_g, with_measured_noise
 
 RATE_HZ = 50.0
 NOISE_G = np.array([2e-3, 5e-4, 1e-3])

@@ -11,12 +11,12 @@ from gateway.twin.model import EffectValues, Model
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
-from gateway.twin.reconcile.fit.prior import prior_of_parts
+from gateway.twin.reconcile.fit.least_squares import prior_of_parts
 from gateway.twin.reconcile.output.result import Reconciliation
 from gateway.twin.reconcile.output.text import to_text
 from gateway.twin.reconcile.reconcile import reconcile
+from gateway.twin.reconcile.search.alternatives import leaves_no_more, necessary_names
 from gateway.twin.reconcile.search.candidates import make_candidate
-from gateway.twin.reconcile.search.usual_causes import leaves_no_more, necessary_names
 from gateway.twin.simulator.simulator import Simulator
 
 OF_A_REAL_RIG: EffectValues = {

@@ -10,8 +10,7 @@ import pytest
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.model import TwinRig
-from gateway.twin.reconcile.output.estimates import Estimate, NamedEffect
-from gateway.twin.reconcile.output.remainder import Remainder
+from gateway.twin.reconcile.output.estimates import Estimate, NamedEffect, Remainder
 from gateway.twin.reconcile.output.result import (
     Candidate,
     Confusable,

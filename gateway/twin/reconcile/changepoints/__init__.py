@@ -1,1 +1,0 @@
-"""Changepoints: when a transient effect began and ended."""

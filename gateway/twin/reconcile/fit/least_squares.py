@@ -1,0 +1,139 @@
+"""What every fit is made of: damped steps inside bounds (Levenberg 1944, Marquardt 1963), the prior of parts, the result."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.twin.effects import EFFECTS
+from gateway.twin.simulator.simulator import Simulator
+
+Array = NDArray[np.float64]
+FIT_ITERATIONS = 8
+"""Iterations of most fits; nearly all converge earlier."""
+REFINEMENT_ITERATIONS = 3
+"""Iterations of a fit that starts near its minimum, or in which the samples are nearly linear."""
+SCREENING_ITERATIONS = 6
+"""Iterations of a fit that decides only whether a model is consistent with the data."""
+MIN_SCALE = 1e-12
+"""Added to the scale of each parameter, so that one without any sensitivity gives no division by zero."""
+
+
+def solve_damped(normal: Array, gradient: Array, damping: float) -> Array:
+    """Return the solution of normal equations (k, k) and (k,); `damping` is added to the diagonal after scaling it to 1."""
+    scale = np.sqrt(np.diag(normal)) + MIN_SCALE
+    matrix = normal / np.outer(scale, scale) + damping * np.eye(len(scale))
+    solution: Array = np.linalg.solve(matrix, gradient / scale) / scale
+    return solution
+
+
+@dataclass(frozen=True, slots=True)
+class NormalEquations:
+    """A linearised least-squares problem in k values."""
+
+    normal: Array
+    """J^T J, shape (k, k)."""
+    gradient: Array
+    """J^T r, shape (k,)."""
+
+    @classmethod
+    def from_jacobian(cls, jacobian: Array, residual: Array) -> "NormalEquations":
+        """Return the equations of a Jacobian (..., k) and a residual (...)."""
+        flat = jacobian.reshape(-1, jacobian.shape[-1])
+        return cls(flat.T @ flat, flat.T @ residual.ravel())
+
+    def with_prior(self, precision: Array, pull: Array) -> "NormalEquations":
+        """Return the equations with a prior of this precision (k,), which pulls the values (k,)."""
+        return NormalEquations(self.normal + np.diag(precision), self.gradient + pull)
+
+    def step(self, free: NDArray[np.bool_], damping: float, held: Array | None = None) -> Array:
+        """Return a damped step of the free values, shape (k,); the others take the step `held` (k,), zero by default."""
+        step = np.zeros(len(free)) if held is None else held.copy()
+        moving, fixed = np.flatnonzero(free), np.flatnonzero(~free)
+        gradient = self.gradient[moving] - self.normal[np.ix_(moving, fixed)] @ step[fixed]
+        step[moving] = solve_damped(self.normal[np.ix_(moving, moving)], gradient, damping)
+        return step
+
+    def bounded_step(self, free: NDArray[np.bool_], smallest_step: Array, largest_step: Array, damping: float) -> Array:
+        """Return a damped step of the free values between two limits, shape (k,).
+
+        A value that would exceed a limit is set to it, and the others are solved again (active set).
+        """
+        step, moving = np.zeros(len(free)), free.copy()
+        while moving.any():
+            step = self.step(moving, damping, step)
+            exceeding = moving & ((step < smallest_step) | (step > largest_step))
+            if not exceeding.any():
+                break
+            step[exceeding] = np.clip(step, smallest_step, largest_step)[exceeding]
+            moving &= ~exceeding
+        return step
+
+
+@dataclass(frozen=True, slots=True)
+class NormalPrior:
+    """Independent normal distributions of the values of a simulator."""
+
+    centre: Array
+    """Shape (values,)."""
+    precision: Array
+    """One over the variance, 0 where nothing is known, shape (values,)."""
+
+    def of_effects(self, n_initial_states: int) -> "NormalPrior":
+        """Return the prior of the effect values alone."""
+        return NormalPrior(self.centre[n_initial_states:], self.precision[n_initial_states:])
+
+    def chi2(self, values: Array) -> float:
+        """Return the sum of the squared deviations of values (values,) in standard deviations."""
+        return float((self.precision * (values - self.centre) ** 2).sum())
+
+    def pull(self, values: Array) -> Array:
+        """Return half of the negative gradient of `chi2`, shape (values,)."""
+        pull: Array = self.precision * (self.centre - values)
+        return pull
+
+
+def no_prior(simulator: Simulator) -> NormalPrior:
+    """Return the prior that knows nothing."""
+    return NormalPrior(np.zeros(len(simulator.parameters)), np.zeros(len(simulator.parameters)))
+
+
+def prior_of_parts(simulator: Simulator) -> NormalPrior:
+    """Return the prior by the usual limits of parts and mounts, and of the rig's lengths, each as one standard deviation.
+
+    So wide a prior decides nothing that the data decide; it holds the sums that they do not determine, such as an offset along
+    the rope beside a scale error.
+    """
+    sigma = np.full(len(simulator.parameters), np.inf)
+    for i, spec in enumerate(simulator.parameters):
+        for parameter in EFFECTS[spec.effect].parameters if spec.effect else ():
+            if parameter.name == spec.parameter:
+                sigma[i] = parameter.limit or parameter.prior_sigma or np.inf
+    return NormalPrior(np.array([spec.neutral for spec in simulator.parameters]), sigma**-2.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A model fitted to observations."""
+
+    names: tuple[str, ...]
+    """The effects of the model."""
+    values: Array
+    """Initial state and effect values, in the simulator's order."""
+    free: NDArray[np.bool_]
+    """Which values were fitted."""
+    force_g: Array
+    """Simulated, shape (n, 3)."""
+    chi2: float
+    """Sum over the samples that count."""
+    normal: Array
+    """Normal matrix of the free values, J^T J with the precision of a prior."""
+    jacobian: Array
+    """Derivatives of the simulation by all values, in sigma, shape (n, 3, values); of the last linearisation."""
+
+    def covariance(self) -> Array:
+        """Return the covariance of the free values under white noise; by the pseudo-inverse where some are not determined."""
+        diagonal = np.diag(self.normal)
+        scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+        covariance: Array = np.linalg.pinv(self.normal / np.outer(scale, scale), rcond=1e-12) / np.outer(scale, scale)
+        return covariance

@@ -1,0 +1,190 @@
+"""What may stand in place of a set of effects that was found: usual causes, effects of the same signature, coincident ones.
+
+A real rig has an offset, a tilt, a length and losses of its own, none of which explains the recording without the others; a
+search that adds one effect at a time stops at the first. So where nothing alone explains a recording, all of them are fitted at
+once under the prior of what parts and clamps have, and those that the recording does not need are eliminated by their Wald
+statistics (Wald 1943).
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.parameter import Values
+from gateway.twin.effects.plausibility import implausibility
+from gateway.twin.model import EffectValues
+from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE
+from gateway.twin.reconcile.decision.identifiability import FittedRecording, indistinguishable_from
+from gateway.twin.reconcile.fit.coloured_covariance import coloured_covariance
+from gateway.twin.reconcile.fit.fit_context import is_world_directed
+from gateway.twin.reconcile.residual.whiteness import EXCESS_SIGNIFICANT, excess_chi2
+from gateway.twin.reconcile.search.candidates import (
+    MIN_SCORE_STATISTIC,
+    SCORE_PENALTY_PER_PARAMETER,
+    CandidateFit,
+    CandidateTable,
+)
+from gateway.twin.reconcile.search.context import SearchContext
+from gateway.twin.reconcile.search.score_test import scorable_effects
+from gateway.twin.reconcile.search.stepwise_selection import eliminate
+from gateway.twin.reconcile.search.validation import Validator
+from gateway.twin.simulator.simulator import Simulator
+
+MAX_EXCESS_RATIO = 1.25
+"""Excess of the usual causes over that of the best attempt up to which they are the better answer: an attempt has causes that few
+rigs have, such as a steady wind where a mount is tilted."""
+
+
+def fit_usual_causes(
+    table: CandidateTable,
+    context: SearchContext,
+    best: CandidateFit,
+    validator: Validator,
+) -> tuple[CandidateTable, CandidateFit]:
+    """Return the usual causes that the recording needs, where they leave hardly more than the best attempt on both parts.
+
+    The table then has sets of usual causes alone: rivals of the answer are among them.
+    """
+    usual = set(EFFECTS.choose(is_usual=True)) - set(context.setting.model_effects)
+    detected = set(context.baseline_effects)
+    values = {name: best.values.get(name, EFFECTS[name].default_guess) for name in sorted(detected | usual)}
+    found = _fit(table, context, values)
+    if found is None:
+        return table, best
+    simulator, log = context.setting.simulator(tuple(values)), context.setting.log
+    needed = sorted(necessary_names(found, simulator, log) | detected)
+    found = _fit(table, context, {name: found.values[name] for name in needed})
+    if found is None or not leaves_no_more(found.reduced_chi2, best.reduced_chi2):
+        return table, best
+    if not leaves_no_more(validator.evaluate(found).reduced_chi2, validator.evaluate(best).reduced_chi2):
+        return table, best
+    known = {names: fit for names, fit in table.fits.items() if names <= detected | usual}
+    table = replace(table, fits=known, moves=()).with_fit(found).start_round()
+    table, found = eliminate(table, context, found, held_by_parts=True)
+    return table.record_move(table.fits[frozenset(detected)], found), found
+
+
+def leaves_no_more(found: float, best: float) -> bool:
+    """Whether a reduced chi-square leaves as little as the best, or so little more that what is usual is the better answer."""
+    return found - 1 < MAX_EXCESS_RATIO * max(best - 1, EXCESS_SIGNIFICANT)
+
+
+def necessary_names(fit: CandidateFit, simulator: Simulator, log: Observations) -> set[str]:
+    """Return the effects without which a fit would be significantly worse, by linearisation, the least significant first out."""
+    free = np.flatnonzero(fit.fit.free)
+    specs = [simulator.parameters[i] for i in free]
+    deviation = np.array([fit.fit.values[i] - simulator.parameters[i].neutral for i in free])
+    covariance = coloured_covariance(fit.fit, log)
+    left = set(fit.names)
+    while left:
+        statistics = {}
+        for name in sorted(left):
+            own = [i for i, spec in enumerate(specs) if spec.effect == name]
+            statistic = float(deviation[own] @ np.linalg.pinv(covariance[np.ix_(own, own)]) @ deviation[own])
+            statistics[name] = statistic / (1 + SCORE_PENALTY_PER_PARAMETER * len(own))
+        least = min(statistics, key=lambda name: statistics[name])
+        if statistics[least] > MIN_SCORE_STATISTIC:
+            break
+        own = [i for i, spec in enumerate(specs) if spec.effect == least]
+        gain = covariance[:, own] @ np.linalg.pinv(covariance[np.ix_(own, own)])
+        deviation = deviation - gain @ deviation[own]
+        covariance = covariance - gain @ covariance[own]
+        left.remove(least)
+    return left
+
+
+def _fit(table: CandidateTable, context: SearchContext, values: dict[str, Values]) -> CandidateFit | None:
+    return context.fit(CandidateTable(table.log), values, held_by_parts=True).get(values)
+
+
+def indistinguishable(context: SearchContext, validator: Validator, best: CandidateFit, name: str) -> tuple[str, ...]:
+    """Effects with the same signature as one of a fitted set, on the log and on the selection part together, by similarity."""
+    setting, n = context.setting, context.setting.simulator(best.names).n_initial_states
+    validation = validator.evaluate(best)
+    recordings = (
+        FittedRecording(
+            setting.log,
+            {**setting.model_effects, **best.crane_inputs},
+            best.fit.values[:n],
+            heading_is_fitted=False,
+            excess_chi2=excess_chi2(setting.log, best.fit),
+        ),
+        FittedRecording(
+            validator.selection,
+            validator.effects_of(best),
+            validation.fit.values[:n],
+            heading_is_fitted=is_world_directed({*best.names, *setting.model_effects}),
+            excess_chi2=excess_chi2(validator.selection, validation.fit),
+        ),
+    )
+    model = {name: each for name, each in setting.model_effects.items() if name not in setting.crane_inputs}
+    model |= best.values
+    return indistinguishable_from(setting.rig, model, name, scorable_effects(setting), recordings)
+
+
+def replace_implausible(
+    table: CandidateTable, context: SearchContext, validator: Validator, best: CandidateFit
+) -> tuple[CandidateTable, CandidateFit]:
+    """Return the set with effects of the same signature in place of those that need a value no part has.
+
+    Where a remainder makes two effects alike, what their fits leave decides nothing between them, and the prior does. The sets
+    with such a value are then no rivals.
+    """
+    for name in sorted(best.names - set(context.baseline_effects)):
+        if not is_beyond_parts(name, best, context):
+            continue
+        rest = best.without(name)
+        starts = context.segment_starts(best)
+        partners = sorted(indistinguishable(context, validator, best, name))
+        for other in partners:
+            requests = context.requests(table, rest, other, context.guesses(other, best), starts)
+            table = context.fit_in_turn(table, requests)
+        fits = (table.get({*rest, other}) for other in partners)
+        alike = [fit for fit in fits if fit is not None and leaves_no_more(fit.reduced_chi2, best.reduced_chi2)]
+        if alike:
+            kept = {
+                names: fit
+                for names, fit in table.fits.items()
+                if name not in names or not is_beyond_parts(name, fit, context)
+            }
+            moves = tuple(move for move in table.moves if move.names in kept)
+            table, replaced = replace(table, fits=kept, moves=moves), best
+            best = min(alike, key=table.bic)
+            table = table.record_move(replaced, best)
+    return table, best
+
+
+def is_beyond_parts(name: str, fit: CandidateFit, context: SearchContext) -> bool:
+    """Return whether an effect needs a value that no part has."""
+    doubt = implausibility({name: fit.values[name]}, context.setting.rig)
+    return doubt > MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE
+
+
+def any_length_changes(names: Iterable[str]) -> bool:
+    """Whether one of these effects changes the rope's length, which separates effects that coincide otherwise."""
+    return any(EFFECTS[name].changes_length for name in names)
+
+
+def coincident_effects(model: EffectValues, length_m: float) -> Iterator[tuple[str, str, Values]]:
+    """Yield effects that can give the same samples as one of a model: their names, its name, and their parameters."""
+    for name, effect in EFFECTS.items():
+        of = effect.coincides_with
+        if of is None or of not in model or name in model:
+            continue
+        values = effect.equivalent_values(model[of], length_m)
+        if values is not None:
+            yield name, of, values
+
+
+def fit_coincident_effects(table: CandidateTable, context: SearchContext, best: CandidateFit) -> CandidateTable:
+    """Fit coincident effects in place of those of the best set where a length changes."""
+    setting = context.setting
+    if not any_length_changes((*best.values, *setting.model_effects)):
+        return table
+    for name, of, values in coincident_effects(best.values, setting.rig.length_m):
+        if of not in context.baseline_effects:
+            table = context.fit(table, {**best.without(of), name: values}, context.segment_starts(best))
+    return table
