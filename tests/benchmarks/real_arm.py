@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from gateway.twin.effects.parameter import Value
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.fit.least_squares import FitProblem
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
 from gateway.twin.reconcile.fit.swing_windows import initial_state_from_samples
 from gateway.twin.reconcile.fit.trajectory_fit import fit_windows
@@ -129,8 +130,8 @@ def fit_recording_windows(
     """
     observations = swing.observations()
     starts = initial_state_from_samples(simulator.rig, observations, firsts, simulator.n_initial_states)
-    free = np.full(len(effects), not held)
-    starts, effects, found = fit_windows(simulator, observations, starts, effects, free, firsts)
+    free = np.full(len(simulator.parameters), not held)
+    starts, effects, found = fit_windows(FitProblem(simulator, observations, free, firsts), starts, effects)
     return starts, effects, found.force_g
 
 
@@ -163,7 +164,7 @@ def fit_arm(rig: TwinRig, log: Swing, names: Sequence[str]) -> FittedArm:
     firsts = cut(log, PIECE_S)
     starts, effects, force_g = fit_recording_windows(simulator, log, effects, firsts, held=False)
     free = np.array([slot.parameter != "heading_rad" for slot in simulator.parameters])
-    fit = fit_model(simulator, log.observations(), starts, effects, free, firsts, ROUNDS)
+    fit = fit_model(FitProblem(simulator, log.observations(), free, firsts), starts, effects, ROUNDS)
     return FittedArm(
         simulator, fit.values[simulator.n_initial_states :], error_mrad(log, fit.force_g), error_mrad(log, force_g)
     )

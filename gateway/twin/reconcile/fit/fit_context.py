@@ -1,7 +1,7 @@
 """The context of a fit: rig, model, recording. It chooses segments, free parameters and initial guesses."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from gateway.twin.reconcile.fit.initial_conditions import (
     reverse_swing,
     segment_initial_conditions,
 )
-from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, Fit, prior_of_parts
+from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, Fit, FitProblem
 from gateway.twin.reconcile.fit.multiple_shooting import SEGMENT_S, uniform_segments
 from gateway.twin.reconcile.fit.reparameterisation import RIGGING_LENGTH, ModalParameterisation
 from gateway.twin.reconcile.fit.swing_windows import window_bounds
@@ -125,19 +125,22 @@ class FitContext:
 
         `held_by_parts`: under the prior of what parts and mounts usually have, for sets that the samples alone do not determine.
         """
-        simulator = self.simulator(tuple(values))
+        problem = replace(self.problem(values), held_by_parts=held_by_parts)
+        simulator, first_samples = problem.simulator, problem.first_samples
         effect_values = self.effect_values(simulator, values)
-        first_samples = segment_bounds(self.rig, values, self.log)
         if initial_states is None or initial_states.shape != (len(first_samples), simulator.n_initial_states):
             initial_states = segment_initial_conditions(simulator, self.log, effect_values, first_samples)
-        free = self.free_parameters(simulator, values)
         starts = [initial_states]
         if hides_sign_of_swing(self.rig) and any(EFFECTS[name].length_like for name in values):
             starts.append(reverse_swing(initial_states, simulator.structure))
-        rest = (effect_values, free, first_samples, iterations, self.tick, give_up_above)
-        prior = prior_of_parts(simulator) if held_by_parts else None
-        fits = (fit_trajectory(simulator, self.log, each, *rest, prior=prior) for each in starts)
+        fits = (fit_trajectory(problem, each, effect_values, iterations, give_up_above) for each in starts)
         return min(fits, key=lambda fit: fit.chi2)
+
+    def problem(self, values: EffectValues) -> FitProblem:
+        """Return the fit of the effects in `values`; the model's effects keep theirs."""
+        simulator = self.simulator(tuple(values))
+        free, first_samples = self.free_parameters(simulator, values), segment_bounds(self.rig, values, self.log)
+        return FitProblem(simulator, self.log, free, first_samples, self.tick)
 
     def segment_starts(self, values: EffectValues) -> Array:
         """Return the initial states of the segments under a model, as initial guesses for similar models."""
@@ -150,21 +153,18 @@ class FitContext:
 
         The guesses differ in the rigging length, which the fit holds.
         """
-        names = tuple(guesses[0])
-        simulator = self.simulator(names)
         first_part = slice_samples(self.log, 0, int(np.searchsorted(self.log.time_s, RIGGING_PROFILE_S)))
-        best = _profile_rigging_length(
-            simulator,
-            first_part,
-            [self.effect_values(simulator, values) for values in guesses],
-            self.free_parameters(simulator, guesses[0]),
-            segment_bounds(self.rig, guesses[0], first_part),
-            self.tick,
+        problem = replace(
+            self.problem(guesses[0]),
+            observations=first_part,
+            first_samples=segment_bounds(self.rig, guesses[0], first_part),
         )
+        simulator = problem.simulator
+        best = _profile_rigging_length(problem, [self.effect_values(simulator, values) for values in guesses])
         if best is None:
             return guesses[0]
         effects = simulator.effects(np.concatenate([np.zeros(simulator.n_initial_states), best]))
-        return {name: effects[name] for name in names}
+        return {name: effects[name] for name in guesses[0]}
 
     def effect_values(self, simulator: Simulator, values: EffectValues) -> Array:
         """Return the simulator's effect values (k,) for these effects and the model's own."""
@@ -184,30 +184,22 @@ class FitContext:
         return free
 
 
-def _profile_rigging_length(
-    simulator: Simulator,
-    observations: Observations,
-    guesses: Sequence[Array],
-    free: NDArray[np.bool_],
-    first_samples: list[int],
-    tick: Callable[[], None],
-) -> Array | None:
+def _profile_rigging_length(problem: FitProblem, guesses: Sequence[Array]) -> Array | None:
     """Return the effect values (k,) of the best fit with the rigging length held; None where no guess can be simulated.
 
     `guesses` are effect values (k,) in the order of their rigging lengths. Rigging and hook compensate for each other in a narrow
     valley, so the lengths of the guesses are tried first, then the length at the minimum of the parabola through the best three.
     """
+    simulator, n_states = problem.simulator, problem.simulator.n_initial_states
     rigging = [parameter.label for parameter in simulator.effect_parameters].index(RIGGING_LENGTH)
-    n_states = simulator.n_initial_states
-    held = free.copy()
+    held = problem.free.copy()
     held[n_states + rigging] = False
+    problem = replace(problem, free=held)
 
     def fit_from(effect_values: Array) -> list[Fit]:
         try:
-            starts = segment_initial_conditions(simulator, observations, effect_values, first_samples)
-            fit = fit_trajectory(
-                simulator, observations, starts, effect_values, held, first_samples, PROFILE_ITERATIONS, tick
-            )
+            starts = segment_initial_conditions(simulator, problem.observations, effect_values, problem.first_samples)
+            fit = fit_trajectory(problem, starts, effect_values, PROFILE_ITERATIONS)
         except INTEGRATION_FAILURES:
             return []
         return [fit] if np.isfinite(fit.chi2) else []

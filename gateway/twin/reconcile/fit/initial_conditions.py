@@ -1,5 +1,6 @@
 """Initial guesses of the initial conditions of each segment, by a fit of that segment alone."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -43,20 +44,20 @@ NONLINEAR_ITERATIONS = 30
 
 
 def segment_initial_conditions(
-    simulator: Simulator, observations: Observations, effect_values: Array, first_samples: list[int]
+    simulator: Simulator, observations: Observations, effect_values: Array, first_samples: Sequence[int]
 ) -> Array:
     """Return an initial state for each segment from the samples of that segment alone, shape (segments, states).
 
     The samples of one segment do not determine its heading. It is set so that the headings of consecutive segments agree.
     """
     n_states, rig = simulator.n_initial_states, simulator.rig
-    problem = (simulator, observations, effect_values, first_samples)
+    segments = _Segments(simulator, observations, effect_values, first_samples)
     if abs(1 - rig.position_m / rig.length_m) < MIN_LATERAL_GAIN:
-        fitted = _fit_each_segment(*problem, harmonic_initial_states(rig, observations, first_samples, n_states))
+        fitted = segments.fit_each(harmonic_initial_states(rig, observations, first_samples, n_states))
     elif observations.has_large_amplitude or any(EFFECTS[name].hides_small_motion for name in simulator.effect_names):
-        fitted = _fit_each_segment(*problem, initial_state_from_samples(rig, observations, first_samples, n_states))
+        fitted = segments.fit_each(initial_state_from_samples(rig, observations, first_samples, n_states))
     else:
-        fitted = _refine_each_segment(*problem, np.zeros((len(first_samples), n_states)))
+        fitted = segments.refine_each(np.zeros((len(first_samples), n_states)))
     turned_rad = np.concatenate([[0.0], np.cumsum(fitted.ends[:-1, HEADING])])
     starts = rotate_about_vertical(fitted.initial_states, turned_rad, simulator.structure)
     ends = rotate_about_vertical(fitted.ends, turned_rad, simulator.structure)
@@ -95,75 +96,59 @@ class _SegmentFits:
         )
 
 
-def _refine_each_segment(
-    simulator: Simulator,
-    observations: Observations,
-    effect_values: Array,
-    first_samples: list[int],
-    initial_states: Array,
-) -> _SegmentFits:
-    """Fit the initial state of each segment, in which the readings are nearly linear (Gauss-Newton)."""
-    free = np.arange(simulator.n_initial_states) != HEADING
-    fits = _linearise_each(simulator, observations, initial_states, effect_values, first_samples)
-    for _ in range(REFINEMENT_ITERATIONS):
-        steps = [each.step(free, LOCAL_DAMPING) for each in fits.equations]
-        initial_states = fits.initial_states + np.clip(steps, -MAX_LOCAL_STEP, MAX_LOCAL_STEP)
-        fits = _linearise_each(simulator, observations, initial_states, effect_values, first_samples)
-    return fits
+@dataclass(frozen=True, slots=True)
+class _Segments:
+    """The segments of a recording, and the model that each is to be fitted with."""
 
+    simulator: Simulator
+    observations: Observations
+    effect_values: Array
+    first_samples: Sequence[int]
 
-def _fit_each_segment(
-    simulator: Simulator,
-    observations: Observations,
-    effect_values: Array,
-    first_samples: list[int],
-    initial_states: Array,
-) -> _SegmentFits:
-    """Fit the initial state of each segment by steps of its own, with its own damping (Levenberg-Marquardt)."""
-    free = np.arange(simulator.n_initial_states) != HEADING
-    limit = np.full(simulator.n_initial_states, MAX_LOCAL_STEP)
-    limit[ROPE_RATES] *= max(1.0, simulator.rig.small_swing_rate_1_s)
-    fits = _linearise_each(simulator, observations, initial_states, effect_values, first_samples)
-    damping = np.full(len(first_samples), LOCAL_DAMPING)
-    totals = [fits.chi2.sum()]
-    for _ in range(NONLINEAR_ITERATIONS):
-        steps = [each.step(free, factor) for each, factor in zip(fits.equations, damping, strict=True)]
-        promised = np.array([step @ each.gradient for step, each in zip(steps, fits.equations, strict=True)])
-        if not (promised > MIN_LOCAL_DECREASE * fits.chi2).any():
-            break
-        proposed = fits.initial_states + np.clip(steps, -limit, limit)
-        after = fits.better_of(_linearise_each(simulator, observations, proposed, effect_values, first_samples))
-        improved = after.chi2 < fits.chi2
-        damping = np.where(improved, np.maximum(damping / DAMPING_STEP, MIN_LOCAL_DAMPING), damping * DAMPING_STEP)
-        fits = after
-        totals.append(fits.chi2.sum())
-        if len(totals) > CREEPING_STEPS and totals[-1] > (1 - MIN_TOTAL_DECREASE) * totals[-1 - CREEPING_STEPS]:
-            break
-    return fits
+    def refine_each(self, initial_states: Array) -> _SegmentFits:
+        """Fit the initial state of each segment, in which the readings are nearly linear (Gauss-Newton)."""
+        free = np.arange(self.simulator.n_initial_states) != HEADING
+        fits = self._linearise(initial_states)
+        for _ in range(REFINEMENT_ITERATIONS):
+            steps = [each.step(free, LOCAL_DAMPING) for each in fits.equations]
+            fits = self._linearise(fits.initial_states + np.clip(steps, -MAX_LOCAL_STEP, MAX_LOCAL_STEP))
+        return fits
 
+    def fit_each(self, initial_states: Array) -> _SegmentFits:
+        """Fit the initial state of each segment by steps of its own, with its own damping (Levenberg-Marquardt)."""
+        simulator = self.simulator
+        free = np.arange(simulator.n_initial_states) != HEADING
+        limit = np.full(simulator.n_initial_states, MAX_LOCAL_STEP)
+        limit[ROPE_RATES] *= max(1.0, simulator.rig.small_swing_rate_1_s)
+        fits = self._linearise(initial_states)
+        damping = np.full(len(self.first_samples), LOCAL_DAMPING)
+        totals = [fits.chi2.sum()]
+        for _ in range(NONLINEAR_ITERATIONS):
+            steps = [each.step(free, factor) for each, factor in zip(fits.equations, damping, strict=True)]
+            promised = np.array([step @ each.gradient for step, each in zip(steps, fits.equations, strict=True)])
+            if not (promised > MIN_LOCAL_DECREASE * fits.chi2).any():
+                break
+            after = fits.better_of(self._linearise(fits.initial_states + np.clip(steps, -limit, limit)))
+            improved = after.chi2 < fits.chi2
+            damping = np.where(improved, np.maximum(damping / DAMPING_STEP, MIN_LOCAL_DAMPING), damping * DAMPING_STEP)
+            fits = after
+            totals.append(fits.chi2.sum())
+            if len(totals) > CREEPING_STEPS and totals[-1] > (1 - MIN_TOTAL_DECREASE) * totals[-1 - CREEPING_STEPS]:
+                break
+        return fits
 
-@np.errstate(over="ignore", invalid="ignore")  # a step to a trajectory that diverges is not taken
-def _linearise_each(
-    simulator: Simulator,
-    observations: Observations,
-    initial_states: Array,
-    effect_values: Array,
-    first_samples: list[int],
-) -> _SegmentFits:
-    batch = simulator.linearise_segments(
-        initial_states,
-        effect_values,
-        observations.time_s,
-        first_samples,
-        observations.temperature_c,
-    )
-    residual = observations.residual_sigma(batch.force_g)
-    jacobian = batch.force_by_start * observations.per_sigma[:, :, None]
-    parts = list(pairwise([*first_samples, len(residual)]))
-    equations = tuple(NormalEquations.from_jacobian(jacobian[a:b], residual[a:b]) for a, b in parts)
-    is_finite = np.array([np.isfinite(each.normal).all() and np.isfinite(each.gradient).all() for each in equations])
-    chi2 = np.array([(residual[first:last] ** 2).sum() for first, last in parts])
-    return _SegmentFits(initial_states, batch.ends, np.where(is_finite, chi2, np.inf), equations)
+    @np.errstate(over="ignore", invalid="ignore")  # a step to a trajectory that diverges is not taken
+    def _linearise(self, initial_states: Array) -> _SegmentFits:
+        o, firsts = self.observations, self.first_samples
+        batch = self.simulator.linearise_segments(initial_states, self.effect_values, o.time_s, firsts, o.temperature_c)
+        residual, jacobian = o.residual_sigma(batch.force_g), batch.force_by_start * o.per_sigma[:, :, None]
+        parts = list(pairwise([*firsts, len(residual)]))
+        equations = tuple(NormalEquations.from_jacobian(jacobian[a:b], residual[a:b]) for a, b in parts)
+        is_finite = np.array(
+            [np.isfinite(each.normal).all() and np.isfinite(each.gradient).all() for each in equations]
+        )
+        chi2 = np.array([(residual[first:last] ** 2).sum() for first, last in parts])
+        return _SegmentFits(initial_states, batch.ends, np.where(is_finite, chi2, np.inf), equations)
 
 
 def _continue_azimuths(starts: Array, ends: Array, undetermined: NDArray[np.bool_], simulator: Simulator) -> Array:

@@ -1,11 +1,14 @@
 """What every fit is made of: damped steps inside bounds (Levenberg 1944, Marquardt 1963), the prior of parts, the result."""
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
+from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.fit.reparameterisation import Limits
 from gateway.twin.simulator.simulator import Simulator
 
 Array = NDArray[np.float64]
@@ -93,11 +96,6 @@ class NormalPrior:
         return pull
 
 
-def no_prior(simulator: Simulator) -> NormalPrior:
-    """Return the prior that knows nothing."""
-    return NormalPrior(np.zeros(len(simulator.parameters)), np.zeros(len(simulator.parameters)))
-
-
 def prior_of_parts(simulator: Simulator) -> NormalPrior:
     """Return the prior by the usual limits of parts and mounts, and of the rig's lengths, each as one standard deviation.
 
@@ -137,3 +135,30 @@ class Fit:
         scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
         covariance: Array = np.linalg.pinv(self.normal / np.outer(scale, scale), rcond=1e-12) / np.outer(scale, scale)
         return covariance
+
+
+@dataclass(frozen=True, slots=True)
+class FitProblem:
+    """What stays the same during a fit: a model, a recording in segments, what is fitted, and who is told of it."""
+
+    simulator: Simulator
+    observations: Observations
+    free: NDArray[np.bool_]
+    """Which of the values of initial state and effects are fitted, shape (values,)."""
+    first_samples: Sequence[int] = (0,)
+    """Of the segments, or of the windows of a large swing."""
+    tick: Callable[[], None] = lambda: None
+    """Called before each simulation."""
+    limits: Limits = field(default_factory=dict)
+    held_by_parts: bool = False
+    """Effect values that have no change of coordinates are held by the prior of what parts and mounts usually have."""
+
+    @property
+    def as_one_segment(self) -> "FitProblem":
+        """The same without segments."""
+        return replace(self, first_samples=(0,))
+
+    def prior(self) -> NormalPrior:
+        """Return what is known of the values beforehand."""
+        nothing = np.zeros(len(self.free))
+        return prior_of_parts(self.simulator) if self.held_by_parts else NormalPrior(nothing, nothing)

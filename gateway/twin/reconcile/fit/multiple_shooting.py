@@ -7,7 +7,7 @@ small as in single shooting. Each step is a Levenberg-Marquardt step of this con
 step limits.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -15,15 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, Fit, NormalEquations, NormalPrior, no_prior
+from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, Fit, FitProblem, NormalEquations, NormalPrior
 from gateway.twin.reconcile.fit.reparameterisation import (
-    NO_LIMITS,
-    Limits,
     ReparameterisedSimulator,
     reparameterise,
 )
 from gateway.twin.simulator.compiled_model import IntegrationError
-from gateway.twin.simulator.simulator import SegmentBatch, Simulator
+from gateway.twin.simulator.simulator import SegmentBatch
 from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
@@ -109,33 +107,26 @@ def uniform_segments(observations: Observations, segment_s: float = SEGMENT_S) -
 
 @np.errstate(over="ignore", invalid="ignore")  # a step to a trajectory that diverges is not taken
 def fit_model(
-    simulator: Simulator,
-    observations: Observations,
+    problem: FitProblem,
     initial_states: Array,
     effect_values: Array,
-    free: NDArray[np.bool_],
-    first_samples: Sequence[int],
     iterations: int = FIT_ITERATIONS,
-    tick: Callable[[], None] = lambda: None,
     give_up_above: float = np.inf,
-    limits: Limits = NO_LIMITS,
-    prior: NormalPrior | None = None,
 ) -> Fit:
-    """Fit the free ones of all values (values,), from initial states (segments, states) and effect values (k,).
+    """Fit the free values from initial states (segments, states) and effect values (k,), until all segments are one.
 
-    The segments begin at `first_samples`. `tick` is called before each simulation. The fit is abandoned when at its pace it
-    would not come below the chi-square `give_up_above`. A `prior` holds effect values that have no change of coordinates. Raises
-    `IntegrationError` where the initial guess cannot be simulated.
+    The fit is abandoned when at its pace it would not come below the chi-square `give_up_above`. Raises `IntegrationError` where
+    the initial guess cannot be simulated.
     """
-    known = no_prior(simulator) if prior is None else prior
-    problem = _ShootingProblem(reparameterise(simulator, free, limits), observations, free, tick, known)
+    simulator, free = problem.simulator, problem.free
+    shooting = _Shooting(problem, reparameterise(simulator, free, problem.limits), problem.prior())
     event_times = np.array([parameter.is_event_time for parameter in simulator.parameters])
     settling = SETTLING_ITERATIONS if (event_times & free).any() else 0
-    current = problem.linearise(initial_states, problem.simulator.to_fitted(effect_values), first_samples)
+    current = shooting.linearise(initial_states, shooting.simulator.to_fitted(effect_values), problem.first_samples)
     level, was_small = INITIAL_DAMPING_LEVEL, False
     for remaining in range(settling + iterations, 0, -1):
         all_free = remaining <= iterations
-        step = problem.step(current, free if all_free else free & ~event_times, level)
+        step = shooting.step(current, free if all_free else free & ~event_times, level)
         if step is None and all_free:
             break
         if step is None:
@@ -148,8 +139,8 @@ def fit_model(
             break
         was_small = step.is_small
         if step.may_join:
-            current = problem.join(current)
-    return problem.result(current)
+            current = shooting.linearise(current.initial_states[:1], current.effect_values, [0])
+    return shooting.result(current)
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,33 +205,28 @@ class _Step:
 
 
 @dataclass(frozen=True, slots=True)
-class _ShootingProblem:
-    """What stays the same during a fit."""
+class _Shooting:
+    """A problem in the coordinates of its fit."""
 
+    problem: FitProblem
     simulator: ReparameterisedSimulator
-    observations: Observations
-    free: NDArray[np.bool_]
-    tick: Callable[[], None]
     prior: NormalPrior
+
+    @property
+    def observations(self) -> Observations:
+        return self.problem.observations
 
     def linearise(self, initial_states: Array, effect_values: Array, first_samples: Sequence[int]) -> _Iterate:
         """Return an iterate. Raises `IntegrationError` where it cannot be simulated, or diverges."""
+        o = self.observations
         batch = self.simulator.linearise_segments(
-            initial_states,
-            effect_values,
-            self.observations.time_s,
-            first_samples,
-            self.observations.temperature_c,
+            initial_states, effect_values, o.time_s, first_samples, o.temperature_c
         )
         if not batch.is_finite:
             raise IntegrationError("the trajectory diverges from these values")
-        system = condense(batch, self.observations, initial_states, first_samples)
+        system = condense(batch, o, initial_states, first_samples)
         values = np.concatenate([initial_states[0], effect_values])
         return _Iterate(initial_states, effect_values, first_samples, system, system.chi2 + self.prior.chi2(values))
-
-    def join(self, current: _Iterate) -> _Iterate:
-        """Return the iterate with one segment."""
-        return self.linearise(current.initial_states[:1], current.effect_values, [0])
 
     def step(self, current: _Iterate, free: NDArray[np.bool_], damping_level: int) -> _Step | None:
         """Return a step of the free values, with the least damping from this level on that improves; None where none does."""
@@ -249,7 +235,7 @@ class _ShootingProblem:
         smallest = np.maximum(self.simulator.lower - current.values, -self.simulator.step_limit)
         largest = np.minimum(self.simulator.upper - current.values, self.simulator.step_limit)
         for level in range(damping_level, len(DAMPING_FACTORS)):
-            self.tick()
+            self.problem.tick()
             after = self._after(current, equations.bounded_step(free, smallest, largest, DAMPING_FACTORS[level]))
             if after is not None and _improves(current, after):
                 return _Step(current, after, level, self.observations.n_values)
@@ -279,10 +265,10 @@ class _ShootingProblem:
         force_g = self._simulate(current.initial_states[0], current.effect_values)
         values = np.concatenate([current.initial_states[0], self.simulator.to_physical(current.effect_values)])
         jacobian = self.simulator.jacobian_by_physical(current.system.jacobian, current.effect_values)
-        flat = jacobian[..., self.free].reshape(-1, int(self.free.sum()))
-        names = self.simulator.simulator.effect_names
-        normal = flat.T @ flat + np.diag(self.prior.precision[self.free])
-        return Fit(names, values, self.free, force_g, self.observations.chi2(force_g), normal, jacobian)
+        free, names = self.problem.free, self.problem.simulator.effect_names
+        flat = jacobian[..., free].reshape(-1, int(free.sum()))
+        normal = flat.T @ flat + np.diag(self.prior.precision[free])
+        return Fit(names, values, free, force_g, self.observations.chi2(force_g), normal, jacobian)
 
 
 def _improves(before: _Iterate, after: _Iterate) -> bool:

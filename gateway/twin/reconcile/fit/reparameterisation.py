@@ -125,10 +125,7 @@ class ReparameterisedSimulator:
     def __init__(self, simulator: Simulator, changes: Sequence[Reparameterisation], limits: Limits) -> None:
         """No two changes are of the same effect value; `limits` replace the bounds of effect values that have no change."""
         self.simulator, self._changes = simulator, tuple(changes)
-        lower = np.array([parameter.lower for parameter in simulator.effect_parameters])
-        upper = np.array([parameter.upper for parameter in simulator.effect_parameters])
-        for i, parameter in enumerate(simulator.effect_parameters):
-            lower[i], upper[i] = limits.get(parameter.label, (lower[i], upper[i]))
+        lower, upper = effect_bounds(simulator, limits)
         for change in changes:
             lower, upper = change.fitted_bounds(lower, upper)
         initial = simulator.parameters[: simulator.n_initial_states]
@@ -191,6 +188,13 @@ class ReparameterisedSimulator:
         by_values = jacobian.copy()
         by_values[..., n_states:] = jacobian[..., n_states:] @ np.linalg.inv(self.physical_by_fitted(fitted))
         return by_values
+
+
+def effect_bounds(simulator: Simulator, limits: Limits) -> tuple[Array, Array]:
+    """Return the lower and upper bounds of the effect values, shape (k,) each."""
+    bounds = [limits.get(each.label, (each.lower, each.upper)) for each in simulator.effect_parameters]
+    lower, upper = np.array(bounds, dtype=np.float64).reshape(-1, 2).T
+    return lower, upper
 
 
 def reparameterise(

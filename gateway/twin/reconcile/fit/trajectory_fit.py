@@ -5,20 +5,19 @@ Without them, the initial state of each window is eliminated, and the change of 
 effects (Golub and Pereyra 1973).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, Fit, NormalPrior, no_prior
+from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, Fit, FitProblem, NormalPrior
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
-from gateway.twin.reconcile.fit.reparameterisation import NO_LIMITS, Limits
+from gateway.twin.reconcile.fit.reparameterisation import effect_bounds
 from gateway.twin.simulator.compiled_model import IntegrationError
-from gateway.twin.simulator.simulator import SegmentBatch, Simulator
+from gateway.twin.simulator.simulator import SegmentBatch
 from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
@@ -76,38 +75,28 @@ def split_windows(batch: SegmentBatch, observations: Observations, first_samples
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a step to trajectories that diverge is not taken
-def fit_windows(
-    simulator: Simulator,
-    observations: Observations,
-    initial_states: Array,
-    effect_values: Array,
-    free: NDArray[np.bool_],
-    first_samples: Sequence[int],
-    tick: Callable[[], None] = lambda: None,
-    prior: NormalPrior | None = None,
-) -> tuple[Array, Array, SegmentBatch]:
+def fit_windows(problem: FitProblem, initial_states: Array, effect_values: Array) -> tuple[Array, Array, SegmentBatch]:
     """Return the fitted initial states (windows, states) and effect values (k,), and the linearisation there.
 
-    Of the effect values those in `free` (k,) are fitted, inside their bounds, by Gauss-Newton with the initial states eliminated.
-    Raises `LinAlgError` as the solver does, and `IntegrationError` where the windows diverge.
+    The free effect values are fitted, inside their bounds, by Gauss-Newton with the initial states eliminated. Raises
+    `LinAlgError` as the solver does, and `IntegrationError` where the windows diverge.
     """
+    simulator, observations, first_samples = problem.simulator, problem.observations, problem.first_samples
     time_s, temperature_c = observations.time_s, observations.temperature_c
     batch = simulator.linearise_segments(initial_states, effect_values, time_s, first_samples, temperature_c)
     if not batch.is_finite:
         raise IntegrationError("the trajectories of the windows diverge from these values")
-    known = (no_prior(simulator) if prior is None else prior).of_effects(simulator.n_initial_states)
+    known = problem.prior().of_effects(simulator.n_initial_states)
     chi2 = observations.chi2(batch.force_g) + known.chi2(effect_values)
     for _ in range(FIT_ITERATIONS):
         windows = split_windows(batch, observations, first_samples)
-        effect_step = _effect_step(simulator, windows, effect_values, free, known)
+        effect_step = _effect_step(problem, windows, effect_values, known)
         state_steps = np.array([window.state_step(effect_step) for window in windows])
         gain = 0.0
         for fraction in STEP_FRACTIONS:
-            tick()
-            states_after, effects_after = (
-                initial_states + fraction * state_steps,
-                effect_values + fraction * effect_step,
-            )
+            problem.tick()
+            states_after = initial_states + fraction * state_steps
+            effects_after = effect_values + fraction * effect_step
             after = simulator.linearise_segments(states_after, effects_after, time_s, first_samples, temperature_c)
             left = observations.chi2(after.force_g) + known.chi2(effects_after)
             gain = chi2 - left if after.is_finite else 0.0
@@ -119,94 +108,59 @@ def fit_windows(
     return initial_states, effect_values, batch
 
 
-def project_out_initial_states(
-    batch: SegmentBatch, observations: Observations, first_samples: Sequence[int]
-) -> tuple[Array, Array]:
+def project_out_initial_states(windows: Sequence[FitWindow]) -> tuple[Array, Array]:
     """Return the effects' columns (3 n, k) and the residual (3 n,) in sigma, without what the initial states explain."""
-    return _stack_projected(split_windows(batch, observations, first_samples))
-
-
-def _stack_projected(windows: Sequence[FitWindow]) -> tuple[Array, Array]:
     projected = map(FitWindow.project_out_initial_state, windows)
     by_effects, residual = (np.concatenate(each) for each in zip(*projected, strict=True))
     return by_effects, residual
 
 
-def _effect_step(
-    simulator: Simulator,
-    windows: Sequence[FitWindow],
-    effect_values: Array,
-    free: NDArray[np.bool_],
-    prior: NormalPrior,
-) -> Array:
+def _effect_step(problem: FitProblem, windows: Sequence[FitWindow], effect_values: Array, prior: NormalPrior) -> Array:
     """Return the Gauss-Newton step of the free effect values, cut at their bounds, shape (k,)."""
+    simulator = problem.simulator
+    free = problem.free[simulator.n_initial_states :]
     step = np.zeros(len(effect_values))
     if not free.any():
         return step
-    by_effects, residual = _stack_projected(windows)
+    by_effects, residual = project_out_initial_states(windows)
     weight = np.sqrt(prior.precision)
     by_effects = np.concatenate([by_effects, np.diag(weight)])
     residual = np.concatenate([residual, weight * (prior.centre - effect_values)])
     step[free] = np.linalg.lstsq(by_effects[:, free], residual, rcond=RANK_TOLERANCE)[0]
-    lower = np.array([parameter.lower for parameter in simulator.effect_parameters])
-    upper = np.array([parameter.upper for parameter in simulator.effect_parameters])
+    lower, upper = effect_bounds(simulator, problem.limits)
     inside: Array = np.clip(effect_values + step, lower, upper) - effect_values
     return inside
 
 
 def fit_trajectory(
-    simulator: Simulator,
-    observations: Observations,
+    problem: FitProblem,
     initial_states: Array,
     effect_values: Array,
-    free: NDArray[np.bool_],
-    first_samples: Sequence[int],
     iterations: int,
-    tick: Callable[[], None] = lambda: None,
     give_up_above: float = np.inf,
-    limits: Limits = NO_LIMITS,
-    prior: NormalPrior | None = None,
 ) -> Fit:
     """Fit as `fit_model` does; a large swing first in windows.
 
     Where the segments of a large swing cannot be joined, the result is a single trajectory near the recording.
     """
-    fit_from = partial(fit_model, simulator, observations, free=free, tick=tick, prior=prior)
-    if not observations.has_large_amplitude:
-        return fit_from(
-            initial_states,
-            effect_values,
-            first_samples=first_samples,
-            iterations=iterations,
-            give_up_above=give_up_above,
-            limits=limits,
-        )
-    free_effects = free[simulator.n_initial_states :]
-    initial_states, effect_values, _ = fit_windows(
-        simulator, observations, initial_states, effect_values, free_effects, first_samples, tick, prior
-    )
-    iterations = max(iterations, LARGE_AMPLITUDE_ITERATIONS)
+    if not problem.observations.has_large_amplitude:
+        return fit_model(problem, initial_states, effect_values, iterations, give_up_above)
+    initial_states, effect_values, _ = fit_windows(problem, initial_states, effect_values)
     try:
-        fit = fit_from(
-            initial_states,
-            effect_values,
-            first_samples=first_samples,
-            iterations=iterations,
-            give_up_above=give_up_above,
-        )
+        iterations = max(iterations, LARGE_AMPLITUDE_ITERATIONS)
+        fit = fit_model(problem, initial_states, effect_values, iterations, give_up_above)
         if np.isfinite(fit.chi2):
             return fit
     except np.linalg.LinAlgError:
         pass
-    initial_state = _best_scaled_state(simulator, observations, initial_states[0], effect_values)
-    return fit_from(initial_state[None], effect_values, first_samples=[0], iterations=FIT_ITERATIONS)
+    initial_state = _best_scaled_state(problem, initial_states[0], effect_values)
+    return fit_model(problem.as_one_segment, initial_state[None], effect_values)
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a trajectory that diverges is not the best
-def _best_scaled_state(
-    simulator: Simulator, observations: Observations, initial_state: Array, effect_values: Array
-) -> Array:
+def _best_scaled_state(problem: FitProblem, initial_state: Array, effect_values: Array) -> Array:
     """Return the multiple of an initial state whose trajectory has the least chi-square."""
+    simulator, observations = problem.simulator, problem.observations
     tried = []
     for factor in STATE_SCALES:
         scaled = np.where(np.arange(len(initial_state)) == HEADING, initial_state, factor * initial_state)

@@ -150,7 +150,7 @@ def residual_lines(observations: Observations, fit: Fit) -> tuple[Peak, ...]:
 def excess_chi2(observations: Observations, fit: Fit) -> float:
     """Return the chi-square of the residual beyond the largest that noise gives, 0 or more."""
     largest = (1 + EXCESS_SIGNIFICANT) * observations.n_values
-    return max(0.0, float((observations.residual_sigma(fit.force_g) ** 2).sum()) - largest)
+    return max(0.0, observations.chi2(fit.force_g) - largest)
 
 
 def localise_residual(time_s: Array, residual: Array) -> tuple[Disagreement, ...]:

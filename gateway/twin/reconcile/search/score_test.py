@@ -17,7 +17,7 @@ from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext, sensitivities_sigma
 from gateway.twin.reconcile.fit.least_squares import Fit
 from gateway.twin.reconcile.fit.swing_windows import window_bounds
-from gateway.twin.reconcile.fit.trajectory_fit import project_out_initial_states
+from gateway.twin.reconcile.fit.trajectory_fit import project_out_initial_states, split_windows
 from gateway.twin.reconcile.residual.isolability import orthonormal, project_out
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
@@ -100,7 +100,7 @@ def _signatures_by_window(
     firsts = window_bounds(simulator.rig, observations)
     time_s, temperature_c = observations.time_s, observations.temperature_c
     found = simulator.linearise_segments(starts, effects, time_s, firsts, temperature_c)
-    columns, residual = project_out_initial_states(found, observations, firsts)
+    columns, residual = project_out_initial_states(split_windows(found, observations, firsts))
     places = {
         name: [i for i, s in enumerate(simulator.effect_parameters) if s.effect == name]
         for name in simulator.effect_names

@@ -18,7 +18,7 @@ from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import is_world_directed, refitted_parameters, segment_bounds
 from gateway.twin.reconcile.fit.initial_conditions import rotate_about_vertical, segment_initial_conditions
-from gateway.twin.reconcile.fit.least_squares import Fit
+from gateway.twin.reconcile.fit.least_squares import Fit, FitProblem
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
 from gateway.twin.reconcile.fit.reparameterisation import NO_LIMITS, Limits
 from gateway.twin.reconcile.fit.trajectory_fit import fit_trajectory, fit_windows
@@ -58,7 +58,6 @@ def evaluate_on_validation(
     rig: TwinRig,
     values: EffectValues,
     held_out: Observations,
-    iterations: int = VALIDATION_ITERATIONS,
     limits: Limits = NO_LIMITS,
 ) -> ValidationFit:
     """Fit initial conditions and phases, and the heading where an effect has a direction in the world.
@@ -75,53 +74,37 @@ def evaluate_on_validation(
     free |= np.array([parameter.label in limits for parameter in simulator.parameters])
     free[HEADING] = is_world_directed(values)
     effect_values = simulator.values([], values)[n_states:]
-    first_samples = segment_bounds(rig, values, held_out)
+    problem = FitProblem(simulator, held_out, free, segment_bounds(rig, values, held_out), limits=limits)
     best: Fit | None = None
-    guesses = _initial_guesses(simulator, held_out, effect_values, first_samples, free)
+    guesses = _initial_guesses(problem, effect_values)
     if held_out.has_large_amplitude and free[HEADING]:
-        guesses = _closest_in_windows(simulator, held_out, guesses, effect_values, free, first_samples)
+        guesses = _closest_in_windows(problem, guesses, effect_values)
     for initial_states in guesses:
-        fit = fit_trajectory(
-            simulator, held_out, initial_states, effect_values, free, first_samples, iterations, limits=limits
-        )
+        fit = fit_trajectory(problem, initial_states, effect_values, VALIDATION_ITERATIONS)
         if best is None or fit.chi2 < best.chi2:
             best = fit
         if best.chi2 < EXPLAINED_REDUCED_CHI2 * held_out.n_values:
             break
     assert best is not None
     if best.chi2 > EXPLAINED_REDUCED_CHI2 * held_out.n_values:
-        initial_state = best.values[None, :n_states]
-        best = fit_model(simulator, held_out, initial_state, effect_values, free, [0], FINAL_ITERATIONS, limits=limits)
+        best = fit_model(problem.as_one_segment, best.values[None, :n_states], effect_values, FINAL_ITERATIONS)
     refitted = tuple(each.label for each, is_free in zip(simulator.parameters, free, strict=True) if is_free)
     return ValidationFit(best, best.chi2 / held_out.n_values, refitted)
 
 
-def _initial_guesses(
-    simulator: Simulator,
-    held_out: Observations,
-    effect_values: Array,
-    first_samples: list[int],
-    free: NDArray[np.bool_],
-) -> Iterator[Array]:
+def _initial_guesses(problem: FitProblem, effect_values: Array) -> Iterator[Array]:
     """Yield initial states of the segments (segments, states), one for each heading where that is free."""
-    initial_states = segment_initial_conditions(simulator, held_out, effect_values, first_samples)
-    for turn in range(HEADING_GUESSES if free[HEADING] else 1):
+    simulator = problem.simulator
+    initial_states = segment_initial_conditions(simulator, problem.observations, effect_values, problem.first_samples)
+    for turn in range(HEADING_GUESSES if problem.free[HEADING] else 1):
         angle_rad = np.full(len(initial_states), 2 * np.pi * turn / HEADING_GUESSES)
         yield rotate_about_vertical(initial_states, angle_rad, simulator.structure)
 
 
-def _closest_in_windows(
-    simulator: Simulator,
-    held_out: Observations,
-    guesses: Iterable[Array],
-    effect_values: Array,
-    free: NDArray[np.bool_],
-    first_samples: list[int],
-) -> Iterator[Array]:
+def _closest_in_windows(problem: FitProblem, guesses: Iterable[Array], effect_values: Array) -> Iterator[Array]:
     """Yield the guesses that the windows of a large swing follow best, fitted to them: one trajectory takes ten times as long."""
-    rest = (effect_values, free[simulator.n_initial_states :], first_samples)
-    fitted = [fit_windows(simulator, held_out, each, *rest) for each in guesses]
-    ranked = sorted(fitted, key=lambda each: held_out.chi2(each[2].force_g))
+    fitted = [fit_windows(problem, each, effect_values) for each in guesses]
+    ranked = sorted(fitted, key=lambda each: problem.observations.chi2(each[2].force_g))
     yield from (initial_states for initial_states, _, _ in ranked[:MAX_HEADINGS])
 
 

@@ -17,7 +17,7 @@ from gateway.twin.effects.sensor_output import LowpassLag
 from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext, is_world_directed
-from gateway.twin.reconcile.fit.least_squares import REFINEMENT_ITERATIONS, Fit
+from gateway.twin.reconcile.fit.least_squares import REFINEMENT_ITERATIONS, Fit, FitProblem
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
 from gateway.twin.reconcile.residual.whiteness import EXCESS_SIGNIFICANT
 from gateway.twin.reconcile.search.candidates import CandidateFit
@@ -189,7 +189,7 @@ def retime_validation(context: FitContext, loss: SampleLossFit, held_out: Observ
     free = np.array([each.refitted or each.effect == ClockDrift.name for each in simulator.parameters])
     free[HEADING] = is_world_directed(model_effects)
     state, effect_values = initial.values[None, :N_ROPE_STATES], initial.values[N_ROPE_STATES:]
-    fit = fit_model(simulator, held_out, state, effect_values, free, [0])
+    fit = fit_model(FitProblem(simulator, held_out, free), state, effect_values)
     clock = {ClockDrift.name: simulator.effects(fit.values)[ClockDrift.name]}
     held_out_context = replace(context, log=held_out, model_effects=model_effects)
     constant_rate = ConstantRateFit(clock, fit)
@@ -238,17 +238,9 @@ def _with_effect(context: FitContext, constant_rate: ConstantRateFit, name: str)
 
 def _fit_constant_rate(context: FitContext, values: EffectValues, initial_state: Array) -> ConstantRateFit:
     """Return a fit as one trajectory from these values."""
-    simulator = context.simulator(tuple(values))
-    fit = fit_model(
-        simulator,
-        context.log,
-        initial_state[None, :N_ROPE_STATES],
-        context.effect_values(simulator, values),
-        context.free_parameters(simulator, values),
-        [0],
-        REFINEMENT_ITERATIONS,
-        context.tick,
-    )
+    problem = context.problem(values).as_one_segment
+    effect_values = context.effect_values(problem.simulator, values)
+    fit = fit_model(problem, initial_state[None, :N_ROPE_STATES], effect_values, REFINEMENT_ITERATIONS)
     return _make_constant_rate_fit(context, values, fit)
 
 

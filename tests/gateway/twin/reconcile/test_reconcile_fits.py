@@ -9,7 +9,7 @@ import pytest
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations, slice_samples
 from gateway.twin.reconcile.fit.fit_context import FitContext
-from gateway.twin.reconcile.fit.least_squares import NormalEquations
+from gateway.twin.reconcile.fit.least_squares import FitProblem, NormalEquations
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
 from gateway.twin.reconcile.search.validation import evaluate_on_validation
 from gateway.twin.simulator.simulator import Simulator
@@ -57,7 +57,7 @@ def test_values_that_are_not_free_stay(rig: TwinRig, record: Record) -> None:
     effect_values = np.array([0.02, 0.004])
     free = np.array([True] * 4 + [False, False, True])
     states = np.array([[0.10, 0.04, -0.02, 0.05, 0.0]])
-    fit = fit_model(simulator, observations, states, effect_values, free, [0])
+    fit = fit_model(FitProblem(simulator, observations, free), states, effect_values)
 
     assert fit.values[4] == 0.0
     assert fit.values[5] == 0.02
