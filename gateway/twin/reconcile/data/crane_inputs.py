@@ -99,12 +99,10 @@ def registered(*inputs: CraneInputs) -> Iterator[None]:
 def estimate_inputs(source: Source, rig: TwinRig, prefix: str = "") -> CraneInputs:
     """Return the inputs of the crane in a recording; `prefix` of the effects' names tells recordings apart."""
     time_s = source.recording.time_s
-    housing = source.housing
-    known = MountedHousing(length_m=rig.length_m, above_load_m=max(rig.length_m - rig.position_m, 0.0))
-    if housing is not None and housing.above_load_m is not None:
-        known = replace(known, above_load_m=housing.above_load_m)
-    believed = replace(
-        known,
+    stated_m = None if source.housing is None else source.housing.above_load_m
+    believed = MountedHousing(
+        length_m=rig.length_m,
+        above_load_m=max(rig.length_m - rig.position_m, 0.0) if stated_m is None else stated_m,
         length_u_rel=LENGTH_U_REL,
         position_u_m=PLACE_U_REL * rig.length_m,
         gravity_m_s2=rig.gravity_m_s2,
@@ -117,7 +115,10 @@ def estimate_inputs(source: Source, rig: TwinRig, prefix: str = "") -> CraneInpu
 
 def find_inputs(history: MotionHistory, rig: TwinRig, prefix: str = "") -> CraneInputs:
     """Return the inputs in a smoothed motion whose times count from the first sample of the recording."""
-    found = sorted([*_drives(history), *_hoists(history)], key=lambda each: each.from_s)
+    size_m_s2 = np.hypot(*history.pivot_acceleration_m_s2.T)
+    drives = _events("drive", history, IS_DRIVEN, size_m_s2, history.pivot_acceleration_u_m_s2)
+    hoists = _events("hoist", history, IS_HOISTING, history.hoist_m_s, history.hoist_u_m_s)
+    found = sorted([*drives, *hoists], key=lambda each: each.from_s)
     windows = merge_spans([(each.from_s - MARGIN_S, each.to_s + MARGIN_S) for each in found], LONGEST_REST_S)
     effects: dict[CraneInput, float] = {}
     for number, (from_s, to_s) in enumerate(windows, start=1):
@@ -128,15 +129,6 @@ def find_inputs(history: MotionHistory, rig: TwinRig, prefix: str = "") -> Crane
         for part, side in (("a", -1), ("b", 1)):
             effects[MotionCorrection(f"{name}{part}")] = (from_s + to_s + side * apart_s) / 2
     return CraneInputs(tuple(found), tuple(effects), tuple(effects.values()))
-
-
-def _drives(history: MotionHistory) -> list[EstimatedInput]:
-    size = np.hypot(*history.pivot_acceleration_m_s2.T)
-    return _events("drive", history, IS_DRIVEN, size, history.pivot_acceleration_u_m_s2)
-
-
-def _hoists(history: MotionHistory) -> list[EstimatedInput]:
-    return _events("hoist", history, IS_HOISTING, history.hoist_m_s, history.hoist_u_m_s)
 
 
 def _events(

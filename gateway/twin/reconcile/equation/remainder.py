@@ -12,7 +12,7 @@ from gateway.twin.reconcile.equation.selection import FoundLaw, find_law, leaves
 from gateway.twin.reconcile.output.outcome import SearchOutcome
 from gateway.twin.reconcile.output.result import Reconciliation
 from gateway.twin.reconcile.output.result_builder import build_result
-from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
+from gateway.twin.reconcile.search.candidates import CandidateFit
 from gateway.twin.reconcile.search.validation import ValidationFit
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 
@@ -58,7 +58,7 @@ def _law_beside(
     found: SearchOutcome, values: EffectValues, optional: tuple[str, ...], random: np.random.Generator
 ) -> FoundLaw | None:
     run = found.run
-    base = run.table.get(values) or run.context.fit(CandidateTable(run.recordings.log), values).get(values)
+    base = run.table.get(values) or run.context.fit_apart(values)
     try:
         return None if base is None else find_law(run.context, base, run.validator, random, optional)
     except INTEGRATION_FAILURES:  # a base that diverges on the held-out recording describes nothing

@@ -30,7 +30,6 @@ from gateway.twin.simulator.state import HEADING
 Array = NDArray[np.float64]
 PROFILE_ITERATIONS = 5
 """Iterations of each fit; chi-square has then settled enough to rank rigging lengths."""
-SEARCH_ITERATIONS = FIT_ITERATIONS
 SEGMENT_PERIODS = 6.5
 """Longest segment of a short rope, in periods: a rope that is wrong by 3 % shifts the phase by a tenth of a turn over it."""
 RIGGING_PROFILE_S = 40.0

@@ -1,6 +1,5 @@
 """Changes of coordinates in which a fit converges in fewer steps, and a simulator in these coordinates."""
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -23,27 +22,7 @@ Limits = Mapping[str, tuple[float, float]]
 NO_LIMITS: Limits = {}
 
 
-class Reparameterisation(ABC):
-    """An invertible change from the effect values (k,) of a simulator to the coordinates of a fit."""
-
-    @abstractmethod
-    def to_fitted(self, effect_values: Array) -> Array:
-        """Return the coordinates of the fit."""
-
-    @abstractmethod
-    def to_physical(self, fitted: Array) -> Array:
-        """Return the effect values."""
-
-    @abstractmethod
-    def physical_by_fitted(self, fitted: Array) -> Array:
-        """Return the derivatives of the effect values by the coordinates of the fit, shape (k, k)."""
-
-    @abstractmethod
-    def fitted_bounds(self, lower: Array, upper: Array) -> tuple[Array, Array]:
-        """Return the bounds of the coordinates, from those of the effect values (k,)."""
-
-
-class InverseCutoffs(Reparameterisation):
+class InverseCutoffs:
     """Cutoff frequencies by their inverse, a delay, for which the initial state compensates in proportion."""
 
     def __init__(self, positions: Sequence[int]) -> None:
@@ -74,7 +53,7 @@ class InverseCutoffs(Reparameterisation):
         return fitted_lower, fitted_upper
 
 
-class ModalParameterisation(Reparameterisation):
+class ModalParameterisation:
     """The frequency of the fast mode in place of the hook's mass ratio.
 
     The samples determine the frequency to a part in a million. In rigging length and mass the minimum is therefore a narrow,
@@ -117,6 +96,10 @@ class ModalParameterisation(Reparameterisation):
         """Return the lengths of rope and rigging, the angular frequency of the fast mode, and gravity, in SI units."""
         rigging_m, fast_rate_1_s = float(fitted[self._rigging]), 2 * np.pi * float(fitted[self._mass])
         return self._rig.length_m - rigging_m, rigging_m, fast_rate_1_s, self._rig.gravity_m_s2
+
+
+Reparameterisation = InverseCutoffs | ModalParameterisation
+"""An invertible change from the effect values (k,) of a simulator to the coordinates of a fit."""
 
 
 class ReparameterisedSimulator:

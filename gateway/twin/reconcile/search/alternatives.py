@@ -51,12 +51,12 @@ def fit_usual_causes(
     usual = set(EFFECTS.choose(is_usual=True)) - set(context.setting.model_effects)
     detected = set(context.baseline_effects)
     values = {name: best.values.get(name, EFFECTS[name].default_guess) for name in sorted(detected | usual)}
-    found = _fit(table, context, values)
+    found = context.fit_apart(values, held_by_parts=True)
     if found is None:
         return table, best
     simulator, log = context.setting.simulator(tuple(values)), context.setting.log
     needed = sorted(necessary_names(found, simulator, log) | detected)
-    found = _fit(table, context, {name: found.values[name] for name in needed})
+    found = context.fit_apart({name: found.values[name] for name in needed}, held_by_parts=True)
     if found is None or not leaves_no_more(found.reduced_chi2, best.reduced_chi2):
         return table, best
     if not leaves_no_more(validator.evaluate(found).reduced_chi2, validator.evaluate(best).reduced_chi2):
@@ -94,10 +94,6 @@ def necessary_names(fit: CandidateFit, simulator: Simulator, log: Observations) 
         covariance = covariance - gain @ covariance[own]
         left.remove(least)
     return left
-
-
-def _fit(table: CandidateTable, context: SearchContext, values: dict[str, Values]) -> CandidateFit | None:
-    return context.fit(CandidateTable(table.log), values, held_by_parts=True).get(values)
 
 
 def indistinguishable(context: SearchContext, validator: Validator, best: CandidateFit, name: str) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.model import EffectValues
-from gateway.twin.reconcile.fit.fit_context import SEARCH_ITERATIONS
+from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS
 from gateway.twin.simulator.compiled_model import IntegrationError
 
 Array = NDArray[np.float64]
@@ -115,7 +115,7 @@ class FitRequest:
     """Effects of the set, at the values from which they are fitted."""
     starts: Array | None = None
     """Initial states of the segments (segments, states)."""
-    iterations: int = SEARCH_ITERATIONS
+    iterations: int = FIT_ITERATIONS
     give_up_above: float = np.inf
     held_by_parts: bool = False
     is_further_guess: bool = False

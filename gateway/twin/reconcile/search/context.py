@@ -13,7 +13,8 @@ from gateway.twin.effects.parameter import Values
 from gateway.twin.effects.rope import DoublePendulum
 from gateway.twin.model import EffectValues, Model
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.fit_context import SEARCH_ITERATIONS, FitContext
+from gateway.twin.reconcile.fit.fit_context import FitContext
+from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS
 from gateway.twin.reconcile.search.budget import Budget, FitRequest, run_in_processes
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable, make_candidate
 from gateway.twin.reconcile.search.changepoints import locate_changepoint
@@ -53,13 +54,15 @@ class SearchContext:
         table: CandidateTable,
         values: EffectValues,
         starts: Array | None = None,
-        iterations: int = SEARCH_ITERATIONS,
-        give_up_above: float = np.inf,
-        *,
-        held_by_parts: bool = False,
+        iterations: int = FIT_ITERATIONS,
     ) -> CandidateTable:
         """Fit a set of effects from these values; the table stays as it is where the fit diverges."""
-        return self.fit_in_turn(table, [FitRequest(values, starts, iterations, give_up_above, held_by_parts)])
+        return self.fit_in_turn(table, [FitRequest(values, starts, iterations)])
+
+    def fit_apart(self, values: EffectValues, *, held_by_parts: bool = False) -> CandidateFit | None:
+        """Return a fit of a set of effects that no table has yet; None where it diverges."""
+        request = FitRequest(values, held_by_parts=held_by_parts)
+        return self.fit_in_turn(CandidateTable(self.setting.log), [request]).get(values)
 
     def fit_in_turn(
         self,
@@ -128,7 +131,7 @@ class SearchContext:
         starts: Array | None = None,
     ) -> list[FitRequest]:
         """Return the fits of an effect beside others, one for each guess; none where it cannot be beside them."""
-        if not self._may_be_beside(name, others):
+        if name in others or name in self.setting.model_effects or _excludes_each_other(name, others):
             return []
         tried = [{**others, name: values or EFFECTS[name].default_guess} for values in guesses]
         if name == DoublePendulum.name and tried:
@@ -137,9 +140,6 @@ class SearchContext:
             FitRequest(values, starts, give_up_above=table.give_up_above, is_further_guess=index > 0)
             for index, values in enumerate(tried)
         ]
-
-    def _may_be_beside(self, name: str, others: EffectValues) -> bool:
-        return not (name in others or name in self.setting.model_effects or _excludes_each_other(name, others))
 
     def segment_starts(self, parent: CandidateFit) -> Array:
         """Initial conditions of each segment under a fitted set of effects, to fit its neighbours from."""

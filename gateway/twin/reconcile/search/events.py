@@ -1,13 +1,13 @@
 """Steps that fit events: changepoints and a scan say when something may have happened, fits say what."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Effect
-from gateway.twin.effects.guess_context import EventWindow, GuessContext
+from gateway.twin.effects.guess_context import EventWindow
 from gateway.twin.effects.parameter import ParameterKind, Values
 from gateway.twin.effects.rope import RopeLength
 from gateway.twin.reconcile.fit.fit_context import sensitivities_sigma
@@ -64,26 +64,15 @@ def fit_events_in_windows(table: CandidateTable, context: SearchContext, parent:
             continue
         guess_context = setting.guess_context(log.force_g - parent.fit.force_g, windows, between)
         starts = context.segment_starts(parent)
-        names = EFFECTS.choose(transient=True, found_before_search=False, changes_length=changes_length)
-        table = _fit_events(table, context, parent.values, names, guess_context, starts)
+        requests = [
+            each
+            for name in EFFECTS.choose(transient=True, found_before_search=False, changes_length=changes_length)
+            for each in context.requests(
+                table, parent.values, name, EFFECTS[name].initial_guesses(guess_context), starts
+            )
+        ]
+        table = context.fit_in_turn(table, requests)
     return table
-
-
-def _fit_events(
-    table: CandidateTable,
-    context: SearchContext,
-    others: Mapping[str, Values],
-    names: Sequence[str],
-    guess_context: GuessContext,
-    starts: Array,
-) -> CandidateTable:
-    """Fit each event beside others, in this order."""
-    requests = [
-        each
-        for name in names
-        for each in context.requests(table, others, name, EFFECTS[name].initial_guesses(guess_context), starts)
-    ]
-    return context.fit_in_turn(table, requests)
 
 
 def refine(table: CandidateTable, context: SearchContext, size: int) -> CandidateTable:

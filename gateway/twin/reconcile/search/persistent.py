@@ -1,13 +1,12 @@
 """Steps that fit persistent effects: a score test ranks them, the best ones are fitted."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.effects.clock import ClockDrift
-from gateway.twin.effects.parameter import Values
 from gateway.twin.effects.rope import DoublePendulum, RopeLength
 from gateway.twin.reconcile.residual.isolability import CONFUSABLE_COSINE, smallest_angle_cosine
 from gateway.twin.reconcile.search.baseline import length_error_by_period
@@ -60,7 +59,7 @@ def _fit_length_by_period(table: CandidateTable, context: SearchContext, base: C
     if error is None:
         return table
     values = {**base.values, RopeLength.name: {"relative_error": error}}
-    found = context.fit(CandidateTable(table.log), values).get(values)
+    found = context.fit_apart(values)
     closes_most = found is not None and found.reduced_chi2 - 1 < MAX_PAIR_REMAINDER * (base.reduced_chi2 - 1)
     return table.with_fit(found).start_round() if found is not None and closes_most else table
 
@@ -117,28 +116,27 @@ def fit_by_score(
     return context.fit_in_turn(table, requests_beside(table, context, parent, likely[FITTED_FIRST:]), is_needed)
 
 
-def _guesses_and_starts(
-    context: SearchContext, parent: CandidateFit, name: str
-) -> tuple[Sequence[Values], Array | None]:
-    """Return the guesses of one more effect, and the initial conditions to start from: the parent's.
-
-    An effect with initial guesses from the data is fitted from fresh ones: segments join only under the right guess.
-    """
-    if not EFFECTS[name].guesses_from_data:
-        return [{}], context.segment_starts(parent)
-    return context.guesses(name, parent), None
-
-
 def requests_beside(
     table: CandidateTable, context: SearchContext, parent: CandidateFit, names: Iterable[str]
 ) -> list[FitRequest]:
-    """Return the fits of one more effect beside a parent, for those that the table does not have."""
-    return [
-        request
-        for name in names
-        if table.get(parent.names | {name}) is None
-        for request in context.requests(table, parent.values, name, *_guesses_and_starts(context, parent, name))
-    ]
+    """Return the fits of one more effect beside a parent, for those that the table does not have.
+
+    An effect with initial guesses from the data is fitted from fresh initial conditions, because segments join only under the
+    right guess; the others start from those of the parent.
+    """
+    requests = []
+    for name in names:
+        if table.get(parent.names | {name}) is None and EFFECTS[name].guesses_from_data:
+            requests += _guessed_requests(table, context, parent, name)
+        elif table.get(parent.names | {name}) is None:
+            requests += context.requests(table, parent.values, name, [{}], context.segment_starts(parent))
+    return requests
+
+
+def _guessed_requests(
+    table: CandidateTable, context: SearchContext, parent: CandidateFit, name: str
+) -> list[FitRequest]:
+    return context.requests(table, parent.values, name, context.guesses(name, parent))
 
 
 def parents(table: CandidateTable, context: SearchContext, size: int) -> list[CandidateFit]:
@@ -170,7 +168,7 @@ def fit_guessed_effects(table: CandidateTable, context: SearchContext, parent: C
     """Fit the effects beside a parent that are guessed from its residual, until one explains the log."""
     names = [name for name in EFFECTS.choose(is_guessed_from_residual=True) if table.get(parent.names | {name}) is None]
     for several in ([name for name in names if name != DoublePendulum.name], [DoublePendulum.name]):
-        requests = [each for name in several for each in _requests(table, context, parent, name)]
+        requests = [each for name in several for each in _guessed_requests(table, context, parent, name)]
         table = context.fit_in_turn(table, requests, lambda now, _: not now.is_explained)
     return table
 
@@ -185,7 +183,7 @@ def fit_bodies(table: CandidateTable, context: SearchContext) -> CandidateTable:
     for structure in (ModelStructure.YIELDING_PIVOT, ModelStructure.PRESLIDING):
         for name in EFFECTS.choose(structure=structure):
             if not table.is_explained:
-                table = context.fit_in_turn(table, _requests(table, context, baseline_of(table, context), name))
+                table = context.fit_in_turn(table, _guessed_requests(table, context, baseline_of(table, context), name))
     return table
 
 
@@ -200,7 +198,3 @@ def _fit_beyond_its_equivalent(table: CandidateTable, context: SearchContext, na
         same = effect.equivalent_values(nearest.values[of], context.setting.rig.length_m)
         guesses += [] if same is None else [same]
     return context.fit_in_turn(table, context.requests(table, base.values, name, guesses))
-
-
-def _requests(table: CandidateTable, context: SearchContext, parent: CandidateFit, name: str) -> list[FitRequest]:
-    return context.requests(table, parent.values, name, context.guesses(name, parent))
