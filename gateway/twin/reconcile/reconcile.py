@@ -26,7 +26,7 @@ from gateway.twin.reconcile.output.outcome import SearchOutcome
 from gateway.twin.reconcile.output.result import AVERAGED, Reconciliation
 from gateway.twin.reconcile.output.result_builder import unusable_result
 from gateway.twin.reconcile.residual.isolability import indistinguishable_pairs
-from gateway.twin.reconcile.search.alternatives import (
+from gateway.twin.reconcile.search.ambiguity import (
     fit_usual_causes,
     indistinguishable,
     is_beyond_parts,

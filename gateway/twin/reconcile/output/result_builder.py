@@ -30,7 +30,7 @@ from gateway.twin.reconcile.output.result import (
 from gateway.twin.reconcile.residual.isolability import confusable, orthonormal
 from gateway.twin.reconcile.residual.remainder_of_motion import describe_remainder, name_multiples
 from gateway.twin.reconcile.residual.whiteness import analyse_residual, localise_residual
-from gateway.twin.reconcile.search.alternatives import any_length_changes, coincident_effects
+from gateway.twin.reconcile.search.ambiguity import any_length_changes, coincident_effects
 from gateway.twin.reconcile.search.candidates import MIN_SCORE_STATISTIC
 from gateway.twin.reconcile.search.search import SearchRun
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.crane_inputs import KnownModel
 from gateway.twin.reconcile.data.recordings import Recordings
-from gateway.twin.reconcile.search.alternatives import fit_coincident_effects
+from gateway.twin.reconcile.search.ambiguity import fit_coincident_effects
 from gateway.twin.reconcile.search.baseline import fit_baseline
 from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable

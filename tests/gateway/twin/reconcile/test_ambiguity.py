@@ -8,7 +8,7 @@ import pytest
 
 from gateway.twin.model import EffectValues, Model
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.search.alternatives import replace_implausible
+from gateway.twin.reconcile.search.ambiguity import replace_implausible
 from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateTable
 from gateway.twin.reconcile.search.context import make_context

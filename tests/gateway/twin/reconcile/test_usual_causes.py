@@ -15,7 +15,7 @@ from gateway.twin.reconcile.fit.least_squares import prior_of_parts
 from gateway.twin.reconcile.output.result import Reconciliation
 from gateway.twin.reconcile.output.text import to_text
 from gateway.twin.reconcile.reconcile import reconcile
-from gateway.twin.reconcile.search.alternatives import leaves_no_more, necessary_names
+from gateway.twin.reconcile.search.ambiguity import leaves_no_more, necessary_names
 from gateway.twin.reconcile.search.candidates import make_candidate
 from gateway.twin.simulator.simulator import Simulator
 
