@@ -1,33 +1,40 @@
-"""Quantisation, saturation and spikes in the samples, and recordings that cannot be used."""
+"""What the samples show of their sensor: noise, quantisation, saturation and spikes; and recordings that cannot be used."""
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from devices.pendulum.small_swing import period_ratio
-from gateway.measurement.source import HeldRows
-from gateway.twin.model import TwinRig
+from gateway.measurement.source import HeldRows, read_source
+from gateway.twin.model import Model, TwinRig
 from gateway.twin.reconcile.data.data_checks import find_fault
 from gateway.twin.reconcile.data.observations import Observations, detect_spikes, make_observations
 from gateway.twin.reconcile.data.recordings import split_recordings
 from gateway.twin.reconcile.data.sensor import (
     detect_quantisation_step,
     detect_saturation,
+    measure_noise_g,
     quantised_mean,
     regular_reading_times,
+    with_measured_noise,
 )
 from gateway.twin.reconcile.output.result import Curves
 from gateway.twin.reconcile.output.serialisation import format_prediction_csv
 from gateway.twin.reconcile.search.baseline import detect_in_samples
 from gateway.twin.simulator.simulator import Simulator
+from tests.gateway.twin.reconcile.conftest import swing
 
 Array = NDArray[np.float64]
 Record = Callable[..., Observations]
 NOISE_G = np.full(3, 5e-4)
 COARSE_STEP_G = 0.043
+RATE_HZ = 50.0
+SENSOR_NOISE_G = np.array([2e-3, 5e-4, 1e-3])
+READING_S = np.arange(0, 60, 1 / RATE_HZ)
 
 
 def test_quantisation_step_is_found_to_a_millionth(record: Record) -> None:
@@ -121,10 +128,8 @@ def test_unusable_recording_is_refused_with_the_reason(
 
 def coarse_recording(rig: TwinRig, tilt_rad: float) -> tuple[Array, Array]:
     """Return times and readings of a swing in a plane, in steps of 43 mg."""
-    time_s, simulator = np.arange(0, 60, 1 / 20.0), Simulator(rig, [])
-    force_g = simulator.predict(simulator.values([tilt_rad, 0, 0, 0, 0], {}), time_s)
-    noisy_g = force_g + np.array(rig.noise_g) * np.random.default_rng(1).normal(size=force_g.shape)
-    return time_s, COARSE_STEP_G * np.round(noisy_g / COARSE_STEP_G)
+    recorded = swing(rig, {}, [tilt_rad, 0, 0, 0, 0], np.arange(0, 60, 1 / 20.0))
+    return recorded.time_s, COARSE_STEP_G * np.round(recorded.force_g / COARSE_STEP_G)
 
 
 @pytest.mark.parametrize(("position_m", "tilt_rad"), [(0.0, 0.07), (4.0, 0.07), (6.0, 0.2)])
@@ -140,11 +145,9 @@ def test_quantised_recording_with_constant_axes_is_usable(rig: TwinRig, position
 @pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.95, 1.0, 1.05])
 def test_swing_that_shows_along_the_rope_alone_is_usable(rig: TwinRig, rho: float) -> None:
-    at_load, tilt_rad = replace(rig, position_m=rho * rig.length_m), 0.1
-    time_s, simulator = np.arange(0, 60, 1 / 20.0), Simulator(at_load, [])
+    noisy, time_s = replace(rig, position_m=rho * rig.length_m, noise_g=(2e-3,) * 3), np.arange(0, 60, 1 / 20.0)
     noise_g = 2e-3 * np.random.default_rng(1).normal(size=(len(time_s), 3))
-    force_g = simulator.predict(simulator.values([tilt_rad, 0, 0, 0, 0], {}), time_s) + noise_g
-    noisy = replace(at_load, noise_g=(2e-3,) * 3)
+    force_g = swing(noisy, {}, [0.1, 0, 0, 0, 0], time_s).force_g
 
     assert find_fault(time_s, force_g, noisy) is None
     assert find_fault(time_s, force_g, replace(noisy, length_m=2 * rig.length_m)) is not None
@@ -172,10 +175,8 @@ def test_saturated_axis_of_a_quantised_recording_is_called_clipped(rig: TwinRig)
 
 def plane_of_a_swing(rig: TwinRig) -> tuple[Array, Array]:
     """Return times and readings of x and z; y was not measured and reads zero."""
-    time_s, simulator = np.arange(0, 60, 1 / 20.0), Simulator(rig, [])
-    force_g = simulator.predict(simulator.values([0.2, 0, 0, 0, 0], {}), time_s)
-    noisy_g = force_g + np.array(rig.noise_g) * np.random.default_rng(1).normal(size=force_g.shape)
-    return time_s, noisy_g * [1, 0, 1]
+    recorded = swing(rig, {}, [0.2, 0, 0, 0, 0], np.arange(0, 60, 1 / 20.0))
+    return recorded.time_s, recorded.force_g * [1, 0, 1]
 
 
 def test_two_axes_in_the_plane_of_the_swing_suffice(rig: TwinRig) -> None:
@@ -253,3 +254,65 @@ def test_prediction_of_repeated_readings_has_a_row_for_each_of_them() -> None:
 
     assert [row.split(",")[0] for row in rows] == [f"{0.02 * i:.6f}" for i in range(12)]
     assert [float(row.split(",")[1]) for row in rows] == [0.0] * 3 + [3.0] * 3 + [6.0] * 3 + [9.0] * 3
+
+
+def short_swing(amplitude_rad: float = 0.5, period_s: float = 1.2) -> np.ndarray:
+    """Readings at the pivot of a short pendulum, with the noise of `SENSOR_NOISE_G`."""
+    angle_rad = amplitude_rad * np.exp(-READING_S / 80) * np.cos(2 * np.pi * READING_S / period_s)
+    clean_g = np.column_stack([np.sin(angle_rad), 0 * READING_S, np.cos(angle_rad)])
+    return np.asarray(clean_g + SENSOR_NOISE_G * np.random.default_rng(5).standard_normal(clean_g.shape))
+
+
+def test_noise_is_measured_beside_a_large_swing() -> None:
+    assert measure_noise_g(short_swing()) == pytest.approx(SENSOR_NOISE_G, rel=0.15)
+
+
+def test_a_line_of_a_machine_is_no_noise() -> None:
+    line_g = 0.02 * np.sin(2 * np.pi * 16.4 * READING_S)[:, None]
+
+    assert measure_noise_g(short_swing() + line_g) == pytest.approx(SENSOR_NOISE_G, rel=0.2)
+
+
+def test_spikes_and_gaps_are_no_noise() -> None:
+    readings_g = short_swing()
+    readings_g[::97] += 0.3
+    readings_g = np.delete(readings_g, slice(1000, 1040), axis=0)
+
+    assert measure_noise_g(readings_g) == pytest.approx(SENSOR_NOISE_G, rel=0.2)
+
+
+def test_too_few_samples_show_no_noise() -> None:
+    assert measure_noise_g(short_swing()[:40]) is None
+
+
+def test_readings_without_noise_have_the_least_that_a_sensor_has() -> None:
+    angle_rad = 0.5 * np.cos(2 * np.pi * READING_S / 1.2)
+
+    assert measure_noise_g(np.column_stack([np.sin(angle_rad), 0 * READING_S, np.cos(angle_rad)])) == pytest.approx(
+        1e-4
+    )
+
+
+def recorded(path: Path, readings_g: np.ndarray) -> Path:
+    table = np.column_stack([READING_S, readings_g])
+    np.savetxt(path, table, "%.7f", ",", header="time_s,ax_g,ay_g,az_g", comments="")
+    return path
+
+
+def test_noise_of_the_recording_replaces_that_of_a_rig_that_states_none(tmp_path: Path) -> None:
+    source = read_source([recorded(tmp_path / "log.csv", short_swing())])
+    believed = Model(TwinRig(length_m=0.36, position_m=0.0), {})
+    measured, remark = with_measured_noise(believed, source)
+
+    assert measured.rig.noise_g == pytest.approx(SENSOR_NOISE_G, rel=0.15)
+    assert remark is not None
+    assert "because the rig states none" in remark
+    assert with_measured_noise(believed, replace(source, noise_g=1e-3)) == (believed, None)
+
+
+def test_the_error_of_coarse_steps_is_not_counted_as_noise(tmp_path: Path) -> None:
+    step_g = 0.016
+    source = read_source([recorded(tmp_path / "log.csv", step_g * np.round(short_swing() / step_g))])
+    measured, _ = with_measured_noise(Model(TwinRig(length_m=0.36, position_m=0.0), {}), source)
+
+    assert max(measured.rig.noise_g) < step_g / np.sqrt(12)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gateway.twin.model import EffectValues, TwinRig
-from gateway.twin.reconcile.data.observations import Observations, make_observations
+from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.least_squares import Fit, FitProblem
 from gateway.twin.reconcile.fit.swing_windows import initial_state_from_samples, window_bounds
@@ -13,6 +13,7 @@ from gateway.twin.reconcile.search.score_test import compute_signatures
 from gateway.twin.reconcile.search.validation import evaluate_on_validation
 from gateway.twin.simulator.simulator import Simulator
 from tests.benchmarks.real_arm import Swing, believed_length_m, error_mrad, read_swings, rig_of
+from tests.gateway.twin.reconcile.conftest import swing
 
 LENGTH_M = 8.0
 DECIMATION = 2
@@ -27,10 +28,7 @@ def make_rig(position_m: float) -> TwinRig:
 
 def release(amplitude_rad: float, position_m: float, effects: EffectValues | None = None) -> Observations:
     """Return a minute of a swing that starts at rest at its amplitude."""
-    rig, time_s = make_rig(position_m), np.arange(0, 60.0, 0.05)
-    simulator = Simulator(rig, sorted(effects or {}))
-    force_g = simulator.predict(simulator.values([amplitude_rad, 0, 0, 0, 0], effects or {}), time_s)
-    return make_observations(time_s, force_g, None, np.array(rig.noise_g))
+    return swing(make_rig(position_m), effects or {}, [amplitude_rad, 0, 0, 0, 0], np.arange(0, 60.0, 0.05), seed=None)
 
 
 @pytest.mark.parametrize("position_m", [0.0, 4.0, 7.5])
@@ -68,24 +66,20 @@ def test_a_state_is_read_wherever_the_swing_is(amplitude_deg: float, azimuth_deg
     simulator, amplitude, azimuth = Simulator(rig, []), np.radians(amplitude_deg), np.radians(azimuth_deg)
     x, y, z = np.sin(amplitude) * np.cos(azimuth), np.sin(amplitude) * np.sin(azimuth), -np.cos(amplitude)
     truth = np.array([np.arctan2(x, -z), np.arcsin(y), 0.0, 0.03, 0.0])
-    force_g = simulator.predict(truth, time_s)
-    observations = make_observations(time_s, force_g, None, np.array(rig.noise_g))
+    observations = swing(rig, {}, truth, time_s, seed=None)
     first_samples = [0, 30, 60, 97]
     for first, state in zip(
         first_samples, initial_state_from_samples(rig, observations, first_samples, 5), strict=True
     ):
         from_state_g = simulator.predict(state, time_s[:100])
-        assert np.abs(from_state_g - force_g[first : first + 100]).max() < 0.3
+        assert np.abs(from_state_g - observations.force_g[first : first + 100]).max() < 0.3
 
 
 @pytest.mark.slow
 def test_a_heading_is_found_among_six_by_windows() -> None:
     wind: EffectValues = {**DAMPED, "steady_wind": {"accel_m_s2": (0.2, 0.1)}}
-    rig, time_s = make_rig(4.0), np.arange(0, 40.0, 0.1)
-    simulator = Simulator(rig, sorted(wind))
-    force_g = simulator.predict(simulator.values([0.8, 0.1, 0, 0.1, 2.0], wind), time_s)
-    force_g += 1e-4 * np.random.default_rng(2).normal(size=force_g.shape)
-    held_out = make_observations(time_s, force_g, None, np.array(rig.noise_g))
+    rig = make_rig(4.0)
+    held_out = swing(rig, wind, [0.8, 0.1, 0, 0.1, 2.0], np.arange(0, 40.0, 0.1), seed=2)
     assert evaluate_on_validation(rig, wind, held_out).reduced_chi2 == pytest.approx(1.0, abs=0.1)
 
 

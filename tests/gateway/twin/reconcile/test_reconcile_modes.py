@@ -17,7 +17,7 @@ from gateway.twin.reconcile.data.observations import LARGE_AMPLITUDE_RAD, Observ
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.reparameterisation import reparameterise
 from gateway.twin.simulator.simulator import Simulator
-from tests.gateway.twin.reconcile.conftest import RATE_HZ
+from tests.gateway.twin.reconcile.conftest import RATE_HZ, swing
 from tests.gateway.twin.swings import Array
 
 HOOK = {"rigging_length_m": 2.4, "hook_mass_ratio": 0.11}
@@ -44,13 +44,8 @@ def double_pendulum(rig: TwinRig) -> Callable[..., Observations]:
     def make(
         strength: str, rope: tuple[float, ...] = (0.10, 0.04, -0.02, 0.05), duration_s: float = 60.0
     ) -> Observations:
-        simulator, time_s = Simulator(rig, ["double_pendulum"]), np.arange(0, duration_s, 1 / RATE_HZ)
         start = [*rope, 0.0, *(np.array(rope) + RIGGING_TILTS[strength])]
-        force_g = simulator.predict(simulator.values(start, {"double_pendulum": HOOK}), time_s)
-        noise_g = np.array(rig.noise_g)
-        return make_observations(
-            time_s, force_g + noise_g * np.random.default_rng(1).normal(size=force_g.shape), None, noise_g
-        )
+        return swing(rig, {"double_pendulum": HOOK}, start, np.arange(0, duration_s, 1 / RATE_HZ))
 
     return make
 

@@ -1,19 +1,25 @@
-"""Fits in several processes."""
+"""Fits in several processes, and steps of the search that leave no better set beside theirs untried."""
 
 import os
 import signal
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
+import numpy as np
 import pytest
 
-from gateway.twin.model import Model
+from gateway.twin.model import EffectValues, Model
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.output.serialisation import to_json
 from gateway.twin.reconcile.reconcile import reconcile
 from gateway.twin.reconcile.search import context
 from gateway.twin.reconcile.search.budget import Budget, FitRequest, run_in_processes
 from gateway.twin.reconcile.search.candidates import CandidateTable
+from gateway.twin.reconcile.search.context import make_context
+from gateway.twin.reconcile.search.persistent import fit_persistent_effects
+from gateway.twin.reconcile.search.stepwise_selection import try_swaps
+from tests.gateway.twin.reconcile.conftest import RATE_HZ, RIG, swing
 from tests.values import present
 
 
@@ -101,3 +107,36 @@ def test_answer_does_not_depend_on_the_number_of_processes(
     assert one == two
     assert one["verdict"] == "named"
     assert pools
+
+
+@pytest.mark.slow
+def test_rivals_of_a_set_are_tried_with_the_effect_that_a_swap_brought_in() -> None:
+    """A wide swing at the pivot in coarse noise, as from a video: beside the wrong loss a loose clamp looks like a length."""
+    rig = replace(RIG, length_m=0.65, position_m=0.0, noise_g=(0.01,) * 3)
+    hidden: EffectValues = {"quadratic_drag": {"drag_per_m": 0.025}, "rope_length": {"relative_error": 0.032}}
+    quiet, time_s = replace(rig, noise_g=(0.007,) * 3), np.arange(0, 40.0, 1 / RATE_HZ)
+    log = replace(swing(quiet, hidden, [1.1, 0.7, 0.0, 0.0, 0.0], time_s, seed=5), noise_g=np.array(rig.noise_g))
+    context = make_context(Model(rig, {}), log, Budget(), lambda: None)
+    table = CandidateTable(log)
+    for names in ((), ("viscous_damping", "housing_rocking"), ("viscous_damping", "rope_length")):
+        table = context.fit(table, {name: {} for name in names})
+    table = table.start_round()
+    before = table.fits[frozenset({"viscous_damping", "housing_rocking"})]
+
+    table, _ = try_swaps(table, context, before)
+
+    # A clock's rate is that of a length here, and the two are told as a group.
+    assert any(table.get({"quadratic_drag", each}) is not None for each in ("rope_length", "clock_drift"))
+    assert table.best.names & {"rope_length", "clock_drift"}
+
+
+@pytest.mark.slow
+def test_a_length_that_is_wrong_by_a_fifth_is_fitted_from_that_of_the_period() -> None:
+    """From the stated length a swing of 21 degrees loses the phase; a score says nothing of so wrong a length either."""
+    hidden: EffectValues = {"viscous_damping": {"damping_ratio": 0.005}, "rope_length": {"relative_error": -0.2}}
+    log = swing(RIG, hidden, [0.33, 0.15, -0.02, 0.05, 0.0], np.arange(0, 60.0, 1 / RATE_HZ), seed=0)
+    context = make_context(Model(RIG, {}), log, Budget(), lambda: None)
+    table = fit_persistent_effects(context.fit(CandidateTable(log), {}).start_round(), context)
+
+    assert table.best.names == {"rope_length"}
+    assert table.best.values["rope_length"]["relative_error"] == pytest.approx(-0.2, abs=5e-3)
