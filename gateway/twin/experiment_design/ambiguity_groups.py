@@ -12,7 +12,7 @@ from gateway.twin.experiment_design.experiment import FREE_SWING
 from gateway.twin.experiment_design.hypotheses import Group, Hypothesis, amplitude_parts
 from gateway.twin.experiment_design.signatures import ExperimentSensitivities, Signature, linearise_experiment
 from gateway.twin.model import EffectValues, TwinRig
-from gateway.twin.reconcile.residual.isolability import CONFUSABLE_COSINE, orthonormal, smallest_angle_cosine
+from gateway.twin.reconcile.search.signatures import CONFUSABLE_COSINE, orthonormal, smallest_angle_cosine
 
 Array = NDArray[np.float64]
 MIN_SEPARATION_SIGMA = 5.0

@@ -17,7 +17,7 @@ from gateway.twin.effects.parameter import Parameter, ParameterKind, Value
 from gateway.twin.experiment_design.experiment import INPUTS, Experiment, Run
 from gateway.twin.experiment_design.hypotheses import Group, Hypothesis, parameter_of
 from gateway.twin.model import EffectValues, TwinRig
-from gateway.twin.reconcile.residual.isolability import orthonormal
+from gateway.twin.reconcile.search.signatures import orthonormal
 from gateway.twin.simulation import DEFAULT_RATE_HZ
 from gateway.twin.simulator.parameter_vector import ParameterSpec
 from gateway.twin.simulator.simulator import Simulator

@@ -25,7 +25,6 @@ from gateway.twin.reconcile.equation.remainder import describe_result
 from gateway.twin.reconcile.output.outcome import SearchOutcome
 from gateway.twin.reconcile.output.result import AVERAGED, Reconciliation
 from gateway.twin.reconcile.output.result_builder import unusable_result
-from gateway.twin.reconcile.residual.isolability import indistinguishable_pairs
 from gateway.twin.reconcile.search.ambiguity import (
     fit_usual_causes,
     indistinguishable,
@@ -35,6 +34,7 @@ from gateway.twin.reconcile.search.ambiguity import (
 from gateway.twin.reconcile.search.baseline import detect_in_samples
 from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.search import SearchRun, search
+from gateway.twin.reconcile.search.signatures import indistinguishable_pairs
 
 
 class ReportProgress(Protocol):

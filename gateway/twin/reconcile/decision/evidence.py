@@ -7,7 +7,7 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.plausibility import rests_at_edge
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.least_squares import Fit
-from gateway.twin.reconcile.residual.whiteness import EXCESS_LINES, has_excess, has_lines
+from gateway.twin.reconcile.residual import EXCESS_LINES, has_excess, has_lines
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.changepoints import exclude_unmodelled_profiles
 from gateway.twin.reconcile.search.validation import ValidationFit, Validator

@@ -20,7 +20,7 @@ from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE
 from gateway.twin.reconcile.fit.fit_context import sensitivities_sigma
-from gateway.twin.reconcile.residual.isolability import orthonormal, project_out
+from gateway.twin.reconcile.search.signatures import orthonormal, project_out
 from gateway.twin.simulator.parameter_vector import ParameterSpec
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING

@@ -11,7 +11,7 @@ from gateway.twin.effects.effect import Effect
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.decision.evidence import Evidence, RankedCandidate
 from gateway.twin.reconcile.output.result import Verdict
-from gateway.twin.reconcile.residual.whiteness import has_lines, residual_lines
+from gateway.twin.reconcile.residual import has_lines, residual_lines
 from gateway.twin.reconcile.search.candidates import CandidateFit
 
 PARTIAL = ("named_with_remainder", "unmodelled")

@@ -18,9 +18,9 @@ from gateway.twin.effects.parameter import Values
 from gateway.twin.effects.term import Term
 from gateway.twin.effects.term_library import TERMS
 from gateway.twin.reconcile.fit.fit_context import FitContext
-from gateway.twin.reconcile.residual.whiteness import noise_floor
+from gateway.twin.reconcile.residual import noise_floor
 from gateway.twin.reconcile.search.candidates import CandidateFit
-from gateway.twin.reconcile.search.score_test import Signatures, compute_signatures
+from gateway.twin.reconcile.search.signatures import Signatures, compute_signatures
 
 Array = NDArray[np.float64]
 MAX_FREQUENCIES = 5

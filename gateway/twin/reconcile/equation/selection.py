@@ -14,7 +14,7 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.term_library import TERMS
 from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_MARGIN, VALIDATED_MARGIN
 from gateway.twin.reconcile.equation.screening import ScreenedTerm, screen_terms
-from gateway.twin.reconcile.residual.whiteness import noise_inflation_factor, warrants_another_effect
+from gateway.twin.reconcile.residual import noise_inflation_factor, warrants_another_effect
 from gateway.twin.reconcile.search.budget import FitRequest
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import SearchContext

@@ -27,12 +27,11 @@ from gateway.twin.reconcile.output.result import (
     Step,
     Verdict,
 )
-from gateway.twin.reconcile.residual.isolability import confusable, orthonormal
-from gateway.twin.reconcile.residual.remainder_of_motion import describe_remainder, name_multiples
-from gateway.twin.reconcile.residual.whiteness import analyse_residual, localise_residual
+from gateway.twin.reconcile.residual import analyse_residual, describe_remainder, localise_residual, name_multiples
 from gateway.twin.reconcile.search.ambiguity import any_length_changes, coincident_effects
 from gateway.twin.reconcile.search.candidates import MIN_SCORE_STATISTIC
 from gateway.twin.reconcile.search.search import SearchRun
+from gateway.twin.reconcile.search.signatures import confusable, orthonormal
 
 Array = NDArray[np.float64]
 MAX_RANKED = 12

@@ -20,7 +20,7 @@ from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_MARGIN_INDISTI
 from gateway.twin.reconcile.decision.identifiability import FittedRecording, indistinguishable_from
 from gateway.twin.reconcile.fit.coloured_covariance import coloured_covariance
 from gateway.twin.reconcile.fit.fit_context import is_world_directed
-from gateway.twin.reconcile.residual.whiteness import EXCESS_SIGNIFICANT, excess_chi2
+from gateway.twin.reconcile.residual import EXCESS_SIGNIFICANT, excess_chi2
 from gateway.twin.reconcile.search.candidates import (
     MIN_SCORE_STATISTIC,
     SCORE_PENALTY_PER_PARAMETER,
@@ -28,7 +28,7 @@ from gateway.twin.reconcile.search.candidates import (
     CandidateTable,
 )
 from gateway.twin.reconcile.search.context import SearchContext
-from gateway.twin.reconcile.search.score_test import scorable_effects
+from gateway.twin.reconcile.search.signatures import scorable_effects
 from gateway.twin.reconcile.search.stepwise_selection import eliminate
 from gateway.twin.reconcile.search.validation import Validator
 from gateway.twin.simulator.simulator import Simulator

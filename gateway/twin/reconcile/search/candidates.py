@@ -16,7 +16,7 @@ from gateway.twin.reconcile.fit.coloured_covariance import coloured_covariance
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.least_squares import Fit
 from gateway.twin.reconcile.fit.reparameterisation import NO_LIMITS, Limits
-from gateway.twin.reconcile.residual.whiteness import noise_inflation_factor, warrants_another_effect
+from gateway.twin.reconcile.residual import noise_inflation_factor, warrants_another_effect
 from gateway.twin.simulator.simulator import Simulator
 
 EVENT_MARGIN_S = 1.0

@@ -18,7 +18,7 @@ from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS
 from gateway.twin.reconcile.search.budget import Budget, FitRequest, run_in_processes
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable, make_candidate
 from gateway.twin.reconcile.search.changepoints import locate_changepoint
-from gateway.twin.reconcile.search.score_test import Signatures, compute_signatures, scorable_effects
+from gateway.twin.reconcile.search.signatures import Signatures, compute_signatures, scorable_effects
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 
 Array = NDArray[np.float64]

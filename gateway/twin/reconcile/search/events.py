@@ -11,7 +11,7 @@ from gateway.twin.effects.guess_context import EventWindow
 from gateway.twin.effects.parameter import ParameterKind, Values
 from gateway.twin.effects.rope import RopeLength
 from gateway.twin.reconcile.fit.fit_context import sensitivities_sigma
-from gateway.twin.reconcile.residual.whiteness import EXCESS_SIGNIFICANT, warrants_another_effect
+from gateway.twin.reconcile.residual import EXCESS_SIGNIFICANT, warrants_another_effect
 from gateway.twin.reconcile.search.budget import FitRequest
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.changepoints import exclude_unmodelled_profiles, scan_for_changepoints

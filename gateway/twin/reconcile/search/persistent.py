@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.effects.clock import ClockDrift
 from gateway.twin.effects.rope import DoublePendulum, RopeLength
-from gateway.twin.reconcile.residual.isolability import CONFUSABLE_COSINE, smallest_angle_cosine
 from gateway.twin.reconcile.search.baseline import length_error_by_period
 from gateway.twin.reconcile.search.budget import FitRequest
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import SearchContext
+from gateway.twin.reconcile.search.signatures import CONFUSABLE_COSINE, smallest_angle_cosine
 
 Array = NDArray[np.float64]
 MAX_SCORED = 4

@@ -14,9 +14,9 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.reparameterisation import reparameterise
-from gateway.twin.reconcile.residual.whiteness import noise_inflation_factor
+from gateway.twin.reconcile.residual import noise_inflation_factor
 from gateway.twin.reconcile.search.candidates import MIN_SCORE_STATISTIC, MIN_VARIANCE_SHARE
-from gateway.twin.reconcile.search.score_test import scorable_effects
+from gateway.twin.reconcile.search.signatures import scorable_effects
 from gateway.twin.reconcile.timing.time_warp import (
     INITIAL_STATES,
     TimeWarpSmoother,

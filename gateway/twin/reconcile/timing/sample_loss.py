@@ -19,7 +19,7 @@ from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext, is_world_directed
 from gateway.twin.reconcile.fit.least_squares import REFINEMENT_ITERATIONS, Fit, FitProblem
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
-from gateway.twin.reconcile.residual.whiteness import EXCESS_SIGNIFICANT
+from gateway.twin.reconcile.residual import EXCESS_SIGNIFICANT
 from gateway.twin.reconcile.search.candidates import CandidateFit
 from gateway.twin.reconcile.search.validation import evaluate_on_validation
 from gateway.twin.reconcile.timing.conditional_score_test import (

@@ -9,8 +9,8 @@ from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.decision.evidence import Evidence, RankedCandidate, contains, rivals_of
 from gateway.twin.reconcile.decision.verdict import Decision, decide
 from gateway.twin.reconcile.fit.least_squares import Fit
-from gateway.twin.reconcile.residual.isolability import indistinguishable_pairs
 from gateway.twin.reconcile.search.candidates import CandidateFit
+from gateway.twin.reconcile.search.signatures import indistinguishable_pairs
 from gateway.twin.reconcile.search.validation import ValidationFit
 
 YAW = frozenset({frozenset({"slewing", "housing_spin"})})

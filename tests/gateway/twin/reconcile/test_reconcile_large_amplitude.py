@@ -9,7 +9,7 @@ from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.least_squares import Fit, FitProblem
 from gateway.twin.reconcile.fit.swing_windows import initial_state_from_samples, window_bounds
 from gateway.twin.reconcile.fit.trajectory_fit import fit_windows
-from gateway.twin.reconcile.search.score_test import compute_signatures
+from gateway.twin.reconcile.search.signatures import compute_signatures
 from gateway.twin.reconcile.search.validation import evaluate_on_validation
 from gateway.twin.simulator.simulator import Simulator
 from tests.benchmarks.real_arm import Swing, believed_length_m, error_mrad, read_swings, rig_of

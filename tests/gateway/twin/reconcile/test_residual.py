@@ -10,13 +10,16 @@ from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.output.result import Curves
 from gateway.twin.reconcile.output.serialisation import to_json
 from gateway.twin.reconcile.output.text import to_text
-from gateway.twin.reconcile.residual.isolability import confusable, smallest_angle_cosine
-from gateway.twin.reconcile.residual.remainder_of_motion import (
+from gateway.twin.reconcile.residual import (
     describe_remainder,
+    find_peaks,
+    ljung_box_p,
+    localise_residual,
     multiple_of_swing,
+    noise_inflation_factor,
     swing_frequency_hz,
 )
-from gateway.twin.reconcile.residual.whiteness import find_peaks, ljung_box_p, localise_residual, noise_inflation_factor
+from gateway.twin.reconcile.search.signatures import confusable, smallest_angle_cosine
 from gateway.twin.reconcile.search.validation import block_bootstrap_gain
 from tests.gateway.twin.report.conftest import made
 

@@ -1,1 +1,0 @@
-"""Analysis of residuals: whiteness, spectral lines, noise inflation, isolability."""
