@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from gateway.twin.effects.parameter import Value
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.fit.initial_states import initial_state_from_samples
 from gateway.twin.reconcile.fit.least_squares import FitProblem
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
-from gateway.twin.reconcile.fit.swing_windows import initial_state_from_samples
 from gateway.twin.reconcile.fit.trajectory_fit import fit_windows
 from gateway.twin.simulator.simulator import Simulator
 

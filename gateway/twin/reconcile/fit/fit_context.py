@@ -18,10 +18,10 @@ from gateway.twin.reconcile.fit.initial_conditions import (
     reverse_swing,
     segment_initial_conditions,
 )
+from gateway.twin.reconcile.fit.initial_states import window_bounds
 from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, Fit, FitProblem
 from gateway.twin.reconcile.fit.multiple_shooting import SEGMENT_S, uniform_segments
 from gateway.twin.reconcile.fit.reparameterisation import RIGGING_LENGTH, ModalParameterisation
-from gateway.twin.reconcile.fit.swing_windows import window_bounds
 from gateway.twin.reconcile.fit.trajectory_fit import fit_trajectory
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 from gateway.twin.simulator.simulator import Simulator

@@ -16,8 +16,8 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext, sensitivities_sigma
+from gateway.twin.reconcile.fit.initial_states import window_bounds
 from gateway.twin.reconcile.fit.least_squares import Fit
-from gateway.twin.reconcile.fit.swing_windows import window_bounds
 from gateway.twin.reconcile.fit.trajectory_fit import project_out_initial_states, split_windows
 from gateway.twin.reconcile.output.result import Confusable
 from gateway.twin.simulator.simulator import Simulator

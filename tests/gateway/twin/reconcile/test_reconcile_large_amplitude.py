@@ -6,8 +6,8 @@ import pytest
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
+from gateway.twin.reconcile.fit.initial_states import initial_state_from_samples, window_bounds
 from gateway.twin.reconcile.fit.least_squares import Fit, FitProblem
-from gateway.twin.reconcile.fit.swing_windows import initial_state_from_samples, window_bounds
 from gateway.twin.reconcile.fit.trajectory_fit import fit_windows
 from gateway.twin.reconcile.search.signatures import compute_signatures
 from gateway.twin.reconcile.search.validation import evaluate_on_validation
