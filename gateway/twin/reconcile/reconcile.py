@@ -1,4 +1,11 @@
-"""The workflow: check, split, search, accept, validate, decide, report."""
+"""The workflow of a reconciliation, from a checked recording to the answer.
+
+check_recording -> split_recordings -> detect_in_samples -> take_means
+  -> search: nominal model, baseline, persistent effects, once more at true times where samples were lost,
+             single effects and pairs, growth
+  -> fit_usual_causes, where a residual is left -> replace_implausible
+  -> rank_candidates -> gather_evidence -> decide -> describe_result, with a law where something is left
+"""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -10,7 +10,7 @@ from gateway.errors import InputError
 from gateway.measurement.source import Source
 from gateway.numerics.stats import robust_sigma, true_runs
 from gateway.swing.data.input_checks import WITHOUT_GRAVITY, lacks_gravity
-from gateway.twin.model import Model, TwinRig
+from gateway.twin.model import DEFAULT_NOISE_G, Model, TwinRig
 from gateway.twin.reconcile.data.observations import (
     NEIGHBOUR_RATIO,
     SAME_FREQUENCY_RATIO,
@@ -73,7 +73,9 @@ def model_from_recording(source: Source) -> Model:
         raise InputError(
             f"{source.name}: says nothing of its rig; give --rig RIG, with [rope] length_m and [housing] position_m"
         )
-    noise_g = np.broadcast_to(np.asarray(1e-3 if source.noise_g is None else source.noise_g, dtype=np.float64), 3)
+    noise_g = np.broadcast_to(
+        np.asarray(DEFAULT_NOISE_G if source.noise_g is None else source.noise_g, dtype=np.float64), 3
+    )
     twin = TwinRig(
         housing.length_m,
         housing.position_at(housing.length_m),

@@ -53,6 +53,13 @@ def coloured_covariance(fit: Fit, observations: Observations) -> Array:
     return covariance
 
 
+def standard_uncertainties(fit: Fit, observations: Observations) -> Array:
+    """Return those of all values, shape (values,): 0 of what was not fitted."""
+    sigma = np.zeros(len(fit.values))
+    sigma[fit.free] = np.sqrt(np.maximum(np.diag(coloured_covariance(fit, observations)), 0.0))
+    return sigma
+
+
 def noise_density(power: Array, left: Array, bins: NDArray[np.intp]) -> Array:
     """Return the density at chosen frequencies of which 1.96 roots are the 95 % interval of the noise there, shape (m,).
 

@@ -15,7 +15,7 @@ from gateway.twin.model import Model, TwinRig
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_MARGIN
 from gateway.twin.reconcile.equation.selection import FoundLaw
-from gateway.twin.reconcile.fit.coloured_covariance import coloured_covariance
+from gateway.twin.reconcile.fit.coloured_covariance import standard_uncertainties
 from gateway.twin.reconcile.output.estimates import Estimate, Law, LawTerm, NamedEffect, Resemblance
 from gateway.twin.reconcile.output.outcome import SearchOutcome, list_data_parts, measure_gap, residuals_sigma
 from gateway.twin.reconcile.output.result import (
@@ -101,8 +101,7 @@ def _named_effect(name: str, found: SearchOutcome) -> NamedEffect:
     effect, final = EFFECTS[name], found.decision.model.candidate
     values, fit = final.values[name], final.fit
     simulator = found.run.context.setting.simulator(tuple(final.values))
-    sigma = np.zeros(len(simulator.parameters))
-    sigma[fit.free] = np.sqrt(np.maximum(np.diag(coloured_covariance(fit, found.run.recordings.log)), 0.0))
+    sigma = standard_uncertainties(fit, found.run.recordings.log)
     parameters = {}
     for p in effect.parameters:
         own = [(spec.effect, spec.parameter) == (name, p.name) for spec in simulator.parameters]

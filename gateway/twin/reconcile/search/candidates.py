@@ -12,7 +12,7 @@ from gateway.twin.effects.parameter import Values
 from gateway.twin.effects.plausibility import implausibility
 from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.coloured_covariance import coloured_covariance
+from gateway.twin.reconcile.fit.coloured_covariance import standard_uncertainties
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.least_squares import Fit
 from gateway.twin.reconcile.fit.reparameterisation import NO_LIMITS, Limits
@@ -170,8 +170,7 @@ def _length_limits(simulator: Simulator, fit: Fit, log: Observations) -> Limits:
     ]
     if not chosen:
         return NO_LIMITS
-    sigma = np.zeros(len(fit.values))
-    sigma[fit.free] = np.sqrt(np.maximum(np.diag(coloured_covariance(fit, log)), 0.0))
+    sigma = standard_uncertainties(fit, log)
     return {
         spec.label: (
             max(spec.lower, float(fit.values[i] - LENGTH_SIGMAS * sigma[i])),
