@@ -4,7 +4,6 @@ A plan requires six faces in any order, or directions all round.
 """
 
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -72,31 +71,10 @@ class PoseProgress:
     """One line for the rigger: what to do next, or what was wrong with the pose."""
 
 
-class PosePlan(Protocol):
-    """The poses that a method requires, and their fit."""
-
-    @property
-    def n_poses(self) -> int:
-        """Least number of poses."""
-        ...
-
-    def accept(self, pose: Pose, earlier: Poses) -> tuple[Pose | None, str]:
-        """Return the pose as it is stored, None if it is refused, and a text for the rigger."""
-        ...
-
-    def request_next(self, poses: Poses) -> RequestedPose:
-        """Return the pose to take next."""
-        ...
-
-    def fit(self, poses: Poses) -> CalibrationFit:
-        """Return the fit. Raises `NotDeterminedError`."""
-        ...
-
-
 class PoseProcedure:
     """Collects poses from readings. What the rigger does never raises an error; the progress states it."""
 
-    def __init__(self, plan: PosePlan, nominal: NominalSensitivity) -> None:
+    def __init__(self, plan: "SixPositionPlan | NormFitPlan", nominal: NominalSensitivity) -> None:
         self._plan = plan
         self._finder = PoseFinder(nominal)
         self._poses: Poses = ()
@@ -152,8 +130,7 @@ class PoseProcedure:
             self._pose_text = f"{MAX_POSES} poses are enough; finish"
             return
         accepted, self._pose_text = self._plan.accept(pose, self._poses)
-        if accepted is not None:
-            self._poses = (*self._poses, accepted)
+        self._poses = (*self._poses, accepted)
         still = tuple(one for one in self._poses if self._finder.was_still(one))
         if len(still) < len(self._poses):
             self._pose_text += (
@@ -163,15 +140,15 @@ class PoseProcedure:
 
 
 class SixPositionPlan:
-    """Every face up at least once; repeats of a face are averaged."""
+    """Every face up at least once; repeats of a face are averaged. The plan of a method requests poses, and fits them."""
 
     n_poses = len(FACES)
 
     def __init__(self, placement_u_deg: float) -> None:
         self._placement_u_deg = placement_u_deg
 
-    def accept(self, pose: Pose, earlier: Poses) -> tuple[Pose | None, str]:
-        """Accept every pose; one on no face is marked as not used."""
+    def accept(self, pose: Pose, earlier: Poses) -> tuple[Pose, str]:
+        """Return the pose as it is stored, one on no face marked as not used, and a text for the rigger."""
         if pose.face is None:
             off_deg = angle_to_face_deg(np.array(pose.mean))
             return replace(pose, used=False), f"{off_deg:.0f} deg off the nearest face: not used; lay it on a face"
@@ -202,8 +179,8 @@ class NormFitPlan:
         self._frame_u_deg = frame_u_deg
         self._parent = parent
 
-    def accept(self, pose: Pose, earlier: Poses) -> tuple[Pose | None, str]:
-        """Accept every pose, and say so of one within 15 degrees of an earlier one."""
+    def accept(self, pose: Pose, earlier: Poses) -> tuple[Pose, str]:
+        """Return the pose, and a text for the rigger, which tells one within 15 degrees of an earlier one."""
         near = next((number for number, one in enumerate(earlier, start=1) if self._is_near(pose, one)), None)
         hint = "" if near is None else f", near pose {near}: it adds little; turn it further"
         return pose, f"pose {len(earlier) + 1} taken{hint}"

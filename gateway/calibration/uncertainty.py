@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from gateway.calibration.poses.faces import FACE_DIRECTIONS
-from gateway.calibration.poses.pose import Pose
+from gateway.calibration.poses.pose import Pose, temperature_range
 from gateway.numerics.array import Array
 
 K_PREDICTION = 3.0
@@ -78,18 +78,10 @@ def reading_noise_g(poses: tuple[Pose, ...], matrix: Array) -> float:
     return float(np.max(np.linalg.norm(matrix, axis=1) * np.sqrt(np.mean(np.square(sigmas), axis=0))))
 
 
-def temperature_range(poses: tuple[Pose, ...]) -> dict[str, int | float] | None:
-    """Return mean, minimum and maximum of the poses' temperatures; None if no temperature was read."""
-    known = [pose.temperature_c for pose in poses if pose.temperature_c is not None]
-    if not known:
-        return None
-    return {"mean": float(np.mean(known)), "min": min(known), "max": max(known)}
-
-
 def temperature_contribution(poses: tuple[Pose, ...], matrix: Array) -> Contribution:
     """Return the contribution of the offset's thermal drift between the poses, rectangular over the range (GUM 4.3.7)."""
     covariance = np.zeros((12, 12))
-    if (temperature_c := temperature_range(poses)) is not None:
+    if (temperature_c := temperature_range(pose.temperature_c for pose in poses)) is not None:
         u_g = OFFSET_TEMPERATURE_COEFFICIENT_G_PER_C * (temperature_c["max"] - temperature_c["min"]) / np.sqrt(12)
         inverse = np.linalg.inv(matrix)
         covariance[9:, 9:] = u_g**2 * inverse @ inverse.T

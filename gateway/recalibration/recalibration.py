@@ -164,7 +164,9 @@ class Recalibration:
             command = self._opened.prepare(request, self.session, now)
         except (PlumblineError, ValueError, ArithmeticError) as refusal:
             answer = RequestAnswer(id=request.id, request=fingerprint, accepted=False, text=str(refusal))
-            self._note_refusal(answer, audited, now)
+            # A refusal has changed nothing: it is kept without waiting for the disk, so that a flood of them delays nothing.
+            self._journal.remember(answer)
+            self._try_audit(now, "request", durable=False, **audited, accepted=False, why=answer.text)
             return Response(answer)
         begin()
         self._audit.write(now.utc, "request", **audited, accepted=True)
@@ -254,18 +256,10 @@ class Recalibration:
             return False
         return True
 
-    def _try_audit(self, now: Timestamp, event: str, **content: Any) -> None:
+    def _try_audit(self, now: Timestamp, event: str, *, durable: bool = True, **content: Any) -> None:
         """Audit what has happened in any case; if the audit cannot be written, the log contains it."""
         try:
-            self._audit.write(now.utc, event, **content)
-        except OSError as error:
-            self._log_line(f"the audit cannot be written: {error}")
-
-    def _note_refusal(self, answer: RequestAnswer, audited: dict[str, Any], now: Timestamp) -> None:
-        """Keep a refusal without waiting for the disk: nothing has changed, and a flood of them must delay nothing."""
-        self._journal.remember(answer)
-        try:
-            self._audit.write(now.utc, "request", durable=False, **audited, accepted=False, why=answer.text)
+            self._audit.write(now.utc, event, durable=durable, **content)
         except OSError as error:
             self._log_line(f"the audit cannot be written: {error}")
 

@@ -44,20 +44,10 @@ LIMITS_BY_PART = {
 """Known parts by name, with the limits of their data sheets."""
 
 
-def judge_interval(low: float, high: float, limit: float | None) -> Verdict | None:
-    """Return whether a 95 % interval lies within plus or minus a limit, outside of it, or on it; None without a limit."""
-    if limit is None:
-        return None
-    if max(abs(low), abs(high)) <= limit:
-        return "within"
-    return "exceeds" if low > limit or high < -limit else "undecided"
-
-
-def judge_value(value: float, u_value: float, limits: Limits | None) -> Verdict | None:
-    """Return whether a value with its standard uncertainty lies within two limits, outside, or on one; None without limits."""
+def judge_interval(low: float, high: float, limits: Limits | None) -> Verdict | None:
+    """Return whether a 95 % interval lies within two limits, outside of them, or on one; None without limits."""
     if limits is None:
         return None
-    low, high = value - 2 * u_value, value + 2 * u_value
     if limits[0] <= low and high <= limits[1]:
         return "within"
     return "exceeds" if high < limits[0] or low > limits[1] else "undecided"

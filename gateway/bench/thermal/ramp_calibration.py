@@ -9,7 +9,6 @@ from gateway.bench.thermal.datasheet_limits import (
     DatasheetLimits,
     Verdict,
     judge_interval,
-    judge_value,
     overall,
 )
 from gateway.bench.thermal.ramp import Ramp, read_ramp
@@ -172,12 +171,11 @@ def _summarise(
     n_offset, scale = len(regression.offset), float(regression.sensitivity[0])
     stated = limits if limits is not None and limits.unit == unit else None
     u = np.sqrt(np.diag(regression.covariance))
-    zero_g_verdict = judge_value(
-        float(regression.offset[0]),
-        float(u[0]),
-        None if stated is None or stated.zero_g is None else stated.zero_g[axis],
-    )
-    sensitivity_verdict = judge_value(scale, float(u[n_offset]), None if stated is None else stated.sensitivity)
+    zero_g, u_zero_g, u_scale = float(regression.offset[0]), float(u[0]), float(u[n_offset])
+    zero_g_limits = None if stated is None or stated.zero_g is None else stated.zero_g[axis]
+    zero_g_verdict = judge_interval(zero_g - 2 * u_zero_g, zero_g + 2 * u_zero_g, zero_g_limits)
+    scale_limits = None if stated is None else stated.sensitivity
+    sensitivity_verdict = judge_interval(scale - 2 * u_scale, scale + 2 * u_scale, scale_limits)
     offset = _mean_slope(
         regression, slice(0, n_offset), ends_c, 1000 / scale, None if limits is None else limits.offset_mg_per_c
     )
@@ -192,7 +190,7 @@ def _summarise(
         axis=AXES[axis],
         offset_mg_per_c=offset,
         sensitivity_percent_per_c=sensitivity,
-        zero_g=float(regression.offset[0]),
+        zero_g=zero_g,
         zero_g_verdict=zero_g_verdict,
         sensitivity=scale,
         sensitivity_verdict=sensitivity_verdict,
@@ -210,5 +208,5 @@ def _mean_slope(
     value = factor * float(row[part] @ coefficients)
     half = regression.coverage_factor(row) * abs(factor) * float(np.sqrt(row @ regression.covariance @ row))
     interval = (value - half, value + half)
-    verdict = judge_interval(*interval, limit)
+    verdict = judge_interval(*interval, None if limit is None else (-limit, limit))
     return MeasuredCoefficient(value, interval, limit, verdict, len(coefficients) == 3, regression.dominant(row))

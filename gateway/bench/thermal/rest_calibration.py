@@ -21,10 +21,8 @@ from gateway.bench.thermal.slow_noise import (
 )
 from gateway.calibration.correction import ZERO_G_OFFSET_LIMIT_G_PER_K
 from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind
-from gateway.calibration.offline.calibrate_files import FED_READINGS
 from gateway.calibration.offline.input_files import FileReadings
 from gateway.calibration.pose_method import THERMAL_REST
-from gateway.calibration.poses.pose import RawReadings
 from gateway.calibration.poses.windows import STILL_RATIO, StillnessGate, Window, WindowSplitter
 from gateway.calibration.record import CalibrationError, CalibrationRecord, NotDeterminedError
 from gateway.calibration.thermal_model import AXES, AxisThermalModel, ThermalModel, holds_at_c
@@ -94,7 +92,7 @@ def learn_at_rest(files: Sequence[FileReadings], parent: CalibrationRecord) -> t
         (low_c, high_c),
         len(at_rest_c),
     )
-    model = _model(parent, place, slope_g * per_g, u_slope_g * per_g, (low_c, high_c))
+    model = _model(parent, place, slope_g * per_g, u_slope_g * per_g, reference_c, (low_c, high_c))
     return _with_model(parent, model, coefficient), coefficient
 
 
@@ -165,9 +163,8 @@ def _find_rests(file: FileReadings, units_per_g: float) -> tuple[Array, Array]:
     gate, splitter = StillnessGate(units_per_g), WindowSplitter()
     run: list[Window] = []
     found = []
-    for start in range(0, len(file.time_s), FED_READINGS):
-        part = slice(start, start + FED_READINGS)
-        for window in splitter.feed(RawReadings(file.time_s[part], file.raw[part])):
+    for readings in file.blocks():
+        for window in splitter.feed(readings):
             run = [*([] if window.after_gap else run), window] if gate.is_still(window) else []
             if len(run) == REST_WINDOWS:
                 means = np.array([one.mean for one in run])
@@ -243,13 +240,16 @@ def _slope_of_axis(rests: _Rests, along: int, known_c: float, to_axis: Array) ->
 
 
 def _model(
-    parent: CalibrationRecord, place: int, slope: float, u_slope: float, range_c: tuple[float, float]
+    parent: CalibrationRecord,
+    place: int,
+    slope: float,
+    u_slope: float,
+    reference_c: float,
+    range_c: tuple[float, float],
 ) -> ThermalModel:
     """Return the model; an axis across the rope keeps the limit of a data sheet as its uncertainty (GUM 4.3.7)."""
     per_g = 1 / np.abs(np.diag(np.array(parent.correction_matrix)))
     unknown = ZERO_G_OFFSET_LIMIT_G_PER_K / np.sqrt(3) * per_g
-    known_c = None if parent.temperature_c is None else float(parent.temperature_c["mean"])
-    middle_c = sum(range_c) / 2
     axes = {
         axis: AxisThermalModel(
             offset_per_c=[slope if number == place else 0.0],
@@ -258,7 +258,6 @@ def _model(
         )
         for number, axis in enumerate(AXES)
     }
-    reference_c = middle_c if known_c is None else min(max(known_c, range_c[0]), range_c[1])
     return ThermalModel(source="rest", reference_c=reference_c, min_c=range_c[0], max_c=range_c[1], axes=axes)
 
 

@@ -9,13 +9,19 @@ from datetime import datetime, timedelta
 
 import numpy as np
 
-from gateway.calibration.drift.change import change_between, reading_error_g, sensitivity_of, tilt_error_rad
+from gateway.calibration.drift.change import (
+    DriftChange,
+    change_between,
+    reading_error_g,
+    sensitivity_of,
+    tilt_error_rad,
+)
 from gateway.calibration.drift.forecast import (
-    MEASURING_METHODS,
     MIN_SPAN_DAYS,
-    SECONDS_PER_DAY,
     analyse_drift,
     created_at,
+    days_between,
+    measuring_records,
 )
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.numerics.array import Array
@@ -59,7 +65,7 @@ def drift_table(records: Sequence[CalibrationRecord]) -> tuple[DriftRow, ...]:
 
     Raises `CalibrationError` without such a record, and for records of different devices or units.
     """
-    measuring = sorted((record for record in records if record.method in MEASURING_METHODS), key=created_at)
+    measuring = measuring_records(records)
     if not measuring:
         raise CalibrationError(f"none of {len(records)} records measured offset and scale")
     return tuple(_row(measuring[0], record) for record in measuring)
@@ -146,28 +152,29 @@ def _judge_sensor(
     records: Sequence[CalibrationRecord], now: datetime, limit_deg: float, interval_days: float
 ) -> SensorDrift:
     table = drift_table(records)
-    measuring = sorted((record for record in records if record.method in MEASURING_METHODS), key=created_at)
-    last = measuring[-1]
-    if created_at(last) > now + MAX_AHEAD:
+    measuring = measuring_records(records)
+    last, made = measuring[-1], created_at(measuring[-1])
+    if made > now + MAX_AHEAD:
         raise CalibrationError(
             f"record {last.id} is dated {last.created_utc}, after today: a clock was wrong; correct it and calibrate again"
         )
     days, basis, warnings = _days_to_next(measuring, limit_deg, interval_days)
-    next_utc = created_at(last) + timedelta(days=days)
-    drift = _last_drift(measuring)
+    next_utc = made + timedelta(days=days)
+    drift_deg = u_drift_deg = drift_axis = drift_days = None
+    if len(measuring) > 1:
+        drift_deg, u_drift_deg, drift_axis = _largest_tilt_error(change_between(measuring[-2], last))
+        drift_days = days_between(created_at(measuring[-2]), made)
     return SensorDrift(
         device_id=last.device_id,
         records=len(measuring),
         last_utc=last.created_utc,
-        age_days=(now - created_at(last)).total_seconds() / SECONDS_PER_DAY,
-        drift_deg=None if drift is None else drift[0],
-        u_drift_deg=None if drift is None else drift[1],
-        drift_axis=None if drift is None else drift[2],
-        drift_days=None
-        if drift is None
-        else (created_at(last) - created_at(measuring[-2])).total_seconds() / SECONDS_PER_DAY,
+        age_days=days_between(made, now),
+        drift_deg=drift_deg,
+        u_drift_deg=u_drift_deg,
+        drift_axis=drift_axis,
+        drift_days=drift_days,
         next_utc=next_utc,
-        due_days=(next_utc - now).total_seconds() / SECONDS_PER_DAY,
+        due_days=days_between(now, next_utc),
         basis=basis,
         table=table,
         warnings=warnings,
@@ -180,7 +187,7 @@ def _days_to_next(
     """Return the days from the last record to the next calibration, what they follow from, and warnings."""
     if len(measuring) < 2:
         return interval_days, "interval", ("a single calibration: its drift is not known",)
-    span_days = (created_at(measuring[-1]) - created_at(measuring[0])).total_seconds() / SECONDS_PER_DAY
+    span_days = days_between(created_at(measuring[0]), created_at(measuring[-1]))
     if span_days < MIN_SPAN_DAYS:
         text = f"{len(measuring)} calibrations within a day show their repeatability and nothing about ageing"
         return interval_days, "interval", (text,)
@@ -190,11 +197,8 @@ def _days_to_next(
     return interval_days, "interval", report.warnings
 
 
-def _last_drift(measuring: Sequence[CalibrationRecord]) -> tuple[float, float, str] | None:
-    """Return tilt error, its standard uncertainty in degrees and the axis of the change since the record before."""
-    if len(measuring) < 2:
-        return None
-    change = change_between(measuring[-2], measuring[-1])
+def _largest_tilt_error(change: DriftChange) -> tuple[float, float, str]:
+    """Return the tilt error of the axis that has changed most, its standard uncertainty, in degrees, and the axis."""
     axis = int(np.argmax(change.tilt_error_deg))
     u_g = float(np.hypot(change.u_offset_g[axis], change.u_scale[axis]))
     return float(change.tilt_error_deg[axis]), float(np.degrees(u_g)), "xyz"[axis]

@@ -102,15 +102,14 @@ def analyse_drift(
     Raises `CalibrationError` for fewer than two measuring records, two devices or units, records without uncertainties, or equal
     times.
     """
-    measuring = sorted((record for record in records if record.method in MEASURING_METHODS), key=created_at)
+    measuring = measuring_records(records)
     if len(measuring) < 2:
         raise CalibrationError(
             f"a drift needs two calibrations at least; of {len(records)} records, {len(measuring)} measured offset and scale"
         )
     changes = [change_from_reference(measuring[0], record) for record in measuring]
-    day = np.array(
-        [(created_at(record) - created_at(measuring[0])).total_seconds() / SECONDS_PER_DAY for record in measuring]
-    )
+    first = created_at(measuring[0])
+    day = np.array([days_between(first, created_at(record)) for record in measuring])
     x, y, z = (
         AxisDrift(
             axis=name,
@@ -139,6 +138,16 @@ def analyse_drift(
         within=_recalibrate_within((x, y, z), float(day[-1]), limit_deg),
         warnings=_warnings(records, measuring, (x, y, z)),
     )
+
+
+def measuring_records(records: Sequence[CalibrationRecord]) -> list[CalibrationRecord]:
+    """Return the records that measure offset and scale, oldest first."""
+    return sorted((record for record in records if record.method in MEASURING_METHODS), key=created_at)
+
+
+def days_between(earlier: datetime, later: datetime) -> float:
+    """Return the days from one time to another."""
+    return (later - earlier).total_seconds() / SECONDS_PER_DAY
 
 
 def created_at(record: CalibrationRecord) -> datetime:

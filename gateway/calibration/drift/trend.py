@@ -36,8 +36,6 @@ class Trend:
     """Upper end of the 95 % interval of the rate."""
     random_walk: float
     """Standard deviation of the random walk per square root of a day, given or estimated."""
-    is_testable: bool
-    """Whether there are more than two values: a line through two always fits."""
     is_rejected: bool
     """Whether the values scatter about a straight line by more than their uncertainties allow: there is no steady trend."""
     _fit: "_WeightedFit"
@@ -107,7 +105,6 @@ def fit_measurements(day: Array, value: Array, u_value: Array, random_walk: floa
         fit,
         k_coverage=quantile,
         random_walk=fit.walk_variance**0.5,
-        is_testable=freedom > 0,
         is_rejected=freedom > 0 and straight.chi_square > chi_square_quantile(CHANCE_LEVEL, freedom),
     )
 
@@ -133,14 +130,13 @@ def fit_means(day: Array, value: Array, covariate: Array | None = None) -> Trend
         best,
         k_coverage=scatter * student_quantile(0.975, freedom),
         random_walk=scatter * best.walk_variance**0.5,
-        is_testable=True,
         is_rejected=False,
     )
 
 
-def _trend(fit: _WeightedFit, *, k_coverage: float, random_walk: float, is_testable: bool, is_rejected: bool) -> Trend:
+def _trend(fit: _WeightedFit, *, k_coverage: float, random_walk: float, is_rejected: bool) -> Trend:
     rate, half = float(fit.coefficients[1]), k_coverage * float(np.sqrt(fit.covariance[1, 1]))
-    return Trend(rate, rate - half, rate + half, random_walk, is_testable, is_rejected, fit, k_coverage)
+    return Trend(rate, rate - half, rate + half, random_walk, is_rejected, fit, k_coverage)
 
 
 def _design_matrix(day: Array, covariate: Array | None = None) -> Array:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from gateway.calibration.poses.pose import Pose
+from gateway.calibration.poses.pose import Pose, temperature_range
 from gateway.calibration.record import Number
 from gateway.calibration.uncertainty import (
     Contribution,
@@ -19,7 +19,6 @@ from gateway.calibration.uncertainty import (
     prediction_interval_g,
     reading_noise_g,
     temperature_contribution,
-    temperature_range,
     total_covariance,
     uncertainty_budget,
 )
@@ -129,7 +128,7 @@ def assemble_fit(
         covariance=covariance,
         prediction_interval_g=prediction_interval_g(matrix, covariance, reading_noise_g(used, matrix)),
         poses=poses,
-        temperature_c=temperature_range(used),
+        temperature_c=temperature_range(pose.temperature_c for pose in used),
         misalignment_deg=misalignment_deg(sensitivity),
         residual_rms_g=residual_rms_g,
         condition_number=condition_number,

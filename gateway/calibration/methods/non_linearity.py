@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.calibration.poses.pose import Pose, quantisation_u
+from gateway.calibration.poses.pose import Pose
 from gateway.calibration.uncertainty import Contribution
 from gateway.numerics.array import Array
 from gateway.numerics.stats import CHANCE_LEVEL, chi_square_quantile
@@ -58,7 +58,7 @@ def find_non_linearity(poses: tuple[Pose, ...], matrix: Array, offset: Array, co
     norm_g = np.linalg.norm(corrected_g, axis=1)
     up = corrected_g / norm_g[:, None]
     jacobian = np.hstack([np.einsum("pa,pb->pab", up, raw).reshape(-1, 9), -up @ matrix])
-    u_mean = np.array([np.hypot(pose.type_a, quantisation_u(pose.step, pose.reading_sigma)) for pose in poses])
+    u_mean = np.array([np.hypot(pose.type_a, pose.quantisation_u) for pose in poses])
     errors = jacobian @ covariance @ jacobian.T + np.diag((((up @ matrix) * u_mean) ** 2).sum(axis=1))
     residual_g = norm_g - 1
     chi_square = float(residual_g @ np.linalg.solve(errors, residual_g))

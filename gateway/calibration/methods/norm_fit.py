@@ -16,7 +16,7 @@ import numpy as np
 from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind, assemble_fit
 from gateway.calibration.methods.experiment_design import condition_number, require_well_conditioned
 from gateway.calibration.pose_method import PoseMethod
-from gateway.calibration.poses.pose import Pose, quantisation_u
+from gateway.calibration.poses.pose import Pose
 from gateway.calibration.record import CalibrationRecord, NotDeterminedError
 from gateway.calibration.uncertainty import Contribution
 from gateway.numerics.array import Array
@@ -124,7 +124,7 @@ def fit_norm(
             f"take {N_PARAMETERS - len(used)} more, each turned by 30 degrees or more"
         )
     mean = np.array([pose.mean for pose in used])
-    u = _mean_u(used)
+    u = np.array([np.hypot(pose.type_a, pose.quantisation_u) for pose in used])
     centre, radius = _fit_sphere(mean, units_per_g)
     up = (mean - centre) / np.linalg.norm(mean - centre, axis=1, keepdims=True)
     require_well_conditioned(up)
@@ -150,15 +150,6 @@ def fit_norm(
         condition_number=condition_number(up),
         warnings=warnings,
     )
-
-
-def _mean_u(poses: tuple[Pose, ...]) -> Array:
-    """Return the standard uncertainty of each mean, from noise and quantisation, shape (p, 3)."""
-    return np.asarray(np.hypot([pose.type_a for pose in poses], _quantisation_u(poses)))
-
-
-def _quantisation_u(poses: tuple[Pose, ...]) -> Array:
-    return np.array([quantisation_u(pose.step, pose.reading_sigma) for pose in poses])
 
 
 def _fit_sphere(mean: Array, units_per_g: float) -> tuple[Array, float]:
@@ -253,7 +244,7 @@ def _contributions(
 ) -> tuple[Contribution, ...]:
     matrix = np.asarray(frame.rotation @ solution.matrix / radius)
     noise_u = solution.gradient * [pose.type_a for pose in poses] * scatter_ratio / radius
-    steps_u = solution.gradient * _quantisation_u(poses) / radius
+    steps_u = solution.gradient * [pose.quantisation_u for pose in poses] / radius
     return (
         Contribution("noise of the pose means", "A", _covariance(solution, frame, noise_u, radius)),
         Contribution(frame.source, "B", rotation_covariance(matrix, frame.covariance_rad2)),

@@ -19,7 +19,7 @@ from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarni
 from gateway.calibration.methods.non_linearity import find_non_linearity, non_linearity_contribution
 from gateway.calibration.pose_method import PoseMethod
 from gateway.calibration.poses.faces import FACE_DIRECTIONS, FACES, describe_direction, without_tilted_poses
-from gateway.calibration.poses.pose import Face, Pose, quantisation_u
+from gateway.calibration.poses.pose import Face, Pose
 from gateway.calibration.record import NotDeterminedError
 from gateway.calibration.uncertainty import Contribution, total_covariance
 from gateway.numerics.array import Array
@@ -215,7 +215,7 @@ def _face_readings(poses: tuple[Pose, ...], sensitivity: Array, placement_rad: f
         mean=np.array([pose.mean for pose in poses]),
         up=up,
         noise_u=np.array([pose.type_a for pose in poses]),
-        quantisation_u=np.array([quantisation_u(pose.step, pose.reading_sigma) for pose in poses]),
+        quantisation_u=np.array([pose.quantisation_u for pose in poses]),
         placement=changes.reshape(-1, len(poses), 3),
     )
 

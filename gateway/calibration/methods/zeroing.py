@@ -10,8 +10,8 @@ import numpy as np
 
 from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind, misalignment_deg
 from gateway.calibration.pose_method import ZEROING
-from gateway.calibration.poses.pose import RawReadings, correlation_factor
-from gateway.calibration.poses.windows import StillnessGate, Window, WindowSplitter
+from gateway.calibration.poses.pose import RawReadings, temperature_range
+from gateway.calibration.poses.windows import Rest, StillnessGate, WindowSplitter
 from gateway.calibration.record import CalibrationError, CalibrationRecord, NotDeterminedError
 from gateway.calibration.thermal_model import thermal_model
 from gateway.calibration.uncertainty import Contribution, prediction_interval_g, total_covariance, uncertainty_budget
@@ -51,19 +51,15 @@ def zero_in_place(
     A thermal model of the parent is applied to them and kept. Raises `NotDeterminedError` if they are too short or not still,
     `CalibrationError` if they do not agree with the parent.
     """
-    windows = _still_windows(_at_reference(readings, parent), units_per_g)
-    counts = np.array([window.count for window in windows], dtype=np.float64)
-    means = np.array([window.mean for window in windows])
-    mean = counts @ means / counts.sum()
+    rest = _find_rest(_at_reference(readings, parent), units_per_g)
+    mean, sigma = rest.mean(), rest.sigma()
     matrix, offset = np.array(parent.correction_matrix), np.array(parent.offset, dtype=np.float64)
-    sigma = np.sqrt(sum(window.square_sum for window in windows) / (counts.sum() - len(windows)))
-    _require_steady_mean((means - mean) @ matrix.T, np.linalg.norm(matrix, axis=1) * sigma / np.sqrt(counts.mean()))
+    noise_g = np.linalg.norm(matrix, axis=1) * sigma / np.sqrt(rest.counts().mean())
+    _require_steady_mean((rest.means() - mean) @ matrix.T, noise_g)
     _require_plausible_reading(matrix @ (mean - offset), parent, housing_from_sensor)
-    type_a = sigma / np.sqrt(counts.sum()) * correlation_factor(means, counts, sigma)
     zeroed = _zeroed_matrix(matrix, offset, mean, housing_from_sensor)
-    contributions = _contributions(parent, mean, type_a, housing_from_sensor, np.radians(plumb_u_deg))
+    contributions = _contributions(parent, mean, rest.type_a(), housing_from_sensor, np.radians(plumb_u_deg))
     covariance = total_covariance(contributions)
-    known = [window.temperature_c for window in windows if window.temperature_c is not None]
     x, y, z = parent.offset
     return CalibrationFit(
         method=ZEROING,
@@ -75,7 +71,7 @@ def zero_in_place(
             prediction_interval_g(zeroed, covariance, float(np.max(sigma)) / units_per_g),
         ),
         poses=(),
-        temperature_c={"mean": float(np.mean(known)), "min": min(known), "max": max(known)} if known else None,
+        temperature_c=temperature_range(window.temperature_c for window in rest.windows),
         misalignment_deg=misalignment_deg(np.asarray(np.linalg.inv(zeroed), dtype=np.float64)),
         residual_rms_g=abs(float(np.linalg.norm(zeroed @ (mean - offset))) - 1),
         condition_number=1.0,
@@ -105,7 +101,7 @@ def _at_reference(readings: RawReadings, parent: CalibrationRecord) -> RawReadin
     return replace(readings, raw=model.to_reference(readings.raw, offset, readings.temperature_c))
 
 
-def _still_windows(readings: RawReadings, units_per_g: float) -> list[Window]:
+def _find_rest(readings: RawReadings, units_per_g: float) -> Rest:
     gate = StillnessGate(units_per_g)
     judged = [(window, gate.is_still(window)) for window in WindowSplitter().feed(readings)]
     last_gap = max((place for place, (window, _) in enumerate(judged) if window.after_gap), default=0)
@@ -120,7 +116,7 @@ def _still_windows(readings: RawReadings, units_per_g: float) -> list[Window]:
         raise NotDeterminedError(
             f"moving in {len(judged) - len(still)} of {len(judged)} windows; let the load hang still"
         )
-    return still
+    return Rest(still)
 
 
 def _require_steady_mean(deviation_g: Array, noise_g: Array) -> None:

@@ -12,8 +12,8 @@ from gateway.calibration.methods.calibration_fit import CalibrationFit
 from gateway.calibration.methods.norm_fit import FRAME_U_DEG
 from gateway.calibration.methods.six_position import PLACEMENT_U_DEG
 from gateway.calibration.offline.input_files import FileReadings
-from gateway.calibration.pose_procedure import PoseProcedure, make_procedure
-from gateway.calibration.poses.pose import NominalSensitivity, RawReadings
+from gateway.calibration.pose_procedure import make_procedure
+from gateway.calibration.poses.pose import NominalSensitivity
 from gateway.calibration.poses.pose_finder import NORM_TOLERANCE, READINGS_PER_POSE
 from gateway.calibration.record import CalibrationRecord, NotDeterminedError
 from gateway.errors import InputError
@@ -31,8 +31,6 @@ unit, and a turned one has 1 g or more."""
 MAX_DIGITAL_ZERO_G = 0.5
 """Largest zero of a digital sensor, g; a larger one is that of an analogue sensor, in the middle of its supply voltage. Basis: a
 choice; data sheets state less for digital sensors, and 1.5 V are several g."""
-FED_READINGS = 64
-"""Number of readings that are fed at once. Basis: the result does not depend on it."""
 
 
 def estimate_sensitivity(files: Sequence[FileReadings], units_per_g: float | None) -> NominalSensitivity:
@@ -130,7 +128,9 @@ def calibrate_files(files: Sequence[FileReadings], options: CalibrateOptions) ->
     )
     for one in files:
         n_before = len(procedure.progress().poses)
-        _feed_file(procedure, one)
+        for readings in one.blocks():
+            procedure.feed(readings)
+        procedure.end_segment()  # the end of a file ends a pose
         if one.n_skipped:
             notes.append(f"{one.path}: {one.n_skipped} rows could not be used")
         if len(procedure.progress().poses) == n_before:
@@ -147,17 +147,3 @@ def calibrate_files(files: Sequence[FileReadings], options: CalibrateOptions) ->
         where = str(files[0].path) if len(files) == 1 else f"{len(files)} files"
         raise NotDeterminedError("; ".join([f"{n_poses} poses in {where}: {error}", *notes])) from error
     return OfflineCalibration(fit, files[0].unit, nominal, tuple(notes))
-
-
-def _feed_file(procedure: PoseProcedure, readings: FileReadings) -> None:
-    """Feed all readings of a file in blocks; the end of the file ends a pose."""
-    for start in range(0, len(readings.time_s), FED_READINGS):
-        part = slice(start, start + FED_READINGS)
-        procedure.feed(RawReadings(readings.time_s[part], readings.raw[part], _mean_temperature_c(readings, part)))
-    procedure.end_segment()
-
-
-def _mean_temperature_c(readings: FileReadings, part: slice) -> float | None:
-    if readings.temperature_c is None or np.all(np.isnan(readings.temperature_c[part])):
-        return None
-    return float(np.nanmean(readings.temperature_c[part]))

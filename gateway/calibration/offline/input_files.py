@@ -3,7 +3,7 @@
 A recording is the project's CSV, or a table in counts, volts, m/s² or g from elsewhere.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from devices.tables.foreign import TableOptions, UnitRange, read_foreign_table
+from gateway.calibration.poses.pose import RawReadings
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.store import parse_record
 from gateway.errors import InputError, describe_problems
@@ -26,6 +27,9 @@ RANGES_AT_REST = (
 )
 """Ranges of the median magnitude of the readings of an uncalibrated sensor at rest; in V: three outputs near the middle of a
 supply of at most 5 V. Basis: 9.81 m/s2 within the sensitivity and offset of an uncalibrated sensor."""
+
+FED_READINGS = 64
+"""Number of readings of a block. Basis: the result does not depend on it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +51,15 @@ class FileReadings:
     """Nominal sensitivity of the device; None: the file does not state it."""
     device_id: str | None = None
     """Identity of the device; None: the file does not state it."""
+
+    def blocks(self) -> Iterator[RawReadings]:
+        """Yield the readings in blocks, each with its mean temperature, as a device delivers them."""
+        for start in range(0, len(self.time_s), FED_READINGS):
+            part = slice(start, start + FED_READINGS)
+            temperature_c = None
+            if self.temperature_c is not None and not np.all(np.isnan(self.temperature_c[part])):
+                temperature_c = float(np.nanmean(self.temperature_c[part]))
+            yield RawReadings(self.time_s[part], self.raw[part], temperature_c)
 
 
 def read_file(path: Path, options: TableOptions) -> FileReadings:

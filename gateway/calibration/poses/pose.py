@@ -3,6 +3,7 @@
 The uncertainty of the mean is of type A, with the correlation of readings in time, and of type B, by quantisation.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -68,6 +69,11 @@ class Pose:
             return np.array(self.noise)
         return np.array([u * np.sqrt(self.count) for u in self.type_a])
 
+    @property
+    def quantisation_u(self) -> Array:
+        """Standard uncertainty of each mean by quantisation, shape (3,)."""
+        return quantisation_u(self.step, self.reading_sigma)
+
     def as_json(self) -> dict[str, Any]:
         """Return the pose as the calibration record stores it."""
         return {
@@ -80,6 +86,12 @@ class Pose:
             "noise": None if self.noise is None else list(self.noise),
             "step": self.step,
         }
+
+
+def temperature_range(temperatures_c: Iterable[float | None]) -> dict[str, int | float] | None:
+    """Return mean, minimum and maximum of the known temperatures, °C; None if no temperature was read."""
+    known = [temperature_c for temperature_c in temperatures_c if temperature_c is not None]
+    return {"mean": float(np.mean(known)), "min": min(known), "max": max(known)} if known else None
 
 
 def correlation_factor(means: Array, counts: Array, sigma: Array) -> float:

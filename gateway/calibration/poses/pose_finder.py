@@ -1,12 +1,10 @@
 """The pose finder: it detects resting poses in a stream of readings, the same for live and for offline calibration."""
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from gateway.calibration.poses.faces import find_face
-from gateway.calibration.poses.pose import NominalSensitivity, Pose, RawReadings, correlation_factor
-from gateway.calibration.poses.windows import STILL_RATIO, StillnessGate, Window, WindowSplitter
+from gateway.calibration.poses.pose import NominalSensitivity, Pose, RawReadings, temperature_range
+from gateway.calibration.poses.windows import STILL_RATIO, Rest, StillnessGate, Window, WindowSplitter
 from gateway.numerics.array import Array
 
 READINGS_PER_POSE = 300
@@ -37,51 +35,6 @@ PLACE_SENSOR = "lay the sensor down and let it rest"
 TURN_SENSOR = "this pose is taken; turn the sensor to the next one"
 
 
-@dataclass(slots=True)
-class _RestInterval:
-    """Consecutive still windows of the pose that is being taken."""
-
-    windows: list[Window] = field(default_factory=list)
-
-    @property
-    def duration_s(self) -> float:
-        return self.windows[-1].end_s - self.windows[0].start_s if self.windows else 0.0
-
-    @property
-    def count(self) -> int:
-        return sum(window.count for window in self.windows)
-
-    def mean(self) -> Array:
-        counts = np.array([window.count for window in self.windows])
-        return np.asarray(counts @ np.array([window.mean for window in self.windows]) / counts.sum())
-
-    def sigma(self) -> Array:
-        """Return the standard deviation of a reading within the windows, shape (3,)."""
-        freedom = self.count - len(self.windows)
-        return np.asarray(np.sqrt(sum(window.square_sum for window in self.windows) / freedom))
-
-    def type_a(self) -> Array:
-        """Return the standard uncertainty of the mean, correlation included, shape (3,)."""
-        sigma = self.sigma()
-        means = np.array([window.mean for window in self.windows])
-        counts = np.array([window.count for window in self.windows], dtype=np.float64)
-        return np.asarray(sigma / np.sqrt(self.count) * correlation_factor(means, counts, sigma))
-
-    def pose(self, nominal: NominalSensitivity) -> Pose:
-        mean, type_a, sigma = self.mean(), self.type_a(), self.sigma()
-        known = [window.temperature_c for window in self.windows if window.temperature_c is not None]
-        steps = [window.step for window in self.windows if window.step > 0]
-        return Pose(
-            mean=_triple(mean),
-            type_a=_triple(type_a),
-            count=self.count,
-            face=find_face(nominal.in_g(mean)),
-            temperature_c=float(np.mean(known)) if known else None,
-            noise=_triple(sigma),
-            step=min(steps, default=0.0),
-        )
-
-
 class PoseFinder:
     """Finds resting poses. A pose ends when the sensor moves; the next one requires a turn."""
 
@@ -96,7 +49,7 @@ class PoseFinder:
         self._still_s = 0.0
         self._splitter = WindowSplitter()
         self._gate = StillnessGate(nominal.units_per_g)
-        self._rest = _RestInterval()
+        self._rest = Rest()
         self._settling_windows = SETTLING_WINDOWS
         self._last_mean: Array | None = None
         self._turned = True
@@ -200,11 +153,11 @@ class PoseFinder:
             and float(np.max(rest.type_a())) <= MAX_TYPE_A_G * self.nominal.units_per_g
         ):
             return self._complete_pose()
-        self._rest = _RestInterval()
+        self._rest = Rest()
         return None
 
     def _complete_pose(self) -> Pose | None:
-        pose, self._rest = self._rest.pose(self.nominal), _RestInterval()
+        pose, self._rest = self._pose_of(self._rest), Rest()
         norm_g = float(np.linalg.norm(self.nominal.in_g(pose.mean)))
         self.set_last_pose(pose.mean)
         if abs(norm_g - 1) > NORM_TOLERANCE:
@@ -213,6 +166,19 @@ class PoseFinder:
             return None
         self.text = f"pose taken: {pose.count} readings"
         return pose
+
+    def _pose_of(self, rest: Rest) -> Pose:
+        mean, steps = rest.mean(), [window.step for window in rest.windows if window.step > 0]
+        temperature_c = temperature_range(window.temperature_c for window in rest.windows)
+        return Pose(
+            mean=_triple(mean),
+            type_a=_triple(rest.type_a()),
+            count=rest.count,
+            face=find_face(self.nominal.in_g(mean)),
+            temperature_c=None if temperature_c is None else temperature_c["mean"],
+            noise=_triple(rest.sigma()),
+            step=min(steps, default=0.0),
+        )
 
 
 def _triple(values: Array) -> tuple[float, float, float]:

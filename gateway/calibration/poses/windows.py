@@ -1,11 +1,11 @@
 """Windows of consecutive readings, cut by the times of the readings and not by the blocks in which they arrive."""
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from gateway.calibration.poses.pose import RawReadings
+from gateway.calibration.poses.pose import RawReadings, correlation_factor
 from gateway.numerics.array import Array
 from gateway.numerics.stats import smallest_steps
 
@@ -51,6 +51,44 @@ class Window:
     def sigma(self) -> Array:
         """Standard deviation of the readings, shape (3,)."""
         return np.sqrt(self.square_sum / (self.count - 1))
+
+
+@dataclass(slots=True)
+class Rest:
+    """Still windows of one attitude; what follows from them needs one at least."""
+
+    windows: list[Window] = field(default_factory=list)
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the begin of the first window to the end of the last one, s; 0 without a window."""
+        return self.windows[-1].end_s - self.windows[0].start_s if self.windows else 0.0
+
+    @property
+    def count(self) -> int:
+        """Number of readings."""
+        return sum(window.count for window in self.windows)
+
+    def means(self) -> Array:
+        """Return the mean of each window, raw, shape (k, 3)."""
+        return np.array([window.mean for window in self.windows])
+
+    def counts(self) -> Array:
+        """Return the number of readings of each window, shape (k,)."""
+        return np.array([window.count for window in self.windows], dtype=np.float64)
+
+    def mean(self) -> Array:
+        """Return the mean of all readings, raw, shape (3,)."""
+        return np.asarray(self.counts() @ self.means() / self.count)
+
+    def sigma(self) -> Array:
+        """Return the standard deviation of a reading within the windows, shape (3,)."""
+        return np.asarray(np.sqrt(sum(window.square_sum for window in self.windows) / (self.count - len(self.windows))))
+
+    def type_a(self) -> Array:
+        """Return the standard uncertainty of the mean, correlation included, shape (3,)."""
+        sigma = self.sigma()
+        return np.asarray(sigma / np.sqrt(self.count) * correlation_factor(self.means(), self.counts(), sigma))
 
 
 class WindowSplitter:

@@ -104,11 +104,19 @@ def test_sensitivity_and_zero_g_at_25_c_are_judged_by_table_3(calibrations: dict
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "limit", "verdict"),
-    [(-0.5, 0.5, 1.0, "within"), (0.9, 1.1, 1.0, "undecided"), (-1.3, -1.1, 1.0, "exceeds"), (0, 1, None, None)],
+    ("low", "high", "limits", "verdict"),
+    [
+        (-0.5, 0.5, (-1.0, 1.0), "within"),
+        (0.9, 1.1, (-1.0, 1.0), "undecided"),
+        (-1.3, -1.1, (-1.0, 1.0), "exceeds"),
+        (0.2, 0.3, (0.4, 0.6), "exceeds"),
+        (0, 1, None, None),
+    ],
 )
-def test_an_interval_on_a_limit_is_undecided(low: float, high: float, limit: float | None, verdict: str | None) -> None:
-    assert judge_interval(low, high, limit) == verdict
+def test_an_interval_on_a_limit_is_undecided(
+    low: float, high: float, limits: tuple[float, float] | None, verdict: str | None
+) -> None:
+    assert judge_interval(low, high, limits) == verdict
 
 
 @pytest.mark.slow

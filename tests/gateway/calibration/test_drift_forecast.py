@@ -268,7 +268,7 @@ def test_two_records_are_reported_as_untestable() -> None:
     )
     assert (report.records, report.span_days, report.first_utc[:10]) == (2, 30.0, "2026-01-01")
     assert any("cannot be checked" in text for text in report.warnings)
-    assert not report.axes[0].offset_g.is_testable
+    assert not report.axes[0].offset_g.is_rejected
 
 
 def test_other_methods_are_skipped_and_other_temperatures_reported() -> None:
