@@ -16,8 +16,7 @@ from gateway.archive.alternatives import LimitCost, VersionComparison, compare_r
 from gateway.archive.query import open_database
 from gateway.archive.rows import Trust
 from gateway.archive.tables import Archive
-from gateway.calibration.drift.fleet_drift import SensorDrift, fleet_drift
-from gateway.calibration.drift.type_drift import TypeDrift, learn_type_drift
+from gateway.calibration.drift.fleet_drift import SensorDrift, TypeDrift, fleet_drift, learn_type_drift
 from gateway.calibration.store import parse_record
 from gateway.errors import InputError
 from gateway.file_input import parse_json

@@ -10,7 +10,7 @@ from matplotlib.ticker import FuncFormatter
 
 from gateway.archive.alternatives import ReplayChange
 from gateway.archive.report import DRIFT_LIMIT_DEG, MAX_WORST, ArchiveReport, GatewayMonth, WorstSwing
-from gateway.calibration.drift.type_drift import TypeDrift
+from gateway.calibration.drift.fleet_drift import TypeDrift
 from gateway.certificate.bench_report import ReportTable, render_bench_report
 from gateway.certificate.drift_report import SENSOR_HEADER, sensor_row
 from gateway.documents.figures import AFTER, ALARM, BEFORE, Figure

@@ -14,7 +14,7 @@ from gateway.calibration.alignment.turn_advice import (
     calibration_error_rad,
 )
 from gateway.calibration.alignment.turn_assistant import TurnMonitor
-from gateway.calibration.offline.input_files import FileReadings
+from gateway.calibration.input_files import FileReadings
 from gateway.calibration.poses.pose import quantisation_u
 from gateway.calibration.record import FigureSeries, NotDeterminedError, RecordFigure
 from gateway.certificate.bench_report import ReportTable, render_bench_report

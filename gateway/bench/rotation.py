@@ -10,11 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from gateway.bench.rotation_turn import IN_PLANE, AxisSine, TurnFit, TurnReadings, fit_turn
-from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind, assemble_fit
-from gateway.calibration.pose_method import ROTATION
+from gateway.calibration.calibration_fit import CalibrationFit, Contribution, FitWarning, WarningKind, assemble_fit
 from gateway.calibration.poses.pose import Pose
-from gateway.calibration.record import NotDeterminedError
-from gateway.calibration.uncertainty import Contribution
+from gateway.calibration.record import ROTATION, NotDeterminedError
 from gateway.numerics.array import Array
 from gateway.numerics.stats import robust_sigma
 

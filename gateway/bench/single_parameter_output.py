@@ -10,10 +10,8 @@ from gateway.bench.single_parameter import (
     approximation_error,
     relative_angle_u_rad,
 )
-from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind
-from gateway.calibration.pose_method import SINGLE_PARAMETER
-from gateway.calibration.record import FigureSeries, RecordFigure
-from gateway.calibration.uncertainty import prediction_interval_g
+from gateway.calibration.calibration_fit import CalibrationFit, FitWarning, WarningKind, prediction_interval_g
+from gateway.calibration.record import SINGLE_PARAMETER, FigureSeries, RecordFigure
 from gateway.numerics.array import Array
 
 SCALE_LIMIT, CROSS_AXIS_LIMIT = 0.05, 0.02

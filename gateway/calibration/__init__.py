@@ -1,1 +1,1 @@
-"""Calibration: the record, its store and its application; poses, methods, procedures, alignment, drift, offline calibration."""
+"""Calibration: record, store and application; poses, methods, procedures, alignment, drift; calibration from files."""

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from devices.axes_map import AxesMap
 from devices.block import DeviceInfo
+from gateway.calibration.calibration_fit import reading_covariance
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.calibration.thermal_model import ThermalModel, thermal_model
-from gateway.calibration.uncertainty import reading_covariance
 from gateway.messages import CalibrationStatus
 from gateway.numerics.array import Array
 

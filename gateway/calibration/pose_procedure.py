@@ -7,22 +7,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gateway.calibration.methods.calibration_fit import CalibrationFit
+from gateway.calibration.calibration_fit import CalibrationFit
 from gateway.calibration.methods.experiment_design import MAX_CONDITION_NUMBER, condition_number, next_direction
 from gateway.calibration.methods.norm_fit import FRAME_U_DEG, N_PARAMETERS, fit_norm
 from gateway.calibration.methods.six_position import PLACEMENT_U_DEG, fit_six_positions, missing_faces
-from gateway.calibration.pose_method import PoseMethod
-from gateway.calibration.poses.faces import (
+from gateway.calibration.poses.pose import (
     FACE_DIRECTIONS,
     FACES,
+    Face,
+    NominalSensitivity,
+    Pose,
+    RawReadings,
     angle_to_face_deg,
     describe_direction,
     find_face,
     without_tilted_poses,
 )
-from gateway.calibration.poses.pose import Face, NominalSensitivity, Pose, RawReadings
 from gateway.calibration.poses.pose_finder import PoseFinder
-from gateway.calibration.record import CalibrationError, CalibrationRecord
+from gateway.calibration.record import CalibrationError, CalibrationRecord, PoseMethod
 from gateway.numerics.array import Array
 
 MAX_POSES = 200

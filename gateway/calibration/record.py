@@ -1,10 +1,11 @@
-"""The calibration record: an affine correction with its evidence, immutable, identified by its hash.
+"""The calibration record: an affine correction with its evidence and the name of its method, immutable, identified by its hash.
 
 Its figure is series of values with uncertainties, which the certificate plots as they stand.
 """
 
 import hashlib
 import json
+from enum import StrEnum
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -19,6 +20,25 @@ Row = Annotated[list[Number], Field(min_length=3, max_length=3)]
 CovarianceRow = Annotated[list[Number], Field(min_length=12, max_length=12)]
 Text = Annotated[str, Field(max_length=200)]
 Values = Annotated[tuple[float, ...], Field(max_length=2000)]
+
+
+class PoseMethod(StrEnum):
+    """A calibration method that fits resting poses; a session and `plumbline calibrate` offer it."""
+
+    SIX_POSITION = "six-position"
+    NORM_FIT = "norm-fit"
+
+
+ZEROING = "zero"
+"""Method of a record that zeroing in place has made from its parent."""
+THERMAL = "thermal"
+"""Method of a record from temperature ramps on all six faces, with a thermal model."""
+THERMAL_REST = "thermal-rest"
+"""Method of a record with the thermal coefficient of the axis along the rope, learned at rest in service from its parent."""
+ROTATION = "rotation"
+"""Method of records from full turns about horizontal axes."""
+SINGLE_PARAMETER = "single-parameter"
+"""Method of records for relative angles alone."""
 
 
 class CalibrationError(InputError):

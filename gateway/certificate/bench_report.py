@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gateway.calibration.record import RecordFigure
-from gateway.certificate.method_figure import plot_figure
+from gateway.certificate.plots import plot_figure
 from gateway.documents.environment import render
 from gateway.documents.figures import Figure
 from gateway.documents.format import printable_text

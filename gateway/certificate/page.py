@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from gateway.calibration.record import BudgetEntry, CalibrationRecord
 from gateway.certificate.comparison import changes_since, differs_from_named
-from gateway.certificate.method_figure import method_plot
-from gateway.certificate.residual_plot import pose_residuals
+from gateway.certificate.plots import method_plot, pose_residuals
 from gateway.certificate.traceability import UNCERTAINTY, decision_rule, reference, temperatures
 from gateway.documents.environment import render
 from gateway.documents.format import (

@@ -7,7 +7,7 @@ from pathlib import Path
 from devices.errors import RecordingError
 from devices.recording import Recording
 from devices.tables.foreign import NOTHING_STATED, TableOptions
-from gateway.calibration.offline.input_files import FileReadings, read_file
+from gateway.calibration.input_files import FileReadings, read_file
 from gateway.configuration.model import Configuration
 from gateway.errors import InputError
 from gateway.messages import Calibration

@@ -8,18 +8,16 @@ from pydantic import ValidationError
 
 from devices.axes_map import AxesMap
 from devices.block import DeviceInfo
-from gateway.calibration.acceptance import judge
+from gateway.calibration.acceptance import judge, make_record
+from gateway.calibration.calibration_fit import CalibrationFit
 from gateway.calibration.correction import housing_rotation
-from gateway.calibration.methods.calibration_fit import CalibrationFit
 from gateway.calibration.methods.zeroing import zero_in_place
 from gateway.calibration.record import CalibrationError, CalibrationRecord
-from gateway.calibration.record_factory import make_record
 from gateway.calibration.store import CalibrationStore
 from gateway.errors import PlumblineError, describe_problems
-from gateway.recalibration.interlock import LoadInterlock
+from gateway.recalibration.interlock import LoadInterlock, RecentSamples
 from gateway.recalibration.journal import Audit
 from gateway.recalibration.requests import Cancel, Commit, Fetch, Recalibrate, Request, RequestAnswer, Rollback, Zero
-from gateway.recalibration.sample_buffer import RecentSamples
 from gateway.recalibration.session import Session, Timestamp, committed_text
 
 ALERTS_RESUMED = "alerts are on again: the housing must hang on the rope"

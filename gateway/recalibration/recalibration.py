@@ -20,10 +20,9 @@ from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
 from gateway.errors import PlumblineError
 from gateway.recalibration.commands import CommandHandler, CommandResult, answer_fetch
-from gateway.recalibration.interlock import LoadInterlock
+from gateway.recalibration.interlock import LoadInterlock, RecentSamples
 from gateway.recalibration.journal import MAX_ANSWERS, Audit, Journal
 from gateway.recalibration.requests import Fetch, Recalibrate, Request, RequestAnswer, Zero
-from gateway.recalibration.sample_buffer import RecentSamples
 from gateway.recalibration.session import Session, Timestamp, abandoned_session, committed_text
 
 BUFFER_MARGIN_S = 1.0

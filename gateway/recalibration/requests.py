@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, ValidationError, model_validator
 
-from gateway.calibration.pose_method import PoseMethod
+from gateway.calibration.record import PoseMethod
 from gateway.calibration.store import ID_PATTERN
 from gateway.errors import InputError, describe_problems
 

@@ -5,12 +5,11 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.calibration.methods.calibration_fit import CalibrationFit
+from gateway.calibration.calibration_fit import CalibrationFit
 from gateway.calibration.methods.norm_fit import fit_norm
 from gateway.calibration.methods.six_position import fit_six_positions
 from gateway.calibration.pose_procedure import make_procedure
-from gateway.calibration.poses.faces import find_face
-from gateway.calibration.poses.pose import NominalSensitivity, Pose
+from gateway.calibration.poses.pose import NominalSensitivity, Pose, find_face
 from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
 from tests.benchmarks.calibration_sessions import (

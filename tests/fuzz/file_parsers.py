@@ -25,7 +25,7 @@ from devices.tables.layout import read_head
 from devices.tables.native import read_table
 from gateway.authorization.caller import NotAuthorised
 from gateway.authorization.credential import parse_credential
-from gateway.calibration.offline.input_files import read_record
+from gateway.calibration.input_files import read_record
 from gateway.calibration.store import CalibrationStore
 from gateway.configuration.loading import load
 from gateway.errors import PlumblineError

@@ -12,7 +12,7 @@ from devices.tables.layout import read_head
 from devices.tables.native import MAX_BYTES, read_table
 from gateway.atomic_io import write_durably
 from gateway.bench.input_tables import read_columns
-from gateway.calibration.offline.input_files import read_parent, read_record
+from gateway.calibration.input_files import read_parent, read_record
 from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
 from gateway.cli.main import main

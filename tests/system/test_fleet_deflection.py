@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.bench.girder.deflection import Girder
+from gateway.bench.girder_deflection import Girder
 from tests.system.conftest import ROOT, JoinBus, RunningGateway
 from tests.waiting import PATIENCE_S
 

@@ -9,7 +9,7 @@ import pytest
 from devices.tables.layout import TableLayout
 from devices.tables.native import read_table
 from devices.tables.replay import table_info
-from gateway.calibration.record_factory import add_content_hash
+from gateway.calibration.acceptance import add_content_hash
 from gateway.calibration.store import CalibrationStore
 from tests.benchmarks.turned_radio import NOISE_G
 from tests.system.conftest import JoinBus, Plumbline, StartGateway

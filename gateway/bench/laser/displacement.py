@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.bench.laser.board import BoardMap, DotBoard, fit_board_map
-from gateway.bench.laser.dots import DotCandidates, find_candidates, find_edges, measure_centre
-from gateway.bench.laser.lattice import index_lattice
+from gateway.bench.laser.dots import DotCandidates, find_candidates, find_edges, index_lattice, measure_centre
 from gateway.bench.laser.photograph import Photograph, to_light
 from gateway.bench.laser.spot import WINDOW_SIGMAS, LaserSpot, find_spot
 from gateway.calibration.record import NotDeterminedError

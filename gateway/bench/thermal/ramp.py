@@ -12,9 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gateway.calibration.offline.input_files import FileReadings
-from gateway.calibration.poses.faces import find_face
-from gateway.calibration.poses.pose import Face, NominalSensitivity, Pose
+from gateway.calibration.input_files import FileReadings
+from gateway.calibration.poses.pose import Face, NominalSensitivity, Pose, find_face
 from gateway.calibration.record import NotDeterminedError
 from gateway.errors import InputError
 from gateway.numerics.array import Array

@@ -19,12 +19,11 @@ from gateway.bench.thermal.slow_noise import (
     System,
     block_means,
 )
+from gateway.calibration.calibration_fit import CalibrationFit, FitWarning, WarningKind
 from gateway.calibration.correction import ZERO_G_OFFSET_LIMIT_G_PER_K
-from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind
-from gateway.calibration.offline.input_files import FileReadings
-from gateway.calibration.pose_method import THERMAL_REST
+from gateway.calibration.input_files import FileReadings
 from gateway.calibration.poses.windows import STILL_RATIO, StillnessGate, Window, WindowSplitter
-from gateway.calibration.record import CalibrationError, CalibrationRecord, NotDeterminedError
+from gateway.calibration.record import THERMAL_REST, CalibrationError, CalibrationRecord, NotDeterminedError
 from gateway.calibration.thermal_model import AXES, AxisThermalModel, ThermalModel, holds_at_c
 from gateway.errors import InputError
 from gateway.numerics.array import Array

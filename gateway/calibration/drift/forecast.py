@@ -8,8 +8,7 @@ import numpy as np
 
 from gateway.calibration.drift.change import change_from_reference, reading_error_g
 from gateway.calibration.drift.trend import Trend, fit_measurements
-from gateway.calibration.pose_method import ROTATION, THERMAL, PoseMethod
-from gateway.calibration.record import CalibrationError, CalibrationRecord
+from gateway.calibration.record import ROTATION, THERMAL, CalibrationError, CalibrationRecord, PoseMethod
 from gateway.numerics.array import Array
 
 DEFAULT_LIMIT_DEG = 0.5

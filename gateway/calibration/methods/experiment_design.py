@@ -6,7 +6,7 @@ determined.
 
 import numpy as np
 
-from gateway.calibration.poses.faces import candidate_directions, describe_direction
+from gateway.calibration.poses.pose import candidate_directions, describe_direction
 from gateway.calibration.record import NotDeterminedError
 from gateway.numerics.array import Array
 

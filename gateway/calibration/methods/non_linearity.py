@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gateway.calibration.calibration_fit import Contribution
 from gateway.calibration.poses.pose import Pose
-from gateway.calibration.uncertainty import Contribution
 from gateway.numerics.array import Array
 from gateway.numerics.stats import CHANCE_LEVEL, chi_square_quantile
 

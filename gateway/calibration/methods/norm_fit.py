@@ -13,12 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind, assemble_fit
+from gateway.calibration.calibration_fit import CalibrationFit, Contribution, FitWarning, WarningKind, assemble_fit
 from gateway.calibration.methods.experiment_design import condition_number, require_well_conditioned
-from gateway.calibration.pose_method import PoseMethod
 from gateway.calibration.poses.pose import Pose
-from gateway.calibration.record import CalibrationRecord, NotDeterminedError
-from gateway.calibration.uncertainty import Contribution
+from gateway.calibration.record import CalibrationRecord, NotDeterminedError, PoseMethod
 from gateway.numerics.array import Array
 from gateway.numerics.stats import CHANCE_LEVEL, chi_square_quantile, student_quantile
 

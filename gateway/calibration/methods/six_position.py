@@ -15,13 +15,17 @@ from typing import Any
 
 import numpy as np
 
-from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind, assemble_fit
+from gateway.calibration.calibration_fit import (
+    CalibrationFit,
+    Contribution,
+    FitWarning,
+    WarningKind,
+    assemble_fit,
+    total_covariance,
+)
 from gateway.calibration.methods.non_linearity import find_non_linearity, non_linearity_contribution
-from gateway.calibration.pose_method import PoseMethod
-from gateway.calibration.poses.faces import FACE_DIRECTIONS, FACES, describe_direction, without_tilted_poses
-from gateway.calibration.poses.pose import Face, Pose
-from gateway.calibration.record import NotDeterminedError
-from gateway.calibration.uncertainty import Contribution, total_covariance
+from gateway.calibration.poses.pose import FACE_DIRECTIONS, FACES, Face, Pose, describe_direction, without_tilted_poses
+from gateway.calibration.record import NotDeterminedError, PoseMethod
 from gateway.numerics.array import Array
 from gateway.numerics.stats import CHANCE_LEVEL, chi_square_quantile
 

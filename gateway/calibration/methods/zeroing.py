@@ -8,13 +8,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind, misalignment_deg
-from gateway.calibration.pose_method import ZEROING
+from gateway.calibration.calibration_fit import (
+    CalibrationFit,
+    Contribution,
+    FitWarning,
+    WarningKind,
+    misalignment_deg,
+    prediction_interval_g,
+    total_covariance,
+    uncertainty_budget,
+)
 from gateway.calibration.poses.pose import RawReadings, temperature_range
 from gateway.calibration.poses.windows import Rest, StillnessGate, WindowSplitter
-from gateway.calibration.record import CalibrationError, CalibrationRecord, NotDeterminedError
+from gateway.calibration.record import ZEROING, CalibrationError, CalibrationRecord, NotDeterminedError
 from gateway.calibration.thermal_model import thermal_model
-from gateway.calibration.uncertainty import Contribution, prediction_interval_g, total_covariance, uncertainty_budget
 from gateway.numerics.array import Array
 
 MIN_UNBROKEN_REST_S = 30.0

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from gateway.calibration.poses.faces import find_face
-from gateway.calibration.poses.pose import NominalSensitivity, Pose, RawReadings, temperature_range
+from gateway.calibration.poses.pose import NominalSensitivity, Pose, RawReadings, find_face, temperature_range
 from gateway.calibration.poses.windows import STILL_RATIO, Rest, StillnessGate, Window, WindowSplitter
 from gateway.numerics.array import Array
 

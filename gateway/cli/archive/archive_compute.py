@@ -98,7 +98,7 @@ def _run(kind: "TaskKind", arguments: argparse.Namespace) -> int:
     from gateway.archive.source import open_source
     from gateway.archive.tables import Archive
     from gateway.archive.tasks import TaskLimits
-    from gateway.calibration.offline.input_files import read_record
+    from gateway.calibration.input_files import read_record
     from gateway.cli.terminal.output import show
     from gateway.cli.terminal.progress import ProgressBar
 

@@ -115,7 +115,7 @@ def _write_overlays(folder: Path, found: "Measured") -> None:
 
 
 def _write_board(arguments: argparse.Namespace) -> None:
-    from gateway.bench.laser.board_pdf import board_pdf
+    from gateway.bench.laser.board import board_pdf
     from gateway.cli.terminal.output import write_bytes
 
     write_bytes(arguments.board, board_pdf(_board(arguments)))

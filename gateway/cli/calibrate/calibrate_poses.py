@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from gateway.calibration.pose_method import PoseMethod
+from gateway.calibration.record import PoseMethod
 from gateway.cli.calibrate.calibrate_record import (
     add_record_arguments,
     finish_record,
@@ -74,7 +74,7 @@ def _calibrate(arguments: argparse.Namespace, **stated: float | None) -> int:
 
     `stated` are the uncertainties of the method that `CalibrateOptions` takes; None leaves the default.
     """
-    from gateway.calibration.offline.calibrate_files import CalibrateOptions, calibrate_files
+    from gateway.calibration.calibrate_files import CalibrateOptions, calibrate_files
     from gateway.measurement.recording_files import read_calibration_readings
 
     files = read_calibration_readings(arguments.files, table_options(arguments))

@@ -11,8 +11,8 @@ from gateway.cli.terminal.output import output_file
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from gateway.calibration.methods.calibration_fit import CalibrationFit
-    from gateway.calibration.offline.input_files import FileReadings
+    from gateway.calibration.calibration_fit import CalibrationFit
+    from gateway.calibration.input_files import FileReadings
     from gateway.calibration.record import CalibrationRecord
 
 UNIDENTIFIED = "unidentified"
@@ -74,7 +74,7 @@ def use_recorded_device(arguments: argparse.Namespace, files: "Sequence[FileRead
 
 def read_parent_record(arguments: argparse.Namespace) -> "CalibrationRecord | None":
     """Return the record of `--parent`, None without it. Raises `InputError` for a file that is no record of this device."""
-    from gateway.calibration.offline.input_files import read_parent
+    from gateway.calibration.input_files import read_parent
 
     return None if arguments.parent is None else read_parent(arguments.parent, arguments.device_id)
 
@@ -93,7 +93,7 @@ def finish_record(
     `extra` are further fields of the record, such as its figure; `preface` is printed before the report.
     """
     from gateway.calibration.acceptance import judge
-    from gateway.calibration.offline.report import format_report
+    from gateway.calibration.calibrate_files import format_report
     from gateway.cli.terminal.output import show
 
     record = write_record(arguments, fit, unit, parent, extra)
@@ -115,7 +115,7 @@ def write_record(
 ) -> "CalibrationRecord":
     """Make the record of a fit and write its certificate; `extra` are further fields of the record."""
     from gateway import __version__
-    from gateway.calibration.record_factory import make_record
+    from gateway.calibration.acceptance import make_record
     from gateway.certificate.digital_certificate import render_digital_certificate
     from gateway.certificate.page import render_certificate
     from gateway.cli.terminal.output import write_text

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from gateway.calibration.pose_method import ROTATION
+from gateway.calibration.record import ROTATION
 from gateway.cli.calibrate.calibrate_record import add_record_arguments, finish_record, read_parent_record
 from gateway.cli.options.argument_types import above_zero
 

@@ -5,7 +5,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.calibration.pose_method import SINGLE_PARAMETER
+from gateway.calibration.record import SINGLE_PARAMETER
 from gateway.cli.calibrate.calibrate_record import add_record_arguments, identity_note, read_parent_record, write_record
 from gateway.cli.options.argument_types import above_zero
 from gateway.cli.terminal.output import output_file

@@ -16,8 +16,8 @@ from gateway.cli.options.recording_options import add_table_options, table_optio
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from gateway.bench.thermal.datasheet_limits import DatasheetLimits
-    from gateway.calibration.offline.input_files import FileReadings
+    from gateway.bench.thermal.ramp_calibration import DatasheetLimits
+    from gateway.calibration.input_files import FileReadings
     from gateway.calibration.record import CalibrationRecord
 
 
@@ -107,7 +107,7 @@ def _limits(arguments: argparse.Namespace) -> "DatasheetLimits | None":
     """Return the limits of `--part`, replaced by those given; None without any."""
     from dataclasses import replace
 
-    from gateway.bench.thermal.datasheet_limits import LIMITS_BY_PART, DatasheetLimits
+    from gateway.bench.thermal.ramp_calibration import LIMITS_BY_PART, DatasheetLimits
     from gateway.errors import InputError
 
     if arguments.part is not None and arguments.part not in LIMITS_BY_PART:

@@ -12,9 +12,8 @@ from gateway.cli.remote.remote_align import MAX_QUEUED_TILTS, TILT_SILENCE_S
 from gateway.cli.terminal.output import output_file
 
 if TYPE_CHECKING:
-    from gateway.bench.girder.deflection import Deflection, Girder, InwardAxis
-    from gateway.bench.girder.deflection_history import DeflectionSeries
-    from gateway.bench.girder.live_deflection import LiveDeflection
+    from gateway.bench.deflection_history import DeflectionSeries, LiveDeflection
+    from gateway.bench.girder_deflection import Deflection, Girder, InwardAxis
     from gateway.bus.client import GatewayClient
     from gateway.measurement.source import Source
 
@@ -79,7 +78,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gateway.bench.girder.deflection import Girder
+    from gateway.bench.girder_deflection import Girder
     from gateway.errors import InputError
 
     if arguments.load_offset_m >= arguments.half_span_m:
@@ -96,7 +95,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _evaluate(arguments: argparse.Namespace, girder: "Girder", axes: "tuple[InwardAxis, InwardAxis]") -> int:
-    from gateway.bench.girder.deflection_history import deflection_series, render_deflection_report
+    from gateway.bench.deflection_history import deflection_series, render_deflection_report
     from gateway.certificate.traceability import LENGTHS_AND_RECORDS, measurement_facts
     from gateway.cli.terminal.output import show, write_text
     from gateway.measurement.source import read_source
@@ -178,7 +177,7 @@ def format_deflection(found: "Deflection") -> str:
 
 
 def _show_live(arguments: argparse.Namespace, girder: "Girder", axes: "tuple[InwardAxis, InwardAxis]") -> int:
-    from gateway.bench.girder.live_deflection import LiveDeflection
+    from gateway.bench.deflection_history import LiveDeflection
     from gateway.bus.client import GatewayClient
 
     endpoints = arguments.connect or ["tcp/127.0.0.1:7447"]
@@ -197,7 +196,7 @@ def _show_live(arguments: argparse.Namespace, girder: "Girder", axes: "tuple[Inw
 
 def _relative_u(client: "GatewayClient", inward: int) -> float:
     """Return the relative uncertainty of a gateway's relative angles, by the record that it has in force."""
-    from gateway.bench.girder.deflection import relative_u_of_record
+    from gateway.bench.girder_deflection import relative_u_of_record
     from gateway.calibration.record import CalibrationRecord
 
     record = ((client.status() or {}).get("calibration") or {}).get("record") or None
@@ -208,7 +207,7 @@ def show_deflection(
     clients: "tuple[GatewayClient, GatewayClient]", live: "LiveDeflection", out: TextIO, count: int | None = None
 ) -> int:
     """Show the deflection with each tilt until Ctrl-C, or `count` of them; wait while a link is lost."""
-    from gateway.bench.girder.live_deflection import Side
+    from gateway.bench.deflection_history import Side
     from gateway.cli.terminal.output import StatusLine
     from gateway.daemon.runtime.worker import BoundedQueue
     from gateway.topics import adapter

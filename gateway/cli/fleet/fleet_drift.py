@@ -51,7 +51,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 def _run(arguments: argparse.Namespace) -> int:
     from gateway.calibration.drift.fleet_drift import fleet_drift
-    from gateway.calibration.offline.input_files import read_records
+    from gateway.calibration.input_files import read_records
     from gateway.certificate.drift_report import render_drift_report
     from gateway.cli.terminal.output import show, write_text
 

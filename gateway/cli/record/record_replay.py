@@ -42,7 +42,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 def run(arguments: argparse.Namespace) -> int:
     """Replay the recordings; return 1 where something differs."""
-    from gateway.calibration.offline.input_files import read_record
+    from gateway.calibration.input_files import read_record
     from gateway.cli.terminal.output import show
     from gateway.cli.terminal.progress import ProgressBar
     from gateway.configuration.loading import load

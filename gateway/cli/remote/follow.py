@@ -4,7 +4,7 @@ import time
 from typing import Any, TextIO
 
 from gateway.bus.client import GatewayClient
-from gateway.calibration.pose_method import PoseMethod
+from gateway.calibration.record import PoseMethod
 from gateway.cli.terminal.output import StatusLine
 from gateway.daemon.runtime.worker import BoundedQueue
 

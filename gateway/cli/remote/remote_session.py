@@ -6,7 +6,7 @@ import uuid
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from gateway.calibration.pose_method import PoseMethod
+from gateway.calibration.record import PoseMethod
 from gateway.cli.options.bus_link import MAX_ANSWER_WAIT_S, add_address, gateway_client
 from gateway.errors import ANSWER_IS_NO
 

@@ -18,7 +18,7 @@ from devices.i2c.analogue_accelerometer import (
     AnalogueAccelerometer,
     AnaloguePart,
 )
-from gateway.bench.thermal.datasheet_limits import LIMITS_BY_PART
+from gateway.bench.thermal.ramp_calibration import LIMITS_BY_PART
 from tests.devices.i2c.ads1115_chip import Ads1115Chip
 from tests.devices.i2c.i2c_chip import START_NS, FakeClock
 from tests.values import present

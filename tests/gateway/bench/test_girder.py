@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from devices.block import DeviceInfo
-from gateway.bench.girder.deflection import (
+from gateway.bench.deflection_history import LiveDeflection
+from gateway.bench.girder_deflection import (
     EndRotation,
     Girder,
     deflection_under_load_m,
@@ -20,7 +21,6 @@ from gateway.bench.girder.deflection import (
     girder_deflection,
     inward_tilt_rad,
 )
-from gateway.bench.girder.live_deflection import LiveDeflection
 from gateway.bus.client import GatewayClient
 from gateway.cli.fleet.fleet_deflection import show_deflection
 from gateway.cli.main import main

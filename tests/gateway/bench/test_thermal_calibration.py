@@ -10,22 +10,19 @@ import numpy as np
 import pytest
 
 from devices.block import DeviceInfo, SampleBlock
-from gateway.bench.thermal.datasheet_limits import LIMITS_BY_PART, judge_interval
 from gateway.bench.thermal.output import thermal_figure
-from gateway.bench.thermal.ramp_calibration import ThermalCalibration, calibrate_ramps
+from gateway.bench.thermal.ramp_calibration import LIMITS_BY_PART, ThermalCalibration, calibrate_ramps, judge_interval
 from gateway.bench.thermal.ramp_regression import AxisRegression, play
 from gateway.bench.thermal.rest_calibration import learn_at_rest
 from gateway.bench.thermal.slow_noise import NoiseRatios, RecordingNoise
-from gateway.calibration.acceptance import change_since
+from gateway.calibration.acceptance import add_content_hash, change_since, make_record
 from gateway.calibration.correction import correction_for
 from gateway.calibration.drift.change import change_between
+from gateway.calibration.input_files import FileReadings
 from gateway.calibration.methods.six_position import fit_six_positions
 from gateway.calibration.methods.zeroing import zero_in_place
-from gateway.calibration.offline.input_files import FileReadings
-from gateway.calibration.poses.faces import FACE_DIRECTIONS
-from gateway.calibration.poses.pose import Pose, RawReadings
+from gateway.calibration.poses.pose import FACE_DIRECTIONS, Pose, RawReadings
 from gateway.calibration.record import CalibrationError, CalibrationRecord, NotDeterminedError
-from gateway.calibration.record_factory import add_content_hash, make_record
 from gateway.calibration.thermal_model import thermal_model
 from gateway.errors import InputError
 from gateway.pipeline.force_stage import TIME_CONSTANT_S, ForceStage

@@ -12,15 +12,14 @@ import numpy as np
 
 from devices.tables.layout import TableLayout
 from devices.tables.native import read_table
-from gateway.calibration.methods.calibration_fit import CalibrationFit
+from gateway.calibration.acceptance import make_record
+from gateway.calibration.calibration_fit import CalibrationFit
 from gateway.calibration.methods.norm_fit import fit_norm
 from gateway.calibration.methods.six_position import fit_six_positions
 from gateway.calibration.methods.zeroing import zero_in_place
 from gateway.calibration.pose_procedure import make_procedure
-from gateway.calibration.poses.faces import candidate_directions, find_face
-from gateway.calibration.poses.pose import NominalSensitivity, Pose, RawReadings
+from gateway.calibration.poses.pose import NominalSensitivity, Pose, RawReadings, candidate_directions, find_face
 from gateway.calibration.record import CalibrationRecord
-from gateway.calibration.record_factory import make_record
 
 DATA = Path(__file__).parents[2] / "data" / "calibration"
 GOLDEN_RECORDS = DATA / "golden_records.json"

@@ -6,13 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.calibration.acceptance import change_since, judge
-from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind
+from gateway.calibration.acceptance import change_since, judge, make_record
+from gateway.calibration.calibration_fit import CalibrationFit, FitWarning, WarningKind
 from gateway.calibration.methods.six_position import fit_six_positions
-from gateway.calibration.poses.faces import FACE_DIRECTIONS
-from gateway.calibration.poses.pose import Pose
+from gateway.calibration.poses.pose import FACE_DIRECTIONS, Pose
 from gateway.calibration.record import CalibrationRecord
-from gateway.calibration.record_factory import make_record
 
 
 def make_fit(gain: float = 1.0, offset_g: tuple[float, float, float] = (0.01, 0.02, 0.03)) -> CalibrationFit:

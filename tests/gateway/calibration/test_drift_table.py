@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gateway.calibration.acceptance import make_record
 from gateway.calibration.drift.change import reading_error_g, tilt_error_rad
 from gateway.calibration.drift.fleet_drift import DriftRow, drift_table, fleet_drift
 from gateway.calibration.methods.six_position import fit_six_positions
-from gateway.calibration.poses.faces import find_face
-from gateway.calibration.poses.pose import Pose
+from gateway.calibration.poses.pose import Pose, find_face
 from gateway.calibration.record import CalibrationError, CalibrationRecord
-from gateway.calibration.record_factory import make_record
 from gateway.cli.main import main
 from tests.gateway.calibration.test_drift_forecast import CHANGES, TABLES, diagonal_record
 from tests.values import present

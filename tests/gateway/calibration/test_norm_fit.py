@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.calibration.methods.calibration_fit import WarningKind
+from gateway.calibration.acceptance import make_record
+from gateway.calibration.calibration_fit import WarningKind
 from gateway.calibration.methods.experiment_design import condition_number, next_direction, worst_combination
 from gateway.calibration.methods.norm_fit import fit_norm
-from gateway.calibration.poses.faces import candidate_directions
-from gateway.calibration.poses.pose import Pose
+from gateway.calibration.poses.pose import Pose, candidate_directions
 from gateway.calibration.record import CalibrationRecord, NotDeterminedError
-from gateway.calibration.record_factory import make_record
 from gateway.numerics.array import Array
 
 GAIN = np.array([[1.03, 0.02, -0.02], [0.01, 0.97, 0.02], [-0.02, 0.02, 1.03]])

@@ -8,8 +8,14 @@ import numpy as np
 import pytest
 
 from gateway.calibration.pose_procedure import PoseProcedure, make_procedure
-from gateway.calibration.poses.faces import FACE_DIRECTIONS
-from gateway.calibration.poses.pose import Face, NominalSensitivity, RawReadings, correlation_factor, quantisation_u
+from gateway.calibration.poses.pose import (
+    FACE_DIRECTIONS,
+    Face,
+    NominalSensitivity,
+    RawReadings,
+    correlation_factor,
+    quantisation_u,
+)
 from gateway.calibration.poses.pose_finder import READINGS_PER_POSE, PoseFinder
 from gateway.calibration.record import CalibrationError
 from gateway.numerics.array import Array

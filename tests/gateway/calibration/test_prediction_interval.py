@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gateway.calibration.uncertainty import prediction_interval_g
+from gateway.calibration.calibration_fit import prediction_interval_g
 
 PER_G = 0.42
 """Volts per g."""

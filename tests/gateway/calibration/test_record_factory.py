@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from devices.simulated.accelerometer import Accelerometer, factory_calibration, no_errors
-from gateway.calibration.methods.calibration_fit import CalibrationFit
+from gateway.calibration.acceptance import make_record
+from gateway.calibration.calibration_fit import CalibrationFit
 from gateway.calibration.methods.six_position import fit_six_positions
-from gateway.calibration.poses.faces import FACE_DIRECTIONS
-from gateway.calibration.poses.pose import Pose
+from gateway.calibration.poses.pose import FACE_DIRECTIONS, Pose
 from gateway.calibration.record import CalibrationRecord
-from gateway.calibration.record_factory import make_record
 
 FIELDS = {
     *("format", "id", "device_id", "method", "created_utc", "software", "by", "parent", "unit", "offset"),

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.calibration.methods.calibration_fit import FitWarning, WarningKind
+from gateway.calibration.calibration_fit import FitWarning, WarningKind
 from gateway.calibration.methods.non_linearity import find_non_linearity
 from gateway.calibration.methods.six_position import (
     PLACEMENT_U_DEG,
@@ -16,14 +16,15 @@ from gateway.calibration.methods.six_position import (
     find_extremes,
     fit_six_positions,
 )
-from gateway.calibration.poses.faces import (
+from gateway.calibration.poses.pose import (
     FACE_DIRECTIONS,
     FACES,
+    Face,
+    Pose,
     candidate_directions,
     find_face,
     without_tilted_poses,
 )
-from gateway.calibration.poses.pose import Face, Pose
 from gateway.calibration.record import NotDeterminedError
 from gateway.numerics.array import Array
 

@@ -5,9 +5,8 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from gateway.calibration.drift.fleet_drift import fleet_drift
+from gateway.calibration.drift.fleet_drift import fleet_drift, learn_days, learn_type_drift
 from gateway.calibration.drift.forecast import HORIZON_DAYS
-from gateway.calibration.drift.type_drift import learn_days, learn_type_drift
 from gateway.numerics.stats import NORMAL_975
 from tests.gateway.calibration.test_drift_table import sensor
 

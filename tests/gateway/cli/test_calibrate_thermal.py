@@ -9,9 +9,9 @@ import pytest
 
 from devices.block import DeviceInfo
 from gateway.bench.thermal.ramp_calibration import calibrate_ramps
-from gateway.calibration.offline.input_files import FileReadings
+from gateway.calibration.acceptance import make_record
+from gateway.calibration.input_files import FileReadings
 from gateway.calibration.record import CalibrationRecord
-from gateway.calibration.record_factory import make_record
 from gateway.cli.main import main
 from gateway.measurement.source import read_source
 from tests.gateway.bench.thermal_sensors import RATE_HZ, planted, ramps

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.simulated.accelerometer import Accelerometer, typical_errors
-from gateway.calibration.methods.calibration_fit import CalibrationFit
+from gateway.calibration.calibration_fit import CalibrationFit
 from gateway.calibration.pose_procedure import make_procedure
 from gateway.calibration.poses.pose import NominalSensitivity, RawReadings
 from gateway.calibration.record import CalibrationRecord

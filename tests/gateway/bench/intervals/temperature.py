@@ -8,12 +8,11 @@ import numpy as np
 
 from gateway.bench.thermal.ramp_calibration import calibrate_ramps
 from gateway.bench.thermal.rest_calibration import learn_at_rest
+from gateway.calibration.acceptance import make_record
+from gateway.calibration.input_files import FileReadings
 from gateway.calibration.methods.six_position import fit_six_positions
-from gateway.calibration.offline.input_files import FileReadings
-from gateway.calibration.poses.faces import FACES
-from gateway.calibration.poses.pose import Pose
+from gateway.calibration.poses.pose import FACES, Pose
 from gateway.calibration.record import CalibrationRecord
-from gateway.calibration.record_factory import make_record
 from tests.gateway.bench.planted.thermal import (
     UP,
     Disturbances,

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gateway.bench.girder.deflection import EndRotation, Girder, girder_deflection, relative_u
+from gateway.bench.girder_deflection import EndRotation, Girder, girder_deflection, relative_u
 from gateway.bench.single_parameter import DisplacementPairs, LaserSetup, fit_single_parameter
 from gateway.calibration.alignment.turn_advice import fit_turn
 from gateway.calibration.record import CalibrationRecord

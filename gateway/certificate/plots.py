@@ -1,6 +1,7 @@
-"""The residual plot: every pose against its own uncertainty and the record's prediction interval, as coordinates.
+"""The figures of a certificate as coordinates: the residual of every pose, and the figure that a method has stored.
 
-The area of a plot and the scales of its axes are those of every figure of a certificate; y points down.
+The residual plot has every pose against its own uncertainty and the record's prediction interval; the figure of a method comes
+from the data in the record's field `figure`. Both have one area, and y points down.
 """
 
 import math
@@ -9,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from gateway.calibration.record import CalibrationRecord
+from gateway.calibration.record import CalibrationRecord, FigureSeries, RecordFigure
 from gateway.documents.figures import tick_step
 from gateway.documents.format import format_short, printable_text
 
@@ -24,6 +25,13 @@ BAND_SHOWN = 4.0
 """The prediction interval is drawn where it is at most so many times the residuals. Basis: else it would hide them."""
 BEYOND_U = 3.0
 """A residual of more standard uncertainties is counted in the caption. Basis: a choice; 0.3 % by chance."""
+MAX_SERIES_POINTS = 160
+"""Points of a series that are drawn; a longer series is thinned. Basis: a choice; neighbours touch at the figure's width."""
+X_MARGIN, Y_MARGIN = 1.06, 1.35
+"""Half ranges of the scales relative to those of the values. Basis: a choice of taste; the legend stands above the points, the
+unit below."""
+MIN_HALF_SCALE_SHARE, MIN_HALF_SCALE = 1e-6, 1e-9
+"""Least half range of a scale, relative to its values and absolute. Basis: below it the labels could not tell the ticks apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,16 +134,18 @@ def residuals(record: CalibrationRecord) -> tuple[PoseResidual, ...]:
 
 
 @dataclass(frozen=True, slots=True)
-class PoseMark:
-    """A pose in the plot: a circle with a bar of ± 2 u."""
+class FigurePoint:
+    """A value with its bar of ± 2 u."""
 
-    number: int
-    used: bool
     x: float
     y: float
     bar_top: float
     bar_bottom: float
     title: str
+
+
+def _point(x: float, value: float, u: float, scale: Scale, title: str) -> FigurePoint:
+    return FigurePoint(x, scale.place(value), scale.place(value + 2 * u), scale.place(value - 2 * u), title)
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +154,7 @@ class ResidualPlot:
 
     ticks: tuple[Tick, ...]
     pose_labels: tuple[Tick, ...]
-    poses: tuple[PoseMark, ...]
+    poses: tuple[tuple[PoseResidual, FigurePoint], ...]
     prediction_interval: tuple[float, ...]
     """Heights of its two lines, the upper one first; empty where it lies outside the plot."""
     prediction_interval_mg: str
@@ -172,7 +182,7 @@ def pose_residuals(record: CalibrationRecord) -> PoseResiduals | None:
         return None
     used = [residual for residual in found if residual.used]
     return PoseResiduals(
-        plot=_plot(found, 1000 * float(record.prediction_interval_g)),
+        plot=_residual_plot(found, 1000 * float(record.prediction_interval_g)),
         rms_g=math.sqrt(sum(r.residual_g**2 for r in used) / len(used)) if used else None,
         used=len(used),
         beyond_3u=sum(residual.ratio > BEYOND_U for residual in used),
@@ -180,7 +190,7 @@ def pose_residuals(record: CalibrationRecord) -> PoseResiduals | None:
     )
 
 
-def _plot(found: tuple[PoseResidual, ...], dm_mg: float) -> ResidualPlot:
+def _residual_plot(found: tuple[PoseResidual, ...], dm_mg: float) -> ResidualPlot:
     reach_mg = max(1000 * (abs(residual.residual_g) + 2 * residual.u_g) for residual in found) or dm_mg
     band_shown = dm_mg <= BAND_SHOWN * reach_mg
     half_mg = 1.12 * (max(reach_mg, dm_mg) if band_shown else reach_mg)
@@ -188,7 +198,7 @@ def _plot(found: tuple[PoseResidual, ...], dm_mg: float) -> ResidualPlot:
     return ResidualPlot(
         ticks=scale.ticks(),
         pose_labels=_pose_labels(found),
-        poses=tuple(_mark(residual, _x(place, len(found)), scale) for place, residual in enumerate(found)),
+        poses=tuple((one, _pose_point(one, _x(place, len(found)), scale)) for place, one in enumerate(found)),
         prediction_interval=(scale.place(dm_mg), scale.place(-dm_mg)) if band_shown else (),
         prediction_interval_mg=format_short(dm_mg),
         has_faces=any(residual.face is not None for residual in found),
@@ -212,14 +222,78 @@ def _pose_labels(found: tuple[PoseResidual, ...]) -> tuple[Tick, ...]:
     )
 
 
-def _mark(residual: PoseResidual, x: float, scale: Scale) -> PoseMark:
+def _pose_point(residual: PoseResidual, x: float, scale: Scale) -> FigurePoint:
     value_mg, u_mg = 1000 * residual.residual_g, 1000 * residual.u_g
-    return PoseMark(
-        number=residual.number,
-        used=residual.used,
-        x=x,
-        y=scale.place(value_mg),
-        bar_top=scale.place(value_mg + 2 * u_mg),
-        bar_bottom=scale.place(value_mg - 2 * u_mg),
-        title=f"pose {residual.number}: {format_short(value_mg)} mg, u {format_short(u_mg)} mg",
+    title = f"pose {residual.number}: {format_short(value_mg)} mg, u {format_short(u_mg)} mg"
+    return _point(x, value_mg, u_mg, scale, title)
+
+
+@dataclass(frozen=True, slots=True)
+class PlottedSeries:
+    """The points of a series and its entry in the legend."""
+
+    name: str
+    points: tuple[FigurePoint, ...]
+    legend_x: float
+
+
+@dataclass(frozen=True, slots=True)
+class MethodPlot:
+    """All coordinates of the figure."""
+
+    figure: RecordFigure
+    x_ticks: tuple[Tick, ...]
+    y_ticks: tuple[Tick, ...]
+    bounds: tuple[float, ...]
+    series: tuple[PlottedSeries, ...]
+    area: PlotArea = AREA
+
+
+def method_plot(record: CalibrationRecord) -> MethodPlot | None:
+    """Return the figure of a record; None where it has none, or none that can be plotted."""
+    try:
+        return plot_figure(RecordFigure.model_validate((record.model_extra or {}).get("figure")))
+    except ValidationError:
+        return None
+
+
+def plot_figure(figure: RecordFigure) -> MethodPlot | None:
+    """Return the coordinates of a figure; None where it cannot be plotted."""
+    x_values = [x for series in figure.series for x in series.x]
+    y_values = [
+        y + side * 2 * u
+        for series in figure.series
+        for y, u in zip(series.y, series.u, strict=False)
+        for side in (-1, 1)
+    ]
+    if not y_values or any(not len(series.x) == len(series.y) == len(series.u) for series in figure.series):
+        return None
+    x_scale, y_scale = (
+        _scale(x_values, X_MARGIN, AREA.left, AREA.right),
+        _scale([*y_values, *figure.bounds], Y_MARGIN, AREA.bottom, AREA.top),
     )
+    if x_scale is None or y_scale is None:
+        return None
+    return MethodPlot(
+        figure=figure,
+        x_ticks=x_scale.ticks(),
+        y_ticks=y_scale.ticks(),
+        bounds=tuple(y_scale.place(height) for height in figure.bounds),
+        series=tuple(_plotted_series(series, place, x_scale, y_scale) for place, series in enumerate(figure.series)),
+    )
+
+
+def _scale(values: list[float], margin: float, low_place: float, high_place: float) -> Scale | None:
+    """Return a scale that shows all values with a margin; None where their range overflows."""
+    low, high = min(values), max(values)
+    half = max(margin * (high - low) / 2, MIN_HALF_SCALE_SHARE * max(abs(low), abs(high)), MIN_HALF_SCALE)
+    return Scale((low + high) / 2, half, low_place, high_place) if math.isfinite(half) else None
+
+
+def _plotted_series(series: FigureSeries, place: int, x_scale: Scale, y_scale: Scale) -> PlottedSeries:
+    every = math.ceil(len(series.x) / MAX_SERIES_POINTS) or 1
+    points = tuple(
+        _point(x_scale.place(x), y, u, y_scale, f"{format_short(x, 6)}: {format_short(y)}")
+        for x, y, u in list(zip(series.x, series.y, series.u, strict=True))[::every]
+    )
+    return PlottedSeries(printable_text(series.name, 24), points, AREA.left + 8 + 80 * place)

@@ -1,1 +1,0 @@
-"""Offline calibration: recordings are fed to the procedures that the gateway runs live."""
