@@ -2,8 +2,7 @@
 
 import pytest
 
-from tests.gateway.bench.blunders.campaign import run
-from tests.gateway.bench.blunders.table import BLUNDERS, SOUND, Blunder
+from tests.gateway.bench.blunders.campaign import BLUNDERS, SOUND, Blunder, run
 
 SHOWN_NOWHERE = {"the camera turned by a quarter", "a reflection beside the spot", "one ramp in °F"}
 """Blunders that some sessions do not show, by `docs/evidence/blunders.md`."""

@@ -1,16 +1,25 @@
-"""Acceptance of a fit: its limits, and the findings that require a reason."""
+"""Acceptance of a fit: its limits, findings that require a reason, and its record: fields, hash and id, other origins."""
 
+import json
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from devices.simulated.accelerometer import Accelerometer, factory_calibration, no_errors
 from gateway.calibration.acceptance import change_since, judge, make_record
 from gateway.calibration.calibration_fit import CalibrationFit, FitWarning, WarningKind
 from gateway.calibration.methods.six_position import fit_six_positions
 from gateway.calibration.poses.pose import FACE_DIRECTIONS, Pose
 from gateway.calibration.record import CalibrationRecord
+
+FIELDS = {
+    *("format", "id", "device_id", "method", "created_utc", "software", "by", "parent", "unit", "offset"),
+    *("correction_matrix", "covariance", "prediction_interval_g", "temperature_c", "thermal", "poses"),
+    *("misalignment_deg", "residual_rms_g", "condition_number", "budget", "warnings", "sha256"),
+}
+WHO: dict[str, Any] = {"device_id": "part-7", "unit": "counts", "software": "0.1.0", "by": "bench", "parent": None}
 
 
 def make_fit(gain: float = 1.0, offset_g: tuple[float, float, float] = (0.01, 0.02, 0.03)) -> CalibrationFit:
@@ -75,3 +84,68 @@ def test_an_outlier_requires_a_reason_and_other_warnings_are_notes() -> None:
     acceptance = judge(replace(make_fit(), warnings=warnings), None)
     assert acceptance.implausible == ("outlier: U_x",)
     assert acceptance.notes == ("something else",)
+
+
+def six_faces(scale: float = 1000.0) -> CalibrationFit:
+    """Return the fit of six faces in counts, at temperatures from 20 to 25 °C."""
+    poses = []
+    for place, (face, up) in enumerate(FACE_DIRECTIONS.items()):
+        x, y, z = (up * scale + 5).tolist()
+        poses.append(
+            Pose((x, y, z), (0.1, 0.1, 0.1), 300, face, temperature_c=20.0 + place, noise=(2.0, 2.0, 2.0), step=1.0)
+        )
+    return fit_six_positions(tuple(poses))
+
+
+def test_a_record_has_every_published_field() -> None:
+    content = make_record(six_faces(), created_utc="2026-11-21T10:15:00Z", **WHO).model_dump(mode="json")
+    assert set(content) == FIELDS
+    assert {"mean", "type_a", "count", "face", "used"} <= set(content["poses"][0])
+    assert all(set(row) == {"source", "type", "u_g", "u_deg"} for row in content["budget"])
+    assert np.array(content["covariance"]).shape == (12, 12)
+    assert content["temperature_c"] == {"mean": 22.5, "min": 20.0, "max": 25.0}
+
+
+def test_a_record_survives_a_file_unchanged() -> None:
+    record = make_record(six_faces(), created_utc="2026-11-21T10:15:00Z", **WHO)
+    again = CalibrationRecord.model_validate(json.loads(json.dumps(record.model_dump(mode="json"))))
+    assert again == record
+    assert again.sha256 == record.sha256
+
+
+def test_ids_sort_by_time_and_distinguish_contents() -> None:
+    first = make_record(six_faces(), created_utc="2026-11-21T10:15:00Z", **WHO)
+    other = make_record(six_faces(1001.0), created_utc="2026-11-21T10:15:00Z", **WHO)
+    later = make_record(six_faces(), created_utc="2026-11-21T10:15:01.25+00:00", **WHO)
+    assert first.id.startswith("20261121T101500Z-")
+    assert later.id.startswith("20261121T101501Z-")
+    assert first.id != other.id
+    assert sorted([later.id, first.id]) == [first.id, later.id]
+
+
+def test_additional_fields_are_stored_and_hashed() -> None:
+    record = make_record(six_faces(), created_utc="2026-11-21T10:15:00Z", request="r-1", **WHO)
+    content = record.model_dump(mode="json")
+    assert content["request"] == "r-1"
+    with pytest.raises(ValueError, match="sha256 does not match"):
+        CalibrationRecord.model_validate(content | {"request": "r-2"})
+
+
+def test_a_changed_budget_is_detected() -> None:
+    content = make_record(six_faces(), created_utc="2026-11-21T10:15:00Z", **WHO).model_dump(mode="json")
+    content["budget"][0]["u_g"] = 0.0
+    with pytest.raises(ValueError, match="sha256 does not match"):
+        CalibrationRecord.model_validate(content)
+
+
+def test_a_record_without_the_newer_fields_stays_as_it_is() -> None:
+    content = factory_calibration("sim", Accelerometer(no_errors(), 100.0), np.random.default_rng(1))
+    record = CalibrationRecord.model_validate(content)
+    assert record.misalignment_deg is None
+    assert record.model_dump(mode="json") == content
+    assert CalibrationRecord.model_validate(record.model_dump(mode="json")) == record
+
+
+def test_the_budget_contains_the_range_of_temperature() -> None:
+    (row,) = [row for row in six_faces().budget if row["source"] == "temperature spread"]
+    assert row["u_g"] == pytest.approx(0.5e-3 * 5 / np.sqrt(12))

@@ -1,17 +1,24 @@
-"""Contents of the certificate, read back from its HTML."""
+"""Contents of the certificate, read back from its HTML, and the files of `plumbline calibrate ... --html --dcc`."""
 
+import json
 import re
 from collections.abc import Callable
 from html.parser import HTMLParser
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from gateway.calibration.record import CalibrationRecord
+from gateway.certificate.digital_certificate import render_digital_certificate
 from gateway.certificate.page import render_certificate
+from gateway.cli.main import main
 
 VOID = {"meta"}
+HOSTILE = "</style><script>alert(1)</script><img src=x onerror=alert(2)>\"'&amp;\u202e\x00"
+SESSION = Path(__file__).parents[2] / "data" / "calibration" / "six_faces_session.csv"
+OPTIONS = ["--rate", "204.8", "--device-id", "part-7"]
 
 
 class Page(HTMLParser):
@@ -249,9 +256,6 @@ def test_limits_depend_on_the_record(make_record: Callable[..., CalibrationRecor
     assert "Outside 20.9 to 22.3 °C" in Page(render_certificate(make_record(), None)).text
 
 
-HOSTILE = "</style><script>alert(1)</script><img src=x onerror=alert(2)>\"'&amp;\u202e\x00"
-
-
 def test_hostile_text_never_becomes_markup(make_record: Callable[..., CalibrationRecord]) -> None:
     record = make_record(
         id=HOSTILE,
@@ -308,3 +312,26 @@ def test_overflowing_numbers_are_dashes(make_record: Callable[..., CalibrationRe
 
 def test_same_record_gives_the_same_page(drifted: tuple[CalibrationRecord, CalibrationRecord]) -> None:
     assert render_certificate(*drifted) == render_certificate(*drifted)
+
+
+@pytest.mark.slow
+def test_calibrate_writes_the_certificate_of_its_record(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first, second = tmp_path / "first.json", tmp_path / "second.json"
+    page = tmp_path / "second.html"
+    main(["calibrate", "six-position", str(SESSION), *OPTIONS, "--json", str(first)])
+    written = [
+        "--parent",
+        str(first),
+        "--json",
+        str(second),
+        "--html",
+        str(page),
+        "--dcc",
+        str(page.with_suffix(".xml")),
+    ]
+    main(["calibrate", "six-position", str(SESSION), *OPTIONS, *written])
+    capsys.readouterr()
+    parent, record = (CalibrationRecord.model_validate(json.loads(path.read_text())) for path in (first, second))
+    assert page.read_text() == render_certificate(record, parent)
+    assert "Change since the parent" in page.read_text()
+    assert page.with_suffix(".xml").read_text() == render_digital_certificate(record)

@@ -3,8 +3,7 @@
 import argparse
 from pathlib import Path
 
-from tests.gateway.bench.blunders.campaign import run
-from tests.gateway.bench.blunders.table import BLUNDERS, SOUND
+from tests.gateway.bench.blunders.campaign import BLUNDERS, SOUND, run
 
 PAGE = Path(__file__).parents[4] / "docs" / "evidence" / "blunders.md"
 MARK = "<!-- written by python -m tests.gateway.bench.blunders --write -->"

@@ -1,4 +1,7 @@
-"""Runs blunders and good sessions through the command line in this process, and counts what is refused or flagged."""
+"""Blunders and good sessions, run through the command line in this process: what is refused or flagged.
+
+A blunder is what a person does wrong, with which method, and the suspicion that the command must state.
+"""
 
 import io
 import re
@@ -12,10 +15,43 @@ import numpy as np
 
 from gateway.bench.single_parameter_output import NOT_MEASURED
 from gateway.cli.main import main
+from tests.gateway.bench.blunders import angles, faces, photographs, temperature
 from tests.gateway.bench.blunders.session import Session
 from tests.gateway.bench.planted.workshop import draw_sensor
 
+SOUND: dict[str, Callable[[Session], list[str]]] = {
+    "six-position": lambda session: session.rests(session.faces(), "six-position"),
+    "norm-fit": lambda session: session.rests(session.poses(), "norm-fit"),
+    "rotation": lambda session: session.turns(),
+    "single-parameter": lambda session: session.pairs(),
+    "thermal": lambda session: session.ramps(),
+    "girder": lambda session: session.girder(),
+    "laser": photographs.sound,
+    "norm-fit after six-position": faces.norm_fit_after_six_positions,
+    "six-position after six-position": faces.same_part_again,
+}
+"""Good sessions, which are to be neither refused nor flagged."""
 FLAGS = re.compile(r"\s*(warning:|needs a reason:|not acceptable:|note: .*(rests are used|no new pose found))")
+
+
+@dataclass(frozen=True, slots=True)
+class Blunder:
+    """One row."""
+
+    method: str
+    text: str
+    suspicion: str
+    """Pattern that the refusal or the warning matches."""
+    make: Callable[[Session], list[str]]
+    """Writes the files and returns the arguments of the command."""
+
+
+BLUNDERS = tuple(
+    Blunder(method, *row)
+    for module in (faces, angles, temperature, photographs)
+    for method, rows in module.ROWS.items()
+    for row in rows
+)
 
 
 @dataclass(frozen=True, slots=True)

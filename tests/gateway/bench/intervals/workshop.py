@@ -16,8 +16,8 @@ from gateway.calibration.record import CalibrationRecord
 from gateway.cli.main import main
 from gateway.numerics.stats import NORMAL_975, student_quantile
 from tests.benchmarks.laser import compress, measure_disturbed, random_scene
+from tests.gateway.bench.blunders.campaign import SOUND
 from tests.gateway.bench.blunders.session import Session
-from tests.gateway.bench.blunders.table import SOUND
 from tests.gateway.bench.planted.workshop import draw_sensor
 
 
