@@ -1,7 +1,6 @@
 """Acceptance of a fit: whether it may come into force, is a plausible successor of its parent, and the record that it becomes."""
 
 import re
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,6 +8,7 @@ from pydantic import BaseModel, ConfigDict
 
 from gateway.calibration.calibration_fit import CalibrationFit, WarningKind
 from gateway.calibration.drift.change import SensorChange, sensor_change
+from gateway.calibration.methods.experiment_design import MAX_CONDITION_NUMBER
 from gateway.calibration.methods.six_position import PLACEMENT_U_DEG, find_changed_readings
 from gateway.calibration.record import CalibrationRecord, PoseMethod, content_hash
 from gateway.calibration.thermal_model import correction_at, holds_at_c
@@ -18,23 +18,19 @@ MIN_EIGENVALUE = -1e-6
 """Least eigenvalue of a scaled covariance that is zero within rounding errors. Basis: a choice; far above rounding (1e-15), far
 below a variance that matters."""
 
-
-@dataclass(frozen=True, slots=True)
-class AcceptanceLimits:
-    """Limits of a fit, and of the change since its parent beyond which a person must give a reason."""
-
-    residual_rms_g: float = 0.010
-    """Largest residual, g: 0.6 degrees. A larger one means that faces were misplaced or the sensor was not at rest."""
-    condition_number: float = 30.0
-    """Largest condition number of the design."""
-    prediction_interval_g: float = 0.10
-    """Largest prediction interval, g: beyond it a reading at rest shows nothing of the condition."""
-    offset_change_g: float = 0.020
-    """Largest change of an offset, g: 1.1 degrees; in 4.5 years 0.86 degrees were measured (Łuczak et al. 2022, eq. 21)."""
-    scale_change: float = 0.010
-    """Largest relative change of a scale factor."""
-    rotation_deg: float = 2.0
-    """Largest rotation of the sensor in its housing, degrees."""
+MAX_RESIDUAL_RMS_G = 0.010
+"""Largest residual of a fit, g: 0.6 degrees. Basis: beyond it faces were misplaced or the sensor was not at rest."""
+MAX_PREDICTION_INTERVAL_G = 0.10
+"""Largest prediction interval, g. Basis: beyond it a reading at rest shows nothing of the condition."""
+MAX_OFFSET_CHANGE_G = 0.020
+"""Largest change of an offset since the parent without a reason, g: 1.1 degrees. Basis: in 4.5 years 0.86 degrees were measured
+(Łuczak et al. 2022, eq. 21)."""
+MAX_SCALE_CHANGE = 0.010
+"""Largest relative change of a scale factor since the parent without a reason. Basis: a choice; 0.6 degrees at 1 g, as the
+largest residual."""
+MAX_ROTATION_DEG = 2.0
+"""Largest rotation of the sensor in its housing since the parent without a reason, degrees. Basis: a choice; twice what data
+sheets allow between axes and package."""
 
 
 class Acceptance(BaseModel):
@@ -58,20 +54,19 @@ class Acceptance(BaseModel):
         return None
 
 
-def judge(fit: CalibrationFit, parent: CalibrationRecord | None, limits: AcceptanceLimits | None = None) -> Acceptance:
+def judge(fit: CalibrationFit, parent: CalibrationRecord | None) -> Acceptance:
     """Judge a fit by the limits and by its parent, None if there is none."""
-    limits = limits or AcceptanceLimits()
     implausible = [warning.as_record_text() for warning in fit.warnings if warning.kind is WarningKind.OUTLIER]
     notes = [warning.as_record_text() for warning in fit.warnings if warning.kind is not WarningKind.OUTLIER]
     if parent is not None:
         change = change_since(fit, parent)
-        implausible += _implausible_changes(change, parent.id, limits)
+        implausible += _implausible_changes(change, parent.id)
         if fit.method != PoseMethod.NORM_FIT.value:  # its poses are held near a face, not laid on it
             poses = tuple(pose.as_json() for pose in fit.poses)
             changed = find_changed_readings(poses, tuple(parent.poses), PLACEMENT_U_DEG)
             implausible += [warning.as_record_text() for warning in changed]
         notes.append(_describe_change(change, parent.id))
-    return Acceptance(refused=tuple(_refusals(fit, limits)), implausible=tuple(implausible), notes=tuple(notes))
+    return Acceptance(refused=tuple(_refusals(fit)), implausible=tuple(implausible), notes=tuple(notes))
 
 
 def change_since(fit: CalibrationFit, parent: CalibrationRecord) -> SensorChange:
@@ -85,11 +80,11 @@ def change_since(fit: CalibrationFit, parent: CalibrationRecord) -> SensorChange
     )
 
 
-def _refusals(fit: CalibrationFit, limits: AcceptanceLimits) -> list[str]:
+def _refusals(fit: CalibrationFit) -> list[str]:
     measured = [
-        ("residual", fit.residual_rms_g, limits.residual_rms_g, "g"),
-        ("condition number", fit.condition_number, limits.condition_number, ""),
-        ("prediction interval", fit.prediction_interval_g, limits.prediction_interval_g, "g"),
+        ("residual", fit.residual_rms_g, MAX_RESIDUAL_RMS_G, "g"),
+        ("condition number", fit.condition_number, MAX_CONDITION_NUMBER, ""),
+        ("prediction interval", fit.prediction_interval_g, MAX_PREDICTION_INTERVAL_G, "g"),
     ]
     refusals = [
         f"{name} {value:.3g} {unit}".rstrip() + f" is above the limit of {limit:g}; take the poses again"
@@ -108,15 +103,15 @@ def _is_covariance(covariance: Array) -> bool:
     return bool(np.linalg.eigvalsh(covariance / np.outer(scale, scale)).min() > MIN_EIGENVALUE)
 
 
-def _implausible_changes(change: SensorChange, parent_id: str, limits: AcceptanceLimits) -> list[str]:
+def _implausible_changes(change: SensorChange, parent_id: str) -> list[str]:
     texts = []
     for axis, offset_g, scale in zip("xyz", change.offset_g, change.scale, strict=True):
-        if abs(offset_g) > limits.offset_change_g:
+        if abs(offset_g) > MAX_OFFSET_CHANGE_G:
             texts.append(f"offset {axis} has moved by {offset_g * 1000:+.1f} mg since {parent_id}")
-        if abs(scale) > limits.scale_change:
+        if abs(scale) > MAX_SCALE_CHANGE:
             texts.append(f"scale {axis} has changed by {scale * 100:+.2f} % since {parent_id}")
     rotation_deg = float(np.linalg.norm(change.rotation_deg))
-    if rotation_deg > limits.rotation_deg:
+    if rotation_deg > MAX_ROTATION_DEG:
         texts.append(f"the sensor is turned by {rotation_deg:.1f} deg in its housing since {parent_id}")
     return texts
 

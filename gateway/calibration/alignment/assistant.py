@@ -65,12 +65,11 @@ def advise(
     roll_rad: float,
     *,
     u_rad: float,
-    still: bool,
     screws: ScrewMechanics | None = None,
 ) -> ScrewAdvice:
     """Return what to do at these angles of the hanging housing, each with the standard uncertainty `u_rad`."""
     screws = screws or ScrewMechanics()
-    if not still or not np.isfinite([pitch_rad, roll_rad, u_rad]).all():
+    if not np.isfinite([pitch_rad, roll_rad, u_rad]).all():
         return wait("wait: the housing moves")
     screw: Screw = "pitch" if abs(pitch_rad) >= abs(roll_rad) else "roll"
     angle_rad = pitch_rad if screw == "pitch" else roll_rad
@@ -138,7 +137,6 @@ class AlignmentAssistant:
             float(np.radians(pitch_deg)),
             float(np.radians(roll_deg)),
             u_rad=float(np.radians(angles_deg.std(axis=0, ddof=1).max())),
-            still=True,
             screws=self._screws,
         )
         return AlignmentReadout(pitch_deg, roll_deg, tilt.u_deg, advice)

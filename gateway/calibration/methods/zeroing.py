@@ -50,7 +50,6 @@ def zero_in_place(
     parent: CalibrationRecord,
     housing_from_sensor: Array,
     units_per_g: float,
-    plumb_u_deg: float = PLUMB_U_DEG,
 ) -> CalibrationFit:
     """Return the parent's correction with the smallest rotation in front that turns the mean to the housing's +z.
 
@@ -65,7 +64,7 @@ def zero_in_place(
     _require_steady_mean((rest.means() - mean) @ matrix.T, noise_g)
     _require_plausible_reading(matrix @ (mean - offset), parent, housing_from_sensor)
     zeroed = _zeroed_matrix(matrix, offset, mean, housing_from_sensor)
-    contributions = _contributions(parent, mean, rest.type_a(), housing_from_sensor, np.radians(plumb_u_deg))
+    contributions = _contributions(parent, mean, rest.type_a(), housing_from_sensor)
     covariance = total_covariance(contributions)
     x, y, z = parent.offset
     return CalibrationFit(
@@ -165,7 +164,7 @@ def _removed_angles_text(matrix: Array, offset: Array, mean: Array, housing_from
 
 
 def _contributions(
-    parent: CalibrationRecord, mean: Array, type_a: Array, housing_from_sensor: Array, plumb_u_rad: float
+    parent: CalibrationRecord, mean: Array, type_a: Array, housing_from_sensor: Array
 ) -> tuple[Contribution, ...]:
     """Return the parent's covariance, propagated through the rotation that removes the two angles, and what zeroing adds."""
     parent_jacobian, mean_jacobian = _jacobians(parent, mean, housing_from_sensor)
@@ -178,7 +177,7 @@ def _contributions(
     return (
         Contribution(f"record {parent.id}", "B", propagated),
         Contribution("noise of the mean at rest", "A", mean_jacobian @ np.diag(type_a**2) @ mean_jacobian.T),
-        Contribution("the rope as a plumb line", "B", plumb_u_rad**2 * plumb @ plumb.T),
+        Contribution("the rope as a plumb line", "B", np.radians(PLUMB_U_DEG) ** 2 * plumb @ plumb.T),
     )
 
 

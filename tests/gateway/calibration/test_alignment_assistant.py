@@ -103,7 +103,7 @@ def test_angles_before_a_movement_are_discarded() -> None:
 
 
 def test_the_larger_angle_comes_first() -> None:
-    advice = advise(np.radians(0.2), np.radians(-0.9), u_rad=1e-5, still=True)
+    advice = advise(np.radians(0.2), np.radians(-0.9), u_rad=1e-5)
     assert (advice.state, advice.screw, advice.direction) == ("turn", "roll", "in")
     assert advice.turns == pytest.approx(np.tan(np.radians(0.9)) * 40 / 0.5)
     assert "turn the roll screw in by 1.26" in advice.text
@@ -114,7 +114,7 @@ def test_following_the_advice_aligns_the_housing() -> None:
     angles: dict[Screw, float] = {"pitch": np.radians(3.0), "roll": np.radians(-2.0)}
     screws = ScrewMechanics(roll_sign=-1)
     for _ in range(20):
-        advice = advise(angles["pitch"], angles["roll"], u_rad=1e-5, still=True, screws=screws)
+        advice = advise(angles["pitch"], angles["roll"], u_rad=1e-5, screws=screws)
         if advice.state == "aligned":
             break
         assert advice.screw is not None
@@ -128,10 +128,9 @@ def test_following_the_advice_aligns_the_housing() -> None:
     assert max(abs(angle) for angle in angles.values()) <= np.radians(0.03)
 
 
-def test_no_turn_is_advised_while_the_housing_moves_or_the_angle_is_unknown() -> None:
-    assert advise(0.1, 0.0, u_rad=1e-5, still=False).state == "not_still"
-    assert advise(float("nan"), 0.0, u_rad=1e-5, still=True).state == "not_still"
-    assert advise(0.0, 0.0, u_rad=np.radians(0.02), still=True).state == "too_noisy"
+def test_no_turn_is_advised_while_the_angle_is_unknown_or_noisy() -> None:
+    assert advise(float("nan"), 0.0, u_rad=1e-5).state == "not_still"
+    assert advise(0.0, 0.0, u_rad=np.radians(0.02)).state == "too_noisy"
 
 
 def test_impossible_screws_are_refused() -> None:

@@ -75,7 +75,7 @@ def test_the_turn_about_the_rope_is_not_changed() -> None:
 
 
 def test_the_uncertainty_is_that_of_the_rope_while_hanging_and_that_of_the_parent_in_other_attitudes() -> None:
-    fit = zero_in_place(hanging_readings(vertical(1.0, 1.0)), make_parent(), STRAIGHT, UNITS_PER_G, plumb_u_deg=0.05)
+    fit = zero_in_place(hanging_readings(vertical(1.0, 1.0)), make_parent(), STRAIGHT, UNITS_PER_G)
     raw = np.linalg.solve(fit.correction_matrix, [0, 0, 1.0])
     jacobian = np.hstack([np.kron(np.eye(3), raw), -fit.correction_matrix])
     u_hanging = np.sqrt(np.diag(jacobian @ fit.covariance @ jacobian.T))
