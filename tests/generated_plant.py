@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 from asyncua import ua
 
-from gateway.bridge.modbus.registers import NOT_KNOWN, NOT_KNOWN_LONG, REGISTERS
-from gateway.bridge.opcua.opcua_values import STATUS
-from gateway.bridge.plant_state import LEVEL_CODES, SOURCE_CODES, STATE_CODES, Code, PlantState
+from gateway.bridge.modbus_server import NOT_KNOWN, NOT_KNOWN_LONG, REGISTERS
+from gateway.bridge.opcua_values import STATUS
+from gateway.bridge.plant_snapshot import LEVEL_CODES, SOURCE_CODES, STATE_CODES, Code, PlantState
 from gateway.bridge.plant_values import PLANT_VALUES, PlantValue
 
 

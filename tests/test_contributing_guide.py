@@ -82,7 +82,7 @@ RULE_CHECK = """
 import sys
 from pathlib import Path
 from gateway.incident.course import CourseBuilder
-from gateway.page.exposition import render
+from gateway.page.metrics import render
 from gateway.page.metrics import gateway_families
 from gateway.page.verdict import PageEvidence
 from gateway.recording.reading.recording_file import open_recording
@@ -226,7 +226,7 @@ def test_a_chip_changes_the_files_of_the_guide_and_is_found_and_read(tree: Tree)
 LANGUAGE_CHECK = """
 from gateway.cli.main import parser
 from gateway.configuration.loading import validate
-from gateway.page.static_files import static_routes
+from gateway.page.http_server import static_routes
 
 assert validate({"page": {"language": "nl"}}, "test").page.language == "nl"
 assert parser().parse_args(["fleet", "page", "--language", "nl"]).language == "nl"

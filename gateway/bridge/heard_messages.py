@@ -7,8 +7,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from gateway.bridge.plant_snapshot import PlantSnapshot
-from gateway.bridge.plant_state import STATED, UNHEARD, WITHOUT_SENSOR, PlantState
+from gateway.bridge.plant_snapshot import STATED, UNHEARD, WITHOUT_SENSOR, PlantSnapshot, PlantState
 from gateway.bus.alert_receiver import PATIENCE_S
 from gateway.bus.authenticity import DOUBT_S, Doubt, newer_doubt
 from gateway.bus.fleet_inbox import FleetArrival, FleetBatch

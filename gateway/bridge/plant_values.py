@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from gateway.bridge.plant_snapshot import LONGEST_AGE_MS, PlantSnapshot
-from gateway.bridge.plant_state import LEVEL_CODES, SOURCE_CODES, STATE_CODES, Code
+from gateway.bridge.plant_snapshot import LEVEL_CODES, LONGEST_AGE_MS, SOURCE_CODES, STATE_CODES, Code, PlantSnapshot
 
 Reading = float | int | str | None
 """A value as the snapshot has it; None: not known."""

@@ -82,9 +82,8 @@ def _run_mqtt(arguments: argparse.Namespace) -> int:
 
 
 async def _serve_mqtt(settings: "BridgeSettings", reader: "GatewayReader", started: Callable[[], None]) -> None:
-    from gateway.bridge.mqtt.alert_delivery import AlertDelivery
-    from gateway.bridge.mqtt.mqtt_messages import MqttTopics
-    from gateway.bridge.mqtt.mqtt_publisher import MqttPublisher, read_position
+    from gateway.bridge.mqtt_messages import AlertDelivery, MqttTopics
+    from gateway.bridge.mqtt_publisher import MqttPublisher, read_position
 
     section = settings.mqtt
     alerts = AlertDelivery(reader.receive_alerts(read_position(section.position_file)))
@@ -103,7 +102,7 @@ def _run_modbus(arguments: argparse.Namespace) -> int:
 
 
 async def _serve_modbus(settings: "BridgeSettings", reader: "GatewayReader", started: Callable[[], None]) -> None:
-    from gateway.bridge.modbus.modbus_server import ModbusServer
+    from gateway.bridge.modbus_server import ModbusServer
 
     await ModbusServer(settings.modbus, reader.snapshot).serve(started)
 
@@ -114,7 +113,7 @@ def _run_opcua(arguments: argparse.Namespace) -> int:
 
 
 async def _serve_opcua(settings: "BridgeSettings", reader: "GatewayReader", started: Callable[[], None]) -> None:
-    from gateway.bridge.opcua.opcua_server import OpcuaServer
+    from gateway.bridge.opcua_server import OpcuaServer
 
     for library in ("asyncua", "asyncuagds"):  # they log each connection, and a trace for each that is refused
         logging.getLogger(library).setLevel(logging.CRITICAL)
@@ -124,13 +123,13 @@ async def _serve_opcua(settings: "BridgeSettings", reader: "GatewayReader", star
 
 def _run_foxglove(arguments: argparse.Namespace) -> int:
     require_extra("foxglove")
-    from gateway.bridge.foxglove.live_messages import LIVE_TOPICS, LiveMessages
+    from gateway.bridge.foxglove_server import LIVE_TOPICS, LiveMessages
     from gateway.recording.format.content import encode_recorded, schema_bytes
 
     messages = LiveMessages(encode_recorded)
 
     async def serve(settings: "BridgeSettings", reader: "GatewayReader", started: Callable[[], None]) -> None:
-        from gateway.bridge.foxglove.foxglove_server import FoxgloveServer
+        from gateway.bridge.foxglove_server import FoxgloveServer
 
         await FoxgloveServer(settings.foxglove, reader.key, schema_bytes, reader.snapshot, messages).serve(started)
 

@@ -9,8 +9,8 @@ from typing import Any
 from asyncua import Client, ua
 from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
 
-from gateway.bridge.modbus.registers import NOT_KNOWN
-from gateway.bridge.plant_state import STATE_CODES
+from gateway.bridge.modbus_server import NOT_KNOWN
+from gateway.bridge.plant_snapshot import STATE_CODES
 from tests.gateway.bridge.modbus_client import ModbusClient
 from tests.ports import unused_port
 from tests.system.bus_query import KEY

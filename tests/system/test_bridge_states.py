@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.bridge.plant_state import PlantState
+from gateway.bridge.plant_snapshot import PlantState
 from tests.system.conftest import ROOT, RunningGateway, StartGateway
 from tests.system.plant_clients import ModbusPlant, MqttPlant, OpcuaPlant
 from tests.system.running_bridge import PlantClient, RunningBridge

@@ -113,9 +113,8 @@ async def _show(timeline: "Timeline", selection: "Selection", section: "Foxglove
     """Play to viewers until the last one leaves; return the number of messages. Raises `InputError`, `RecordingError`."""
     from dataclasses import replace
 
-    from gateway.bridge.foxglove.foxglove_server import FoxgloveServer
-    from gateway.bridge.plant_snapshot import PlantSnapshot
-    from gateway.bridge.plant_state import PlantState
+    from gateway.bridge.foxglove_server import FoxgloveServer
+    from gateway.bridge.plant_snapshot import PlantSnapshot, PlantState
     from gateway.cli.terminal.progress import ProgressBar
     from gateway.recording.export.playback import ViewerPlayback, playback_key
     from gateway.recording.format.content import schema_bytes

@@ -9,11 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.bridge.foxglove.foxglove_server import FoxgloveServer
-from gateway.bridge.foxglove.live_messages import LIVE_TOPICS, MOST_WAITING, LiveMessages
+from gateway.bridge.foxglove_server import LIVE_TOPICS, MOST_WAITING, FoxgloveServer, LiveMessages
 from gateway.bridge.heard_messages import READ_TOPICS
-from gateway.bridge.plant_snapshot import PlantSnapshot
-from gateway.bridge.plant_state import PlantState
+from gateway.bridge.plant_snapshot import PlantSnapshot, PlantState
 from gateway.bridge.settings import FoxgloveSection
 from gateway.cli.main import main
 from gateway.errors import BAD_INPUT, InputError

@@ -11,10 +11,8 @@ from collections.abc import Iterator
 import pytest
 from pymodbus.client import ModbusTcpClient
 
-from gateway.bridge.modbus.modbus_server import ModbusServer
-from gateway.bridge.modbus.registers import NOT_KNOWN, REGISTERS, encode_registers
-from gateway.bridge.plant_snapshot import PlantSnapshot
-from gateway.bridge.plant_state import PlantState
+from gateway.bridge.modbus_server import NOT_KNOWN, REGISTERS, ModbusServer, encode_registers
+from gateway.bridge.plant_snapshot import PlantSnapshot, PlantState
 from gateway.bridge.plant_values import PLANT_VALUES
 from gateway.bridge.settings import ModbusSection
 from tests.gateway.bridge.modbus_client import ModbusClient, ModbusRefusedError

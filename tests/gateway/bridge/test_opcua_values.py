@@ -3,9 +3,8 @@
 import pytest
 from asyncua import ua
 
-from gateway.bridge.opcua.opcua_values import data_value
-from gateway.bridge.plant_snapshot import PlantSnapshot
-from gateway.bridge.plant_state import PlantState
+from gateway.bridge.opcua_values import data_value
+from gateway.bridge.plant_snapshot import PlantSnapshot, PlantState
 from gateway.bridge.plant_values import PLANT_VALUES
 
 

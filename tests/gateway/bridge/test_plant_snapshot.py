@@ -6,8 +6,14 @@ from typing import Any
 
 import pytest
 
-from gateway.bridge.plant_snapshot import LONGEST_AGE_MS, PlantSnapshot
-from gateway.bridge.plant_state import LEVEL_CODES, SOURCE_CODES, STATE_CODES, PlantState
+from gateway.bridge.plant_snapshot import (
+    LEVEL_CODES,
+    LONGEST_AGE_MS,
+    SOURCE_CODES,
+    STATE_CODES,
+    PlantSnapshot,
+    PlantState,
+)
 from gateway.bridge.plant_values import PLANT_VALUES
 from gateway.bus.authenticity import Doubt
 from gateway.messages import Level, Validity

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.bridge.modbus.registers import NOT_KNOWN, REGISTERS
-from gateway.bridge.plant_state import LEVEL_CODES, STATE_CODES
+from gateway.bridge.modbus_server import NOT_KNOWN, REGISTERS
+from gateway.bridge.plant_snapshot import LEVEL_CODES, STATE_CODES
 from gateway.bridge.plant_values import PLANT_VALUES
 
 FOLDER = Path(__file__).parents[3] / "docs" / "guides" / "integrator"

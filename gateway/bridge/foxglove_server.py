@@ -1,22 +1,29 @@
-"""The server of the Foxglove WebSocket protocol: the topics of recordings, live or played, and whether they hold."""
+"""The server of the Foxglove WebSocket protocol, by which viewers look at a gateway: the topics of recordings, live or played.
+
+It says whether they hold. Live messages are shown each as it comes: the other bridges need the newest of each topic only.
+"""
 
 import asyncio
 import json
 import logging
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from foxglove import Channel, Context, Schema, start_server
 from foxglove.websocket import Capability, ChannelView, Client, ServerListener, StatusLevel, WebSocketServer
+from pydantic import ValidationError
 
-from gateway.bridge.plant_snapshot import PlantSnapshot
-from gateway.bridge.plant_state import STATE_CODES, UNHEARD, PlantState
+from gateway.bridge.plant_snapshot import STATE_CODES, UNHEARD, PlantSnapshot, PlantState
 from gateway.bridge.settings import FoxgloveSection
+from gateway.bus.authenticity import Doubt
+from gateway.bus.fleet_inbox import LARGEST_STATE_BYTES, FleetInbox
 from gateway.configuration.address import host_and_port
 from gateway.errors import InputError
-from gateway.topics import TOPICS
+from gateway.messages import Message
+from gateway.topics import TOPICS, adapter
 
 STEP_S = 0.02
 """Time between two looks at the queue. Basis: a choice; a picture of a viewer, and little work."""
@@ -39,6 +46,10 @@ STATE_SCHEMA = {
     "required": ["state", "meaning", "dropped", "invalid"],
 }
 STATE_CHANNEL = f"/{STATE}", json.dumps(STATE_SCHEMA).encode()
+LIVE_TOPICS = tuple(topic.name for topic in TOPICS.values() if topic.published)
+"""What a gateway publishes. A recording has more: see `gateway.topics`."""
+MOST_WAITING = 512
+"""Messages that may wait. Basis: a choice; some ten seconds of a gateway, and at most 32 MB."""
 
 
 class MessageSource(Protocol):
@@ -178,3 +189,45 @@ class FoxgloveServer:
         if snapshot.age_s is not None:
             content["age_s"] = round(snapshot.age_s, 3)
         return json.dumps(content).encode()
+
+
+class LiveMessages(FleetInbox):
+    """Keeps live messages in their order until they are taken; the oldest is dropped, and counted, where nobody takes them."""
+
+    topics = LIVE_TOPICS
+    has_own_clock = False
+
+    def __init__(self, encode: Callable[[Message], bytes]) -> None:
+        """`encode`: how a recording writes messages. It is given: bridges and recordings do not know each other."""
+        super().__init__()
+        self._encode = encode
+        self._waiting: deque[tuple[str, bytes]] = deque(maxlen=MOST_WAITING)
+        self._queue_lock = threading.Lock()
+        self.dropped = self.invalid = 0
+
+    def put(self, key_expression: str, payload: bytes, at_s: float, *, live: bool, doubt: Doubt | None = None) -> None:
+        """Add a payload under `<gateway>/<topic>`. Called from Zenoh's threads.
+
+        Of a gateway whose key is known nothing else is shown; of one that has none everything is, and the state says so.
+        """
+        super().put(key_expression, payload, at_s, live=live, doubt=doubt)
+        is_own = doubt is None or doubt.kind == "unsigned"
+        if live and is_own and len(payload) <= LARGEST_STATE_BYTES:
+            with self._queue_lock:
+                self.dropped += len(self._waiting) == MOST_WAITING
+                self._waiting.append((key_expression.rpartition("/")[2], payload))
+
+    def take(self) -> list[tuple[str, bytes, None]]:
+        """Return the messages that wait, in their recorded form, which leaves out what is not known."""
+        with self._queue_lock:
+            waiting = list(self._waiting)
+            self._waiting.clear()
+        taken = []
+        for topic, payload in waiting:
+            try:
+                message: Message = adapter(topic).validate_json(payload)
+            except ValidationError:
+                self.invalid += 1
+            else:
+                taken.append((topic, self._encode(message), None))
+        return taken

@@ -1,11 +1,13 @@
-"""Topics and payloads. Pure."""
+"""What an MQTT broker gets: topics and payloads; the changes of alerts one at a time, each noted when it is taken. No clock."""
 
 import json
+from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 
-from gateway.bridge.plant_snapshot import PlantSnapshot
-from gateway.bridge.plant_state import UNHEARD
+from gateway.bridge.plant_snapshot import UNHEARD, PlantSnapshot
 from gateway.bridge.plant_values import PLANT_VALUES
+from gateway.bus.alert_receiver import AlertReceiver
 from gateway.bus.alert_sequence import AlertEvent
 from gateway.topics import encode
 
@@ -13,6 +15,9 @@ DIGITS = 4
 """Decimals of a value. Basis: a choice; a hundredth of the smallest uncertainty of an angle."""
 EXPIRE_AFTER_S = 2
 """A state that is not renewed is void after this time. Basis: whole seconds, and several times the interval of publishing."""
+MOST_WAITING = 256
+"""Changes that wait for the broker. Basis: a choice; an hour of a busy crane. Then the gateway keeps the others, and they are
+fetched later."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,3 +109,38 @@ def discovery(topics: MqttTopics, prefix: str) -> dict[str, bytes]:
         }
         found[f"{prefix}/sensor/{node}/{name}/config"] = json.dumps(entity).encode()
     return found
+
+
+@dataclass(frozen=True, slots=True)
+class WaitingAlert:
+    """A change, and the position of the receiver behind it."""
+
+    payload: bytes
+    position: str
+
+
+class AlertDelivery:
+    """Takes changes while there is room, and gives out the oldest until it is taken."""
+
+    def __init__(self, receiver: AlertReceiver) -> None:
+        self._receiver = receiver
+        self._waiting: deque[WaitingAlert] = deque()
+
+    def receive(self, timeout_s: float) -> None:
+        """Wait for changes, a time at most. What does not fit any more is not asked for."""
+        if len(self._waiting) < MOST_WAITING:
+            self._waiting.extend(self._changes(timeout_s))
+
+    def _changes(self, timeout_s: float) -> Iterator[WaitingAlert]:
+        for event in self._receiver.poll(timeout_s):
+            if event.state is None:
+                yield WaitingAlert(encode_alert(event), self._receiver.states_json)
+
+    @property
+    def oldest(self) -> WaitingAlert | None:
+        """The change that comes next."""
+        return self._waiting[0] if self._waiting else None
+
+    def taken(self) -> str:
+        """Note that the broker has the oldest change; return the position from which to go on after a restart."""
+        return self._waiting.popleft().position

@@ -1,4 +1,4 @@
-"""The address space and the life of the OPC UA server."""
+"""The server of OPC UA: a node for each value with unit and range, and each change of an alert as an event."""
 
 import asyncio
 from collections.abc import Callable
@@ -9,11 +9,9 @@ from asyncua.common.node import Node
 from asyncua.server.internal_server import InternalServer
 from asyncua.server.internal_session import InternalSession
 
-from gateway.bridge.opcua.opcua_alerts import OpcuaAlerts
-from gateway.bridge.opcua.opcua_security import COMMANDS, PlantUsers, ReadingMethods, secure, trust_store
-from gateway.bridge.opcua.opcua_values import NAMESPACE, data_value, engineering_unit, is_measured
-from gateway.bridge.plant_snapshot import BRIDGE_GONE, PlantSnapshot
-from gateway.bridge.plant_state import PlantState
+from gateway.bridge.opcua_security import COMMANDS, PlantUsers, ReadingMethods, secure, trust_store
+from gateway.bridge.opcua_values import NAMESPACE, OpcuaAlerts, data_value, engineering_unit, is_measured
+from gateway.bridge.plant_snapshot import BRIDGE_GONE, PlantSnapshot, PlantState
 from gateway.bridge.plant_values import PLANT_VALUES, PlantValue
 from gateway.bridge.settings import OpcuaSection, read_password
 from gateway.bus.alert_receiver import AlertReceiver

@@ -1,6 +1,7 @@
-"""The connection to the broker, which may be away, slow or unwilling at any time: nothing waits for it, and nothing piles up.
+"""The publisher to an MQTT broker: the state retained, each change of an alert once and in order, Home Assistant's discovery.
 
-The library's thread connects, sends and calls back; the callbacks only note what has happened.
+The broker may be away, slow or unwilling at any time: nothing waits for it, and nothing piles up. The library's thread connects,
+sends and calls back; the callbacks only note what has happened.
 """
 
 import json
@@ -18,10 +19,8 @@ from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 
 from gateway.atomic_io import write_durably
-from gateway.bridge.mqtt.alert_delivery import AlertDelivery
-from gateway.bridge.mqtt.mqtt_messages import EXPIRE_AFTER_S, MqttTopics, discovery, encode_state
-from gateway.bridge.plant_snapshot import BRIDGE_GONE, PlantSnapshot
-from gateway.bridge.plant_state import PlantState
+from gateway.bridge.mqtt_messages import EXPIRE_AFTER_S, AlertDelivery, MqttTopics, discovery, encode_state
+from gateway.bridge.plant_snapshot import BRIDGE_GONE, PlantSnapshot, PlantState
 from gateway.bridge.settings import MqttSection, read_password
 from gateway.errors import InputError
 

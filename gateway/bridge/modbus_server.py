@@ -1,14 +1,21 @@
-"""The connections of Modbus TCP: a few at a time, each closed that is silent, malformed, or does not take its answers."""
+"""The server of Modbus TCP: input registers that are read and never written (Modbus Application Protocol 1.1b3).
+
+A few connections at a time, each closed that is silent, malformed, or does not take its answers. The register map has every
+value as a scaled integer, the measured ones also as numbers of 32 bits; high word first.
+
+The server of the usual library, pymodbus 3.16, answers the first of several requests in one segment only, stays silent for ever
+after one malformed frame, and limits neither connections nor their idleness; its client is the other party of the tests.
+"""
 
 import asyncio
 import logging
 import socket
+import struct
 import time
 from collections.abc import Callable
 
-from gateway.bridge.modbus.modbus_frames import HEADER, answer, request_length
-from gateway.bridge.modbus.registers import encode_registers
 from gateway.bridge.plant_snapshot import PlantSnapshot
+from gateway.bridge.plant_values import PLANT_VALUES, PlantValue
 from gateway.bridge.settings import ModbusSection
 from gateway.configuration.address import host_and_port
 from gateway.errors import InputError
@@ -21,6 +28,23 @@ IN_USE_S = 1.0
 """A connection that has asked within this time is not closed for another one. Basis: a choice; controllers poll more often."""
 MOST_WAITING_BYTES = 4096
 """Answers that may wait for a client, here and again in the system. Basis: a choice; a dozen, and a bound of the memory."""
+HEADER = struct.Struct(">HHHB")
+"""Transaction, protocol (0), number of bytes that follow, unit."""
+READ_INPUT_REGISTERS = 4
+"""Definition: Modbus Application Protocol 1.1b3, section 6.4."""
+MOST_REGISTERS = 125
+"""Registers in one answer. Definition: Modbus Application Protocol 1.1b3, section 6.4."""
+LONGEST_PDU = 253
+"""Bytes of a request behind its unit. Definition: Modbus Application Protocol 1.1b3, section 4.1."""
+ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE = 1, 2, 3
+"""Codes of refusals. Definition: Modbus Application Protocol 1.1b3, section 7."""
+NOT_KNOWN = 0x7FFF
+"""An integer that is not known, and a register without a value: the largest one with and without a sign. A program that compares
+it with a limit finds the limit exceeded; 0x8000 would be far below every limit where it is read with a sign."""
+NOT_KNOWN_LONG = 0xFFFF_FFFF
+"""The same in two registers."""
+REGISTERS = 52
+"""Length of the map. Definition: one request reads all of it, up to 125 registers, and so all values of one moment."""
 
 
 class ModbusServer:
@@ -92,3 +116,56 @@ class ModbusServer:
                 writer.write(answer(header, request, encode_registers(self._snapshot())))
                 await writer.drain()
             await asyncio.sleep(0)  # others get their turn, however much this one sends
+
+
+def request_length(header: bytes) -> int | None:
+    """Return the number of bytes that follow the header of a request; None where it is none, and its end is not known."""
+    _, protocol, length, _ = HEADER.unpack(header)
+    return length - 1 if protocol == 0 and 2 <= length <= LONGEST_PDU + 1 else None
+
+
+def answer(header: bytes, request: bytes, registers: bytes) -> bytes:
+    """Return the answer to a request, whatever it asks for."""
+    transaction, protocol, _, unit = HEADER.unpack(header)
+    content = _read(request, registers)
+    return HEADER.pack(transaction, protocol, len(content) + 1, unit) + content
+
+
+def _read(request: bytes, registers: bytes) -> bytes:
+    function = request[0]
+    if function != READ_INPUT_REGISTERS:
+        return _refuse(function, ILLEGAL_FUNCTION)
+    if len(request) != 5:
+        return _refuse(function, ILLEGAL_VALUE)
+    first, count = struct.unpack(">HH", request[1:])
+    if not 1 <= count <= MOST_REGISTERS:
+        return _refuse(function, ILLEGAL_VALUE)
+    wanted = registers[2 * first : 2 * (first + count)]
+    if len(wanted) != 2 * count:
+        return _refuse(function, ILLEGAL_ADDRESS)
+    return bytes((function, len(wanted))) + wanted
+
+
+def _refuse(function: int, code: int) -> bytes:
+    return bytes((function | 0x80, code))
+
+
+def encode_registers(snapshot: PlantSnapshot) -> bytes:
+    """Return the content of all input registers, two bytes each, the high one first."""
+    content = bytearray(NOT_KNOWN.to_bytes(2, "big") * REGISTERS)
+    for value in PLANT_VALUES:
+        number = value.number(snapshot)
+        _put(content, value.register, _encode_integer(value, number))
+        if value.float_register is not None:
+            _put(content, value.float_register, struct.pack(">f", float("nan") if number is None else number))
+    return bytes(content)
+
+
+def _put(content: bytearray, register: int, encoded: bytes) -> None:
+    content[2 * register : 2 * register + len(encoded)] = encoded
+
+
+def _encode_integer(value: PlantValue, number: float | int | None) -> bytes:
+    unknown = NOT_KNOWN if value.words == 1 else NOT_KNOWN_LONG
+    scaled = unknown if number is None else round(number / value.step)
+    return scaled.to_bytes(2 * value.words, "big")

@@ -1,1 +1,0 @@
-"""The Foxglove WebSocket protocol, by which viewers look at a gateway live."""

@@ -1,1 +1,0 @@
-"""The server of Modbus TCP: input registers that are read and never written."""
