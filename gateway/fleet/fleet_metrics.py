@@ -4,8 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
 from gateway.fleet.gateway_status import STATE_LABELS, GatewayStatus
-from gateway.page.exposition import Family, counter, gauge, labelled_gauge, render, with_labels
-from gateway.page.metrics import gateway_families
+from gateway.page.metrics import Family, counter, gateway_families, gauge, labelled_gauge, render, with_labels
 from gateway.page.verdict import PageEvidence
 
 

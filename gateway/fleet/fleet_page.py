@@ -18,9 +18,8 @@ from gateway.fleet.gateway_status import FleetWord, GatewayStatus
 from gateway.fleet.report import FleetReport
 from gateway.messages import SCHEMA_VERSION
 from gateway.page.guard import AllowedHosts, Guard
-from gateway.page.http_server import HttpServer
+from gateway.page.http_server import HttpServer, static_routes
 from gateway.page.hub import EventStream, event
-from gateway.page.static_files import static_routes
 from gateway.page.verdict import STYLES, VerdictStyle, Word
 
 PUSH_S = 0.5

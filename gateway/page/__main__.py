@@ -1,4 +1,4 @@
-"""`python -m gateway.page`; `gateway.page.parameters` describes its standard input."""
+"""`python -m gateway.page`; `gateway.page.channel` describes its standard input."""
 
 import sys
 

@@ -1,10 +1,18 @@
-"""The private channel between a gateway and its page: one message for each packet of a pair of connected sockets.
+"""What a gateway and its page share: a private channel, the start parameters in its first frame, and the socket of the page.
 
-The page inherits its end as standard input. Nobody else can reach the channel, and the page ends when it closes.
+The channel has one message for each packet of a pair of connected sockets. The page inherits its end as standard input: nobody
+else can reach it, and the page ends when it closes. The gateway binds the listening socket, so that an occupied port is an error
+at its own start.
 """
 
 import socket
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+
+from gateway.errors import describe_problems
 
 MAX_FRAME_BYTES = 65536
 """Largest packet, bytes. Basis: a message on the bus may have as much; the socket takes it at once."""
@@ -17,6 +25,8 @@ REQUEST = "request"
 ANSWER = "answer"
 REPORT = "report"
 """A frame of the page that is not answered: wrong PINs."""
+Key = Annotated[str, Field(pattern=r"^plumbline/v1/[^/*$#?]+/[^/*$#?]+/[^/*$#?]+$")]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,3 +68,67 @@ def receive_frame(channel: socket.socket) -> Frame | None:
     if len(packet) > MAX_FRAME_BYTES:
         raise ValueError("a frame is too large")
     return decode_frame(packet)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CraneDirections:
+    """The crane's own words for the directions of the housing's axes."""
+
+    plus_x: str = "+x"
+    minus_x: str = "−x"
+    plus_y: str = "+y"
+    minus_y: str = "−y"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameters:
+    """Start parameters of the page process."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    key: Key
+    """Zenoh key of the sensor, `plumbline/v1/<site>/<crane>/<sensor>`."""
+    warn_deg: Positive
+    trip_deg: Positive
+    fd: Annotated[int, Field(ge=0)] = 0
+    """Number of the inherited listening socket; it is filled in at the start."""
+    stale_s: Positive = 1.0
+    """A value older than this, beyond the usual interval of its topic, is stale."""
+    lean_trip_deg: Positive | None = None
+    pin_file: Path | None = None
+    """File with the PIN; None: nobody can acknowledge on the page."""
+    hosts: list[str] = field(default_factory=list)
+    """Names under which browsers may reach the page, beside its address."""
+    names: list[str] = field(default_factory=list)
+    """Names offered to a person who signs in."""
+    title: str = ""
+    """Displayed instead of the sensor's name."""
+    language: str = "en"
+    directions: CraneDirections = CraneDirections()
+
+    @property
+    def place(self) -> dict[str, str]:
+        """Site, crane and sensor of the key."""
+        return dict(zip(("site", "crane", "sensor"), self.key.split("/")[2:], strict=True))
+
+
+_PARAMETERS = TypeAdapter(Parameters)
+
+
+def encode_parameters(parameters: Parameters) -> bytes:
+    """Encode the parameters as the JSON that `parse_parameters` reads."""
+    return _PARAMETERS.dump_json(parameters)
+
+
+def parse_parameters(text: bytes) -> Parameters:
+    """Parse the start parameters. Raises `ValueError`, which names the wrong entries in one line."""
+    try:
+        return _PARAMETERS.validate_json(text)
+    except ValidationError as error:
+        raise ValueError("; ".join(describe_problems(error, "parameters"))) from None
+
+
+def listen_at(host: str, port: int, backlog: int | None = None) -> socket.socket:
+    """Return a socket that listens at an address, of IPv6 too. Raises `OSError`."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    return socket.create_server((host, port), family=family, backlog=backlog)

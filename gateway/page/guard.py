@@ -15,7 +15,7 @@ LOOPBACK = ("localhost", "127.0.0.1", "::1")
 MAX_BODY_BYTES = 2048
 """Largest body of a request, bytes. Basis: a choice; an acknowledgement has some hundred bytes."""
 BODY_S = 5.0
-"""Longest time for a body. Basis: as for the head, `http_protocol.REQUEST_S`."""
+"""Longest time for a body. Basis: as for the head, `http_server.REQUEST_S`."""
 
 
 class AllowedHosts:

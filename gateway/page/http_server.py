@@ -1,16 +1,27 @@
-"""The HTTP server of a page with its events: uvicorn with limits, on a socket that is already bound."""
+"""The HTTP server of a page with its events and files: uvicorn on a socket that is already bound.
+
+It has limits that uvicorn does not have: by address, and of the time until a request is complete.
+"""
 
 import asyncio
+import json
 import logging
 import socket
 import time
 from collections.abc import Callable
+from functools import partial
+from importlib import resources
+from typing import Any
 
 import uvicorn
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
 from starlette.types import ASGIApp
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from gateway.page.http_protocol import MAX_HEAD_BYTES, make_protocol
-from gateway.page.hub import EventStream
+from gateway.languages import read_texts
+from gateway.page.hub import ConnectionLimiter, EventStream
 
 LOG_INTERVAL_S = 10.0
 """Basis: a choice; a person who looks at a fault waits no longer."""
@@ -18,7 +29,7 @@ MAX_LINES_PER_INTERVAL = 5
 """Lines in an interval; the first of the next one says how many were left out. Basis: a choice; five show a pattern, and a flood
 of requests fills no disk."""
 ACCEPTED_AT_ONCE = 32
-"""Connections that are accepted before the requests of those before are read. Basis: a sixth of `http_protocol.MAX_CONNECTIONS`;
+"""Connections that are accepted before the requests of those before are read. Basis: a sixth of `MAX_CONNECTIONS`;
 with more, a flood would push a connection out before its request is read."""
 WAITING_CONNECTIONS = 1024
 """Connections that the kernel keeps until they are accepted. Basis: a choice; half a second of a flood of 2000 per second. Where
@@ -35,6 +46,21 @@ STALLED_MS = 5000
 memory no longer."""
 SEND_BUFFER_BYTES = 32768
 """Basis: a choice; a few pushes, so that a stalled browser gets no old data."""
+MAX_CONNECTIONS = 192
+"""Basis: a choice; two for each of the `hub.MAX_STREAMS` streams, and a bound of the files."""
+MAX_CONNECTIONS_PER_ADDRESS = 96
+"""Basis: half of all, so that one address does not lock others out."""
+REQUEST_S = 5.0
+"""Longest time from the connection, or from the last response, until the head of a request is complete. Basis: a choice; a slow
+link needs less, and an idle connection holds its place no longer."""
+MAX_HEAD_BYTES = 16384
+"""Largest head of a request, bytes. Basis: a choice; browsers with cookies send a few kilobytes."""
+TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
+}
 
 
 class LogRateLimiter(logging.Filter):
@@ -122,3 +148,93 @@ def _settings(application: ASGIApp) -> uvicorn.Config:
         workers=1,
         timeout_graceful_shutdown=1,
     )
+
+
+def make_protocol() -> type[H11Protocol]:
+    """Return the protocol for `uvicorn.Config(http=...)`; its connections share one limit."""
+    limiter: ConnectionLimiter[LimitedProtocol] = ConnectionLimiter(MAX_CONNECTIONS, MAX_CONNECTIONS_PER_ADDRESS)
+
+    class Protocol(LimitedProtocol):
+        def __init__(self, *arguments: Any, **options: Any) -> None:
+            super().__init__(limiter, *arguments, **options)
+
+    return Protocol
+
+
+class LimitedProtocol(H11Protocol):
+    """One connection. While no request is answered it is idle, and may be ended."""
+
+    def __init__(self, limiter: "ConnectionLimiter[LimitedProtocol]", *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._limiter = limiter
+        self._deadline: asyncio.TimerHandle | None = None
+
+    @property
+    def address(self) -> str:
+        """Address of the browser."""
+        return self.client[0] if self.client else ""
+
+    @property
+    def idle(self) -> bool:
+        """Whether no request is being answered."""
+        return self.cycle is None or self.cycle.response_complete
+
+    def end(self) -> None:
+        """End the connection at once."""
+        self.transport.abort()
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Take a place, and wait for a request."""
+        super().connection_made(transport)
+        if self._limiter.admit(self):
+            self._set_deadline()
+        else:
+            transport.abort()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Give the place back."""
+        self._limiter.release(self)
+        self._clear_deadline()
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """Take bytes; each does not prolong the time that the request has."""
+        super().data_received(data)
+        if not self.idle:
+            self._clear_deadline()
+
+    def on_response_complete(self) -> None:
+        """Wait for the next request."""
+        super().on_response_complete()
+        if not self.transport.is_closing() and self.idle:
+            self._set_deadline()
+
+    def _set_deadline(self) -> None:
+        self._clear_deadline()
+        self._deadline = self.loop.call_later(REQUEST_S, self._end_if_idle)
+
+    def _clear_deadline(self) -> None:
+        if self._deadline is not None:
+            self._deadline.cancel()
+            self._deadline = None
+
+    def _end_if_idle(self) -> None:
+        if self.idle:
+            self.end()
+
+
+def static_routes(page: str, language: str) -> list[Route]:
+    """Return the routes of all files, and of a module with the texts of a language; `page` is the one at `/`."""
+    texts = f"export const LANGUAGE = {json.dumps(language)}, TEXTS = {json.dumps(read_texts(language))};\n"
+    routes = [Route("/language.js", partial(_serve_file, texts.encode(), TYPES[".js"]))]
+    for file in resources.files("gateway.page").joinpath("static").iterdir():
+        media_type = TYPES["." + file.name.rpartition(".")[2]]
+        is_page = file.name.endswith(".html")
+        if file.name == page or not is_page:
+            path = "/" if is_page else f"/{file.name}"
+            routes.append(Route(path, partial(_serve_file, file.read_bytes(), media_type)))
+    return routes
+
+
+async def _serve_file(content: bytes, media_type: str, _request: Request) -> Response:
+    return Response(content, media_type=media_type)

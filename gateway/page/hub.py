@@ -1,11 +1,16 @@
-"""Server-Sent Events to several browsers: one encoded payload for all, a short queue for each; slow browsers are dropped."""
+"""Connections that are held, and Server-Sent Events to several browsers.
+
+When there are too many connections, the oldest that is idle makes room, from the address that has most: so silent, half-sent or
+forgotten ones never lock another person out, nor the person at the same address. An event is encoded once for all browsers, with
+a short queue for each; slow browsers are dropped.
+"""
 
 import asyncio
+from collections import Counter
 from collections.abc import AsyncIterator
+from typing import Generic, Protocol, TypeVar
 
 from pydantic_core import to_json
-
-from gateway.page.connection_limiter import ConnectionLimiter
 
 RECONNECT_MS = 500
 """Time after which a browser connects again. Basis: a choice; a person sees no pause, and a restart no flood."""
@@ -16,6 +21,68 @@ MAX_STREAMS_PER_ADDRESS = 40
 behind one proxy, and less than half of all."""
 MAX_WAITING_PUSHES = 20
 """Pushes that wait for a browser. Basis: a choice; some seconds, after which its link counts as stalled."""
+
+
+class Connection(Protocol):
+    """Something that occupies a place."""
+
+    @property
+    def address(self) -> str:
+        """Address of the peer."""
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing is lost when it ends."""
+
+    def end(self) -> None:
+        """End it."""
+
+
+Item = TypeVar("Item", bound=Connection)
+
+
+class ConnectionLimiter(Generic[Item]):
+    """The places of one kind, bounded in total and for each address."""
+
+    def __init__(self, most: int, most_per_address: int) -> None:
+        self._most = most
+        self._most_per_address = most_per_address
+        self._held: dict[Item, None] = {}
+        self.ended = 0
+        """Number that were ended to make room."""
+        self.refused = 0
+
+    def __len__(self) -> int:
+        return len(self._held)
+
+    def admit(self, item: Item) -> bool:
+        """Take a place, if need be that of the oldest idle one; return False where there is none."""
+        counts = Counter(held.address for held in self._held)
+        if counts[item.address] >= self._most_per_address:
+            candidates = [held for held in self._held if held.address == item.address]
+        elif len(self._held) >= self._most:
+            most = max(counts.values())
+            candidates = [held for held in self._held if counts[held.address] == most]
+        else:
+            self._held[item] = None
+            return True
+        victim = next((held for held in candidates if held.idle), None)
+        if victim is None:
+            self.refused += 1
+            return False
+        self.release(victim)
+        victim.end()
+        self.ended += 1
+        self._held[item] = None
+        return True
+
+    def release(self, item: Item) -> None:
+        """Give a place back; nothing happens where it has none."""
+        self._held.pop(item, None)
+
+    def all(self) -> list[Item]:
+        """Return all, oldest first."""
+        return list(self._held)
 
 
 def event(name: str, content: object, *, number: int) -> bytes:

@@ -16,16 +16,13 @@ from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
-from gateway.page import exposition, metrics
-from gateway.page.actions import Actions
-from gateway.page.channel import ANSWER, PARAMETERS, Frame, receive_frame
-from gateway.page.gateway_requests import GatewayRequests
+from gateway.page import metrics
+from gateway.page.actions import Actions, GatewayRequests
+from gateway.page.channel import ANSWER, PARAMETERS, Frame, Parameters, parse_parameters, receive_frame
 from gateway.page.guard import AllowedHosts, Guard
-from gateway.page.http_server import HttpServer, log_to_stderr
+from gateway.page.http_server import HttpServer, log_to_stderr, static_routes
 from gateway.page.hub import EventStream, event
-from gateway.page.parameters import Parameters, parse
 from gateway.page.state import PageState
-from gateway.page.static_files import static_routes
 
 PUSH_INTERVAL_S = 0.04
 """Shortest interval between two pushes. Basis: motion comes at 10 Hz, so that a message seldom waits for it."""
@@ -66,7 +63,7 @@ def make_application(state: PageState, hub: EventStream, actions: Actions, hosts
             dropped_clients=hub.dropped,
         )
         text = metrics.format_exposition(state.evidence(time.monotonic()), counters, state.parameters.place)
-        return Response(text, media_type=exposition.CONTENT_TYPE)
+        return Response(text, media_type=metrics.CONTENT_TYPE)
 
     endpoints = {"/healthz": healthz, "/api/state": api_state, "/api/events": api_events, "/metrics": prometheus}
     reading = (Route(path, endpoint) for path, endpoint in endpoints.items())
@@ -177,7 +174,7 @@ def _receive_parameters(channel: socket.socket) -> Parameters:
     frame = receive_frame(channel)
     if frame is None or frame.kind != PARAMETERS:
         raise ValueError("no parameters from the gateway")
-    return parse(frame.payload)
+    return parse_parameters(frame.payload)
 
 
 def _inherit_socket(fd: int) -> socket.socket:

@@ -14,10 +14,8 @@ from gateway.calibration.alignment.assistant import AlignmentAssistant, Alignmen
 from gateway.calibration.alignment.turn_assistant import TurnAssistant, TurnReadout, format_errors, format_turn
 from gateway.gateway_state import is_overdue
 from gateway.messages import SCHEMA_VERSION, Alert, Calibration, Message, Motion, Swing, Tilt
-from gateway.page.alert_log import AlertLog
-from gateway.page.channel import PAST_ALERT, Frame
-from gateway.page.history import History
-from gateway.page.parameters import Parameters
+from gateway.page.channel import PAST_ALERT, Frame, Parameters
+from gateway.page.history import AlertLog, History
 from gateway.page.verdict import PageEvidence, PageVerdict, is_fresh, is_swing_known, verdict
 from gateway.topics import adapter
 

@@ -11,7 +11,7 @@ from gateway.cli.options.bus_link import add_connect, add_expect, expected_gatew
 from gateway.configuration.address import host_and_port, written
 from gateway.extras import require_extra
 from gateway.languages import LANGUAGES
-from gateway.page.listener import listen_at
+from gateway.page.channel import listen_at
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette
@@ -148,7 +148,7 @@ def make_exporter(client: "FleetClient", state: "FleetState", hosts: list[str]) 
     from starlette.routing import Route
 
     from gateway.fleet.fleet_metrics import format_fleet
-    from gateway.page.exposition import CONTENT_TYPE
+    from gateway.page.metrics import CONTENT_TYPE
 
     async def metrics(_request: Request) -> Response:
         state.receive(client.receive())

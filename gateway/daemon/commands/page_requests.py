@@ -17,7 +17,7 @@ from gateway.recalibration.requests import RequestError, parse_payload
 from gateway.verbs import VERBS
 
 PATIENCE_S = 4.0
-"""Longest wait for an answer. Basis: a choice; below the 6 s for which the page waits (`gateway.page.gateway_requests`)."""
+"""Longest wait for an answer. Basis: a choice; below the 6 s for which the page waits (`gateway.page.actions`)."""
 PIN_GUESSED = "pin_guessed"
 
 

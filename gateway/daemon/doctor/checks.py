@@ -26,7 +26,7 @@ from gateway.daemon.runtime.wall_clock import WallClockMonitor
 from gateway.daemon.sampling.device_factory import make_device
 from gateway.errors import PlumblineError
 from gateway.extras import what_is_missing
-from gateway.page.listener import listen_at
+from gateway.page.channel import listen_at
 from gateway.recording.chain.chain_state import ChainStateError, list_aside, read_state
 
 LOW_DISK_MB = 500.0

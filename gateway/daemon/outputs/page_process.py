@@ -14,9 +14,7 @@ from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.daemon.runtime.faults import RETRYING, Backoff, FaultRegister
 from gateway.errors import PlumblineError
 from gateway.extras import what_is_missing
-from gateway.page.channel import PARAMETERS, Frame
-from gateway.page.listener import listen_at
-from gateway.page.parameters import CraneDirections, Parameters, encode
+from gateway.page.channel import PARAMETERS, CraneDirections, Frame, Parameters, encode_parameters, listen_at
 from gateway.page.sign_in import PIN_NAME, make_pin
 
 MIN_PAGE_START_PAUSE_S = 1.0
@@ -109,7 +107,7 @@ def start_process(
     `open_channel` takes the first frame and returns the page's end of the channel. The page has its own process group and does
     not receive the terminal's Ctrl-C: the parent decides when it ends.
     """
-    line = encode(replace(parameters, fd=listener.fileno()))
+    line = encode_parameters(replace(parameters, fd=listener.fileno()))
     with open_channel(Frame(PARAMETERS, time.monotonic(), line)) as channel:
         return subprocess.Popen(
             [sys.executable, "-m", "gateway.page"],

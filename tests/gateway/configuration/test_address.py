@@ -5,7 +5,7 @@ import socket
 import pytest
 
 from gateway.configuration.address import host_and_port, written
-from gateway.page.listener import listen_at
+from gateway.page.channel import listen_at
 
 
 @pytest.mark.parametrize("address", ["127.0.0.1:8321", "[::1]:8321", "crane-1.local:80", "0.0.0.0:0"])

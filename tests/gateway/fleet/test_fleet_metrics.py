@@ -6,8 +6,7 @@ from dataclasses import replace
 from gateway.fleet.fleet_metrics import format_fleet
 from gateway.fleet.gateway_status import missing_gateway
 from gateway.messages import ActiveAlert, Message
-from gateway.page.exposition import gauge, labelled_gauge, render, with_labels
-from gateway.page.metrics import Counters, format_exposition
+from gateway.page.metrics import Counters, format_exposition, gauge, labelled_gauge, render, with_labels
 from gateway.page.verdict import PageEvidence
 from gateway.topics import TOPIC_OF
 from tests.gateway.page.conftest import Scene

@@ -33,7 +33,7 @@ from gateway.messages import (
     Tilt,
     Verdict,
 )
-from gateway.page.parameters import Parameters
+from gateway.page.channel import Parameters
 from gateway.recalibration.requests import Acknowledge
 from gateway.topics import TOPIC_OF, encode
 from tests.waiting import PATIENCE_S

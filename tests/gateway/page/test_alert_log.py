@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from gateway.messages import ActiveAlert, Alert, Level
-from gateway.page.alert_log import MAX_LISTED_ALERTS, SHIFT_NS, AlertLog
+from gateway.page.history import MAX_LISTED_ALERTS, SHIFT_NS, AlertLog
 
 SECOND_NS = 10**9
 LIMITS_DEG: dict[Level, float] = {"warn": 4.0, "trip": 6.0}

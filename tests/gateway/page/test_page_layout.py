@@ -14,7 +14,7 @@ from gateway.daemon.commands.page_requests import PageRequests
 from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.languages import LANGUAGES, read_texts
 from gateway.messages import NO_SESSION, SessionPose
-from gateway.page.parameters import CraneDirections
+from gateway.page.channel import CraneDirections
 from tests.gateway.page.conftest import FakeGateway, PageUnderTest, Scene
 
 pytestmark = pytest.mark.slow

@@ -10,9 +10,8 @@ from collections.abc import Iterator
 import pytest
 
 from gateway.daemon.outputs.page_channel import PageChannel
-from gateway.page.connection_limiter import ConnectionLimiter
-from gateway.page.http_protocol import MAX_CONNECTIONS_PER_ADDRESS, REQUEST_S
-from gateway.page.hub import MAX_STREAMS_PER_ADDRESS
+from gateway.page.http_server import MAX_CONNECTIONS_PER_ADDRESS, REQUEST_S
+from gateway.page.hub import MAX_STREAMS_PER_ADDRESS, ConnectionLimiter
 from tests.gateway.page.conftest import FakeGateway, PageUnderTest
 from tests.waiting import PATIENCE_S, wait_until
 

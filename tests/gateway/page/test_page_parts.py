@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
+from gateway.page.channel import Parameters, encode_parameters, parse_parameters
 from gateway.page.hub import MAX_STREAMS_PER_ADDRESS, MAX_WAITING_PUSHES, EventStream, event
 from gateway.page.metrics import Counters, format_exposition
-from gateway.page.parameters import Parameters, encode, parse
 from gateway.page.verdict import PageEvidence
 from gateway.topics import TOPIC_OF
 from tests.gateway.page.conftest import Scene
@@ -120,7 +120,7 @@ def test_metrics_escape_label_values(scene: Scene) -> None:
 
 def test_start_parameters_are_encoded_and_parsed() -> None:
     parameters = replace(PARAMETERS, title="Crane 3", lean_trip_deg=3.0)
-    assert parse(encode(parameters)) == parameters
+    assert parse_parameters(encode_parameters(parameters)) == parameters
     assert parameters.place == LABELS
 
 
@@ -130,12 +130,12 @@ def test_start_parameters_are_encoded_and_parsed() -> None:
         (b"", "parameters"),
         (b"[]", "parameters"),
         (b"{}", "key"),
-        (encode(PARAMETERS).replace(b"hook", b"hook/**"), "key"),
-        (encode(PARAMETERS).replace(b"4.0", b"-4.0"), "warn_deg"),
-        (encode(PARAMETERS).replace(b'"fd"', b'"df"'), "df"),
+        (encode_parameters(PARAMETERS).replace(b"hook", b"hook/**"), "key"),
+        (encode_parameters(PARAMETERS).replace(b"4.0", b"-4.0"), "warn_deg"),
+        (encode_parameters(PARAMETERS).replace(b'"fd"', b'"df"'), "df"),
     ],
 )
 def test_wrong_start_parameters_are_named_in_one_line(line: bytes, names: str) -> None:
     with pytest.raises(ValueError, match=names) as refused:
-        parse(line)
+        parse_parameters(line)
     assert "\n" not in str(refused.value)

@@ -7,9 +7,8 @@ import pytest
 from pydantic_core import from_json, to_json
 
 from gateway.messages import Calibration, Tilt
-from gateway.page.channel import Frame
+from gateway.page.channel import Frame, Parameters
 from gateway.page.history import MAX_HISTORY_POINTS, SPAN_S, History
-from gateway.page.parameters import Parameters
 from gateway.page.state import PageState
 from gateway.topics import TOPIC_OF, encode
 from tests.gateway.calibration.test_turn_alignment import turning
