@@ -14,6 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gateway.cli.command import command, option
 from gateway.cli.options.bus_link import add_connect, client_credentials, connect_endpoint
 from gateway.extras import require_extra
 
@@ -28,53 +29,32 @@ Serve = Callable[["BridgeSettings", "GatewayReader", Callable[[], None]], Corout
 """Serves with settings and a reader until cancelled, and says when it has begun."""
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add a verb for each protocol."""
-    mqtt = verbs.add_parser(
-        "mqtt",
-        help="publish the values and the alerts to an MQTT broker",
-        description="Publish the values of one gateway as retained states to an MQTT broker, and each change of an alert once "
-        "and in order, until Ctrl-C.",
-        epilog="example: plumbline bridge mqtt --gateway plumbline/v1/yard/crane-1/hook --settings bridge.toml",
-    )
-    modbus = verbs.add_parser(
-        "modbus",
-        help="serve the values to programmable controllers by Modbus TCP",
-        description="Serve the values of one gateway as input registers of Modbus TCP, read-only, until Ctrl-C. "
-        "docs/reference/plant_values.md has the register map.",
-        epilog="example: plumbline bridge modbus --gateway plumbline/v1/yard/crane-1/hook --settings bridge.toml",
-    )
-    opcua = verbs.add_parser(
-        "opcua",
-        help="serve the values and the alerts to control systems by OPC UA",
-        description="Serve the values of one gateway as nodes of OPC UA, and its alerts as events, until Ctrl-C. Links are "
-        "encrypted, and nobody is served without a name.",
-        epilog="example: plumbline bridge opcua --gateway plumbline/v1/yard/crane-1/hook --settings bridge.toml",
-    )
-    foxglove = verbs.add_parser(
-        "foxglove",
-        help="serve the live topics to viewers by the Foxglove WebSocket protocol",
-        description="Serve the live topics of one gateway, with the names and schemas of its recordings, to Foxglove, Lichtblick "
-        "and other viewers on this machine, until Ctrl-C.",
-        epilog="example: plumbline bridge foxglove --gateway plumbline/v1/yard/crane-1/hook",
-    )
-    for verb, run in ((mqtt, _run_mqtt), (modbus, _run_modbus), (opcua, _run_opcua), (foxglove, _run_foxglove)):
-        verb.add_argument(
-            "--settings",
-            type=Path,
-            metavar="FILE",
-            help="settings of the bridges (TOML); config/bridge.toml is an example",
-        )
-        verb.add_argument(
-            "--gateway",
-            metavar="KEY",
-            help="plumbline/v1/<site>/<crane>/<sensor> (default: the gateway that is installed on this machine)",
-        )
-        add_connect(verb)
-        verb.set_defaults(run=run)
+OPTIONS = [
+    option(
+        "--settings",
+        type=Path,
+        metavar="FILE",
+        help="settings of the bridges (TOML); config/bridge.toml is an example",
+    ),
+    option(
+        "--gateway",
+        metavar="KEY",
+        help="plumbline/v1/<site>/<crane>/<sensor> (default: the gateway that is installed on this machine)",
+    ),
+    add_connect,
+]
 
 
-def _run_mqtt(arguments: argparse.Namespace) -> int:
+@command(
+    "mqtt",
+    "publish the values and the alerts to an MQTT broker",
+    "Publish the values of one gateway as retained states to an MQTT broker, and each change of an alert once "
+    "and in order, until Ctrl-C.",
+    "example: plumbline bridge mqtt --gateway plumbline/v1/yard/crane-1/hook --settings bridge.toml",
+    *OPTIONS,
+)
+def run_mqtt(arguments: argparse.Namespace) -> int:
+    """Publish to an MQTT broker."""
     require_extra("mqtt")
     return _run_bridge(
         arguments, _serve_mqtt, lambda settings: f"publishing to MQTT at {settings.mqtt.host}:{settings.mqtt.port}"
@@ -97,7 +77,16 @@ async def _serve_mqtt(settings: "BridgeSettings", reader: "GatewayReader", start
         publisher.close()
 
 
-def _run_modbus(arguments: argparse.Namespace) -> int:
+@command(
+    "modbus",
+    "serve the values to programmable controllers by Modbus TCP",
+    "Serve the values of one gateway as input registers of Modbus TCP, read-only, until Ctrl-C. "
+    "docs/reference/plant_values.md has the register map.",
+    "example: plumbline bridge modbus --gateway plumbline/v1/yard/crane-1/hook --settings bridge.toml",
+    *OPTIONS,
+)
+def run_modbus(arguments: argparse.Namespace) -> int:
+    """Serve by Modbus TCP."""
     return _run_bridge(arguments, _serve_modbus, lambda settings: f"serving Modbus TCP at {settings.modbus.listen}")
 
 
@@ -107,7 +96,16 @@ async def _serve_modbus(settings: "BridgeSettings", reader: "GatewayReader", sta
     await ModbusServer(settings.modbus, reader.snapshot).serve(started)
 
 
-def _run_opcua(arguments: argparse.Namespace) -> int:
+@command(
+    "opcua",
+    "serve the values and the alerts to control systems by OPC UA",
+    "Serve the values of one gateway as nodes of OPC UA, and its alerts as events, until Ctrl-C. Links are "
+    "encrypted, and nobody is served without a name.",
+    "example: plumbline bridge opcua --gateway plumbline/v1/yard/crane-1/hook --settings bridge.toml",
+    *OPTIONS,
+)
+def run_opcua(arguments: argparse.Namespace) -> int:
+    """Serve by OPC UA."""
     require_extra("opcua")
     return _run_bridge(arguments, _serve_opcua, lambda settings: f"serving OPC UA at {settings.opcua.listen}")
 
@@ -121,7 +119,16 @@ async def _serve_opcua(settings: "BridgeSettings", reader: "GatewayReader", star
     await OpcuaServer(settings.opcua, reader.key, reader.snapshot, alerts).serve(started)
 
 
-def _run_foxglove(arguments: argparse.Namespace) -> int:
+@command(
+    "foxglove",
+    "serve the live topics to viewers by the Foxglove WebSocket protocol",
+    "Serve the live topics of one gateway, with the names and schemas of its recordings, to Foxglove, Lichtblick "
+    "and other viewers on this machine, until Ctrl-C.",
+    "example: plumbline bridge foxglove --gateway plumbline/v1/yard/crane-1/hook",
+    *OPTIONS,
+)
+def run_foxglove(arguments: argparse.Namespace) -> int:
+    """Serve viewers."""
     require_extra("foxglove")
     from gateway.bridge.foxglove_server import LIVE_TOPICS, LiveMessages
     from gateway.recording.format.content import encode_recorded, schema_bytes

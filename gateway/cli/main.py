@@ -12,6 +12,7 @@ from typing import Never
 
 from devices.errors import DeviceError
 from gateway import __version__
+from gateway.cli.command import Command
 from gateway.cli.terminal.output import paint
 from gateway.errors import BAD_INPUT, PlumblineError
 from gateway.text import printable
@@ -30,91 +31,124 @@ class Parser(argparse.ArgumentParser):
 
 @dataclass(frozen=True, slots=True)
 class CommandGroup:
-    """A command that has verbs: its texts, and the modules that add the verbs, in the order of the help.
-
-    Without modules, the one that has the command's name adds all of them.
-    """
+    """The texts of a command that has verbs, and the modules that declare the verbs, in the order of the help."""
 
     help: str
-    example: str
-    modules: tuple[str, ...] = ()
+    epilog: str
+    modules: tuple[str, ...]
     description: str | None = None
-    """None: the help as a sentence."""
     part: str = "verb"
-
-    def add_to(self, name: str, commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-        """Add the command with its verbs."""
-        sentence = f"{self.help[0].upper()}{self.help[1:]}."
-        command = commands.add_parser(
-            name, help=self.help, description=self.description or sentence, epilog=f"example: plumbline {self.example}"
-        )
-        verbs = command.add_subparsers(dest=self.part, metavar=self.part.upper(), required=True)
-        for module in self.modules:
-            import_module(f"gateway.cli.{name}.{module}").add_to(verbs)
-        if not self.modules:
-            import_module(f"gateway.cli.{name}").add_to(verbs)
 
 
 COMMANDS: dict[str, str | CommandGroup] = {
-    "run": "machine",
-    "measure": "analysis",
+    "run": "machine.run",
+    "measure": "analysis.measure",
     "calibrate": CommandGroup(
         "calibrate or align a sensor from recordings",
-        "calibrate six-position faces.csv --device-id adxl355-1d-0042 --json record.json",
+        "example: plumbline calibrate six-position faces.csv --device-id adxl355-1d-0042 --json record.json",
         (
-            "calibrate_poses",
-            "calibrate_rotation",
-            "calibrate_single_parameter",
-            "calibrate_laser",
-            "calibrate_thermal",
-            "calibrate_align",
+            "calibrate.calibrate_poses",
+            "calibrate.calibrate_rotation",
+            "calibrate.calibrate_single_parameter",
+            "calibrate.calibrate_laser",
+            "calibrate.calibrate_thermal",
+            "calibrate.calibrate_align",
         ),
         "Calibrate or align a sensor from recordings, by one of several methods; most of them make a calibration record.",
         "method",
     ),
     "record": CommandGroup(
         "show what is in recordings, and recover incomplete ones",
-        "record info plumbline-data",
+        "example: plumbline record info plumbline-data",
         (
-            "record_info",
-            "record_verify",
-            "record_recover",
-            "record_export",
-            "record_replay",
-            "record_play",
-            "record_incident",
+            "record.record_info",
+            "record.record_verify",
+            "record.record_recover",
+            "record.record_export",
+            "record.record_replay",
+            "record.record_play",
+            "record.record_incident",
         ),
     ),
     "remote": CommandGroup(
         "read and control a gateway over the bus: its state, its messages, its recalibration",
-        "remote watch --topics swing,alert",
-        ("remote_status", "remote_watch", "remote_session", "remote_align", "remote_fetch", "remote_config"),
+        "example: plumbline remote watch --topics swing,alert",
+        (
+            "remote.remote_status",
+            "remote.remote_watch",
+            "remote.remote_session",
+            "remote.remote_align",
+            "remote.remote_fetch",
+            "remote.remote_config",
+        ),
     ),
     "fleet": CommandGroup(
         "many sensors and gateways: their state, which to calibrate next, what several measure together",
-        "fleet status --expect gateways.txt",
-        ("fleet_status", "fleet_servers", "fleet_router", "fleet_drift", "fleet_deflection"),
+        "example: plumbline fleet status --expect gateways.txt",
+        (
+            "fleet.fleet_status",
+            "fleet.fleet_servers",
+            "fleet.fleet_router",
+            "fleet.fleet_drift",
+            "fleet.fleet_deflection",
+        ),
     ),
     "bridge": CommandGroup(
         "give the values of a gateway to a plant by its own protocols",
-        "bridge mqtt --gateway plumbline/v1/yard/crane-1/hook --settings bridge.toml",
+        "example: plumbline bridge mqtt --gateway plumbline/v1/yard/crane-1/hook --settings bridge.toml",
+        ("bridge",),
         part="protocol",
     ),
     "archive": CommandGroup(
         "many gateways' recordings of years: index them into open tables, ask questions, upload, compute",
-        "archive index /srv/recordings --into /srv/archive",
-        ("archive_index", "archive_query", "archive_report", "archive_upload", "archive_compute", "archive_delete"),
+        "example: plumbline archive index /srv/recordings --into /srv/archive",
+        (
+            "archive.archive_index",
+            "archive.archive_query",
+            "archive.archive_report",
+            "archive.archive_upload",
+            "archive.archive_compute",
+            "archive.archive_delete",
+        ),
     ),
-    "simulate": "analysis",
-    "reconcile": "analysis",
-    "effects": "analysis",
-    "config": "machine",
-    "setup": "machine",
-    "doctor": "machine",
-    "completion": "machine",
-    "keys": "machine",
+    "simulate": "analysis.simulate",
+    "reconcile": "analysis.reconcile",
+    "effects": "analysis.effects",
+    "config": CommandGroup(
+        "show, check or describe the configuration",
+        "examples: plumbline config show > my.toml | plumbline config check my.toml | plumbline config schema",
+        ("machine.config",),
+        "Show, check or describe the configuration of the gateway.",
+    ),
+    "setup": "machine.setup",
+    "doctor": "machine.doctor",
+    "completion": "machine.completion",
+    "keys": CommandGroup(
+        "make, list, renew and revoke the certificates of a site",
+        "example: plumbline keys init --site yard && plumbline keys issue service ann",
+        ("machine.keys",),
+        "Make, list, renew and revoke the certificates of a site (docs/guides/service/security.md). Keep the folder "
+        "on a machine of your own, not on a gateway: who has it can command every gateway of the site.",
+    ),
 }
-"""The commands in the order of the help; of one without verbs, the folder of the module with its name."""
+"""The commands in the order of the help; of one without verbs, the module below `gateway.cli` that declares it."""
+
+
+def declared(module: str) -> list[Command]:
+    """Return the commands that a module below `gateway.cli` declares, in order."""
+    content = vars(import_module(f"gateway.cli.{module}"))
+    return [each for each in content.values() if isinstance(each, Command)]
+
+
+def load_command(name: str) -> Command:
+    """Return a command with its verbs."""
+    place = COMMANDS[name]
+    if isinstance(place, str):
+        return next(each for each in declared(place) if each.name == name)
+    verbs = [verb for module in place.modules for verb in declared(module)]
+    return Command(
+        name=name, help=place.help, epilog=place.epilog, description=place.description, verbs=verbs, part=place.part
+    )
 
 
 def parser(only: str | None = None) -> argparse.ArgumentParser:
@@ -129,11 +163,8 @@ def parser(only: str | None = None) -> argparse.ArgumentParser:
     )
     top.add_argument("--version", action="version", version=f"plumbline {__version__}")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name, place in COMMANDS.items() if only is None else [(only, COMMANDS[only])]:
-        if isinstance(place, CommandGroup):
-            place.add_to(name, commands)
-        else:
-            import_module(f"gateway.cli.{place}.{name}").add_to(commands)
+    for name in COMMANDS if only is None else [only]:
+        load_command(name).add_to(commands)
     return top
 
 

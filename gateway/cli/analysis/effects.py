@@ -5,24 +5,33 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gateway.cli.command import command, option
+
 if TYPE_CHECKING:
     from gateway.twin.effects import Effect, Parameter
 
 
-def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    command = commands.add_parser(
-        "effects",
-        help="list the effects that simulation and reconciliation know",
-        description="List the effects, or describe one: equation, parameters, and how to separate it from others.",
-        epilog="examples: plumbline effects | plumbline effects wind_gust",
+def add_effects_from(command: argparse.ArgumentParser) -> None:
+    """Add the option to a command."""
+    command.add_argument(
+        "--effects-from",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="FILE.py",
+        help="add effects of your own; the file is executed; several times for several files",
     )
-    command.add_argument("name", nargs="?", metavar="NAME", help="describe this effect")
-    add_effects_from(command)
-    command.set_defaults(run=run)
 
 
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "effects",
+    "list the effects that simulation and reconciliation know",
+    "List the effects, or describe one: equation, parameters, and how to separate it from others.",
+    "examples: plumbline effects | plumbline effects wind_gust",
+    option("name", nargs="?", metavar="NAME", help="describe this effect"),
+    add_effects_from,
+)
+def run_effects(arguments: argparse.Namespace) -> int:
     """Print the list, or one description."""
     from gateway.extras import require_extra
 
@@ -57,18 +66,6 @@ def _describe_parameter(p: "Parameter") -> str:
     typical = ",".join(f"{each:g}" for each in p.typical) if isinstance(p.typical, tuple) else f"{p.typical:g}"
     unit = "" if p.unit == "1" else f" {p.unit}"
     return f"{p.name}{components}: {p.meaning}; {p.lower:g} to {p.upper:g}{unit}, typical {typical}"
-
-
-def add_effects_from(command: argparse.ArgumentParser) -> None:
-    """Add the option to a command."""
-    command.add_argument(
-        "--effects-from",
-        action="append",
-        default=[],
-        type=Path,
-        metavar="FILE.py",
-        help="add effects of your own; the file is executed; several times for several files",
-    )
 
 
 def load_user_effects(arguments: argparse.Namespace) -> None:

@@ -2,8 +2,10 @@
 
 import argparse
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
+from gateway.cli.command import command, option
 from gateway.cli.options.recording_options import add_interval, add_table_options, interval, table_options
 from gateway.cli.terminal.output import add_json, output_file
 
@@ -14,43 +16,37 @@ EXAMPLE = """examples:
   plumbline measure phone.csv --rig rig.toml --axes y,-x,z --from 20 --to 60"""
 
 
-def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    command = commands.add_parser(
-        "measure",
-        help="compute swing, tilt and conditions of a recording",
-        description="Compute swing, tilt and conditions of a recording: the estimate with its uncertainty, and the four "
-        "published formulas; where the crane works, also what crane and load did when, with the largest angles. Several files of "
-        "one gateway are one recording; an incomplete file is read up to its end.",
-        epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    command.add_argument(
+@command(
+    "measure",
+    "compute swing, tilt and conditions of a recording",
+    "Compute swing, tilt and conditions of a recording: the estimate with its uncertainty, and the four "
+    "published formulas; where the crane works, also what crane and load did when, with the largest angles. Several files of "
+    "one gateway are one recording; an incomplete file is read up to its end.",
+    EXAMPLE,
+    option(
         "logs",
         type=Path,
         nargs="+",
         metavar="LOG",
         help=".mcap files of one gateway, a folder of them, or one table: time_s,ax_g,ay_g,az_g, or of another program",
-    )
-    add_interval(command)
-    command.add_argument(
+    ),
+    add_interval,
+    option(
         "--rig",
         type=Path,
         metavar="RIG",
         help="rig.toml with housing position and rope length, which may be left out (default: those in the gateway's .mcap)",
-    )
-    add_json(command)
-    command.add_argument(
+    ),
+    add_json,
+    option(
         "--motion",
         type=output_file,
         metavar="FILE.csv",
         help="write the motion at every 0.1 s: angle with uncertainty, pivot acceleration, hoist speed, rope length, state",
-    )
-    add_table_options(command, planar=True)
-    command.set_defaults(run=run)
-
-
-def run(arguments: argparse.Namespace) -> int:
+    ),
+    partial(add_table_options, planar=True),
+)
+def run_measure(arguments: argparse.Namespace) -> int:
     """Measure a recording and print the result."""
     from gateway.cli.terminal.output import show, write_text
     from gateway.errors import InputError

@@ -5,11 +5,13 @@ With `--plan`: the experiment that separates effects.
 
 import argparse
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.cli.analysis.effects import add_effects_from, load_user_effects
 from gateway.cli.analysis.reconcile_files import check_outputs, output_texts
+from gateway.cli.command import command, option
 from gateway.cli.options.argument_types import duration_s, whole_number
 from gateway.cli.options.recording_options import add_interval, add_table_options, interval, table_options
 from gateway.cli.terminal.output import add_json, output_file
@@ -79,52 +81,49 @@ def run_plan(arguments: argparse.Namespace) -> int:
     return 0 if result.improves_separation else 1
 
 
-def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    command = commands.add_parser(
-        "reconcile",
-        help="find where simulation and measurement disagree, and which effects are missing",
-        description="Fit the nominal model to a recording, name the effects that it lacks, and test them on held-out data.",
-        epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    command.add_argument(
+@command(
+    "reconcile",
+    "find where simulation and measurement disagree, and which effects are missing",
+    "Fit the nominal model to a recording, name the effects that it lacks, and test them on held-out data.",
+    EXAMPLE,
+    option(
         "log",
         type=Path,
         nargs="?",
         metavar="LOG",
         help=".mcap of the gateway, or a table: time_s,ax_g,ay_g,az_g, or of another program",
-    )
-    add_interval(command)
-    command.add_argument("--rig", type=Path, metavar="RIG", help="rig.toml; an .mcap of the gateway contains its own")
-    command.add_argument(
+    ),
+    add_interval,
+    option("--rig", type=Path, metavar="RIG", help="rig.toml; an .mcap of the gateway contains its own"),
+    option(
         "--held-out",
         type=Path,
         metavar="LOG2",
         help="a second recording to test the model on; without it the end of LOG",
-    )
-    add_json(command)
-    command.add_argument("--report", type=output_file, metavar="FILE.html", help="write a report with figures")
-    command.add_argument(
+    ),
+    add_json,
+    option("--report", type=output_file, metavar="FILE.html", help="write a report with figures"),
+    option(
         "--prediction", type=output_file, metavar="FILE.csv", help="write the prediction of LOG2 (of LOG without one)"
-    )
-    command.add_argument(
+    ),
+    option(
         "--write-model", type=output_file, metavar="FILE.toml", help="write the rig with the effects that were found"
-    )
-    command.add_argument(
+    ),
+    option(
         "--inputs",
         choices=("auto", "estimated", "none"),
         default="auto",
-        help="drives and hoists of the crane: estimated from the recordings and known to the model; none: they are effects to be "
+        help="drives and hoists of the crane: estimated from the recordings and known to the model; none: they are "
+        "effects to be "
         "found; auto (the default): estimated for an .mcap, none for a .csv",
-    )
-    command.add_argument(
+    ),
+    option(
         "--jobs",
         type=whole_number,
         metavar="N",
         help="processes that share the fits (all cores, at most 4); the answer does not depend on it",
-    )
-    command.add_argument(
+    ),
+    option(
         "--at-most",
         dest="at_most_s",
         type=duration_s,
@@ -132,15 +131,13 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         metavar="D",
         help="search no longer than this (10:00), then give the best answer so far: seconds (90), minutes (1:30) or hours "
         "(1:00:00); Ctrl-C asks for it at once, a second one stops without an answer",
-    )
-    command.add_argument("--seed", type=whole_number, default=0, metavar="N", help="seed of the block bootstrap (0)")
-    add_effects_from(command)
-    add_plan_arguments(command)
-    add_table_options(command, planar=True)
-    command.set_defaults(run=run)
-
-
-def run(arguments: argparse.Namespace) -> int:
+    ),
+    option("--seed", type=whole_number, default=0, metavar="N", help="seed of the block bootstrap (0)"),
+    add_effects_from,
+    add_plan_arguments,
+    partial(add_table_options, planar=True),
+)
+def run_reconcile(arguments: argparse.Namespace) -> int:
     """Print the answer; the exit code is 1 if something unknown is missing, or the data cannot be used."""
     if wants_plan(arguments):
         return run_plan(arguments)

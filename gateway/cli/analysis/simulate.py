@@ -5,6 +5,7 @@ import math
 from pathlib import Path
 
 from gateway.cli.analysis.effects import add_effects_from, load_user_effects
+from gateway.cli.command import command, option
 from gateway.cli.options.argument_types import above_zero, whole_number
 from gateway.cli.terminal.output import output_file
 
@@ -16,42 +17,33 @@ EXAMPLE = """examples:
 FORMATS = (".csv", ".mcap")
 
 
-def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    command = commands.add_parser(
-        "simulate",
-        help="write a recording from the simulation",
-        description="Simulate a rig with chosen effects and its sensor; an .mcap also passes through the gateway's pipeline.",
-        epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    command.add_argument("rig", type=Path, metavar="RIG", help="rig.toml; the effects in its [model] act as well")
-    command.add_argument("--out", type=output_file, metavar="LOG", required=True, help=".csv or .mcap")
-    command.add_argument(
+@command(
+    "simulate",
+    "write a recording from the simulation",
+    "Simulate a rig with chosen effects and its sensor; an .mcap also passes through the gateway's pipeline.",
+    EXAMPLE,
+    option("rig", type=Path, metavar="RIG", help="rig.toml; the effects in its [model] act as well"),
+    option("--out", type=output_file, metavar="LOG", required=True, help=".csv or .mcap"),
+    option(
         "--effect",
         action="append",
         default=[],
         metavar="NAME[:PARAMETER=VALUE]...",
         help="add an effect, with typical values of the parameters that are not given; may be repeated",
-    )
-    add_effects_from(command)
-    command.add_argument(
-        "--duration", type=above_zero, default=120.0, metavar="S", help="length of the recording in s (120)"
-    )
-    command.add_argument(
-        "--seed", type=whole_number, default=1, metavar="N", help="seed of the noise and of the initial state (1)"
-    )
-    command.add_argument(
+    ),
+    add_effects_from,
+    option("--duration", type=above_zero, default=120.0, metavar="S", help="length of the recording in s (120)"),
+    option("--seed", type=whole_number, default=1, metavar="N", help="seed of the noise and of the initial state (1)"),
+    option(
         "--initial",
         nargs="+",
         default=[],
         metavar="NAME=VALUE",
-        help="initial state: tilt_x_deg, tilt_y_deg, rate_x_deg_s, rate_y_deg_s, heading_deg; rigging_tilt_x_deg ...; stretch_m",
-    )
-    command.set_defaults(run=run)
-
-
-def run(arguments: argparse.Namespace) -> int:
+        help="initial state: tilt_x_deg, tilt_y_deg, rate_x_deg_s, rate_y_deg_s, heading_deg; rigging_tilt_x_deg ...; "
+        "stretch_m",
+    ),
+)
+def run_simulate(arguments: argparse.Namespace) -> int:
     """Simulate and write the recording."""
     from gateway.extras import require_extra
 

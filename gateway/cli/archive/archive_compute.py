@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from gateway import __version__
 from gateway.cli.archive.archive_options import add_source, add_table
+from gateway.cli.command import AddTo, Command, option
 from gateway.cli.options.argument_types import above_zero, whole_number
 from gateway.cli.terminal.output import add_json
 from gateway.errors import ANSWER_IS_NO
@@ -19,65 +20,39 @@ if TYPE_CHECKING:
     from gateway.archive.tasks import TaskKind
     from gateway.calibration.record import CalibrationRecord
 
-VERBS: "dict[TaskKind, tuple[str, str]]" = {
-    "verify": ("check the chain of each gateway: nothing changed, removed, exchanged or forged", "record verify"),
-    "replay": ("compute every start of each gateway again, and compare it with what was recorded", "record replay"),
-    "measure": ("measure each recording offline", "measure"),
-    "reconcile": ("fit the simulation to each recording, and name what it lacks", "reconcile"),
-}
-"""Help of each verb, and the command that it runs."""
 AS_RECORDED = ""
 """Of --against-version: compare with what was recorded. Definition: no version is named so."""
 MEMORY_MB, TIME_MINUTES = 4096, 60.0
 """Limits of a task. Basis: a choice; numerical libraries reserve a gigabyte, and a day of one crane is replayed in 40 minutes."""
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the verbs."""
-    for kind, (what, command) in VERBS.items():
-        verb = verbs.add_parser(
-            kind,
-            help=what,
-            description=f"{what[0].upper()}{what[1:]}: run plumbline {command} over the indexed recordings of a source, in "
-            "processes of this machine or of a cluster, and put the answers into the table results. What has an answer is not "
-            "done again. Exit code 1: a task has failed, with the reason.",
-            epilog=f"example: plumbline archive {kind} /srv/recordings --table /srv/archive --processes 4",
-        )
-        add_source(verb)
-        add_table(verb)
-        verb.add_argument(
-            "--processes", type=whole_number, metavar="N", help="tasks at once on this machine (default: its cores)"
-        )
-        verb.add_argument(
-            "--cluster",
-            metavar="ADDRESS",
-            help="scheduler of a Dask cluster, such as tcp://10.0.0.2:8786 (default: this machine)",
-        )
-        verb.add_argument(
-            "--memory-mb",
-            type=whole_number,
-            default=MEMORY_MB,
-            metavar="MB",
-            help="address space of a task (%(default)s)",
-        )
-        verb.add_argument(
-            "--minutes", type=above_zero, default=TIME_MINUTES, metavar="MIN", help="time of a task (%(default)g)"
-        )
-        verb.add_argument("--again", action="store_true", help="also what failed before")
-        if kind == "replay":
-            _add_comparison(verb)
-        add_json(verb)
-        verb.set_defaults(run=partial(_run, kind), calibration=None, against=None)
-
-
-def _add_comparison(verb: argparse.ArgumentParser) -> None:
-    verb.add_argument(
+OPTIONS = (
+    add_source,
+    add_table,
+    option("--processes", type=whole_number, metavar="N", help="tasks at once on this machine (default: its cores)"),
+    option(
+        "--cluster",
+        metavar="ADDRESS",
+        help="scheduler of a Dask cluster, such as tcp://10.0.0.2:8786 (default: this machine)",
+    ),
+    option(
+        "--memory-mb",
+        type=whole_number,
+        default=MEMORY_MB,
+        metavar="MB",
+        help="address space of a task (%(default)s)",
+    ),
+    option("--minutes", type=above_zero, default=TIME_MINUTES, metavar="MIN", help="time of a task (%(default)g)"),
+    option("--again", action="store_true", help="also what failed before"),
+)
+COMPARISON = (
+    option(
         "--calibration",
         type=Path,
         metavar="RECORD.json",
         help="compute with this record in place of the recorded ones, where the recordings are of its device",
-    )
-    verb.add_argument(
+    ),
+    option(
         "--against-version",
         dest="against",
         nargs="?",
@@ -85,7 +60,8 @@ def _add_comparison(verb: argparse.ArgumentParser) -> None:
         metavar="VERSION",
         help="then state what an operator would have seen otherwise than by this version of the program, of which the table has "
         "replays, or, without a version, than was recorded: alerts missed and added first, then angles",
-    )
+    ),
+)
 
 
 def _run(kind: "TaskKind", arguments: argparse.Namespace) -> int:
@@ -102,7 +78,7 @@ def _run(kind: "TaskKind", arguments: argparse.Namespace) -> int:
     from gateway.cli.terminal.output import show
     from gateway.cli.terminal.progress import ProgressBar
 
-    calibration = None if arguments.calibration is None else read_record(arguments.calibration)
+    calibration = None if kind != "replay" or arguments.calibration is None else read_record(arguments.calibration)
     open_source(arguments.source)  # what cannot be read is told before anything is begun
     workers = Workers(max(1, arguments.processes or len(os.sched_getaffinity(0))), arguments.cluster)
     limits = TaskLimits(60 * arguments.minutes, arguments.memory_mb)
@@ -119,7 +95,7 @@ def _run(kind: "TaskKind", arguments: argparse.Namespace) -> int:
             report=bar.update,
         )
     text, content = _text(result), _as_json(result)
-    if arguments.against is not None:
+    if kind == "replay" and arguments.against is not None:
         told, changes = _compared(archive, arguments.against, calibration)
         text, content = f"{text}\n{told}", content | {"changes": changes}
     show(text, content, arguments.json)
@@ -158,3 +134,30 @@ def _as_json(result: "ComputeResult") -> dict[str, Any]:
             for task, outcome in result.failed
         ],
     }
+
+
+def _task_verb(kind: "TaskKind", what: str, program: str, *options: AddTo) -> Command:
+    """Return the verb that runs the command `program` of one machine as tasks."""
+    return Command(
+        name=kind,
+        help=what,
+        description=f"{what[0].upper()}{what[1:]}: run plumbline {program} over the indexed recordings of a source, in "
+        "processes of this machine or of a cluster, and put the answers into the table results. What has an answer is not "
+        "done again. Exit code 1: a task has failed, with the reason.",
+        epilog=f"example: plumbline archive {kind} /srv/recordings --table /srv/archive --processes 4",
+        options=[*OPTIONS, *options, add_json],
+        run=partial(_run, kind),
+    )
+
+
+verify = _task_verb(
+    "verify", "check the chain of each gateway: nothing changed, removed, exchanged or forged", "record verify"
+)
+replay = _task_verb(
+    "replay",
+    "compute every start of each gateway again, and compare it with what was recorded",
+    "record replay",
+    *COMPARISON,
+)
+measure = _task_verb("measure", "measure each recording offline", "measure")
+reconcile = _task_verb("reconcile", "fit the simulation to each recording, and name what it lacks", "reconcile")

@@ -5,6 +5,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from gateway.cli.archive.archive_options import add_source, add_table, day
+from gateway.cli.command import command, option
 from gateway.cli.options.argument_types import parsed_by
 from gateway.cli.terminal.output import add_json
 from gateway.extras import require_extra
@@ -15,37 +16,32 @@ if TYPE_CHECKING:
     from gateway.archive.rows import IndexedFile
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the verb."""
-    verb = verbs.add_parser(
-        "delete",
-        help="delete recordings that ended before a day, with their rows; what was deleted, by whom and why stays",
-        description="Delete recordings that ended before a day from a source, and their rows from the tables. The table "
-        "recordings keeps name, hashes, by whom and why, as status deleted, so that the chain of evidence goes on; what was "
-        "deleted is not indexed again. Without --yes nothing is deleted, and what would be is said.",
-        epilog="example: plumbline archive delete /srv/recordings --table /srv/archive --before 2025-01-01 --by ann "
-        "--because 'kept for a year' --yes",
-    )
-    add_source(verb)
-    add_table(verb)
-    verb.add_argument(
+@command(
+    "delete",
+    "delete recordings that ended before a day, with their rows; what was deleted, by whom and why stays",
+    "Delete recordings that ended before a day from a source, and their rows from the tables. The table "
+    "recordings keeps name, hashes, by whom and why, as status deleted, so that the chain of evidence goes on; what was "
+    "deleted is not indexed again. Without --yes nothing is deleted, and what would be is said.",
+    "example: plumbline archive delete /srv/recordings --table /srv/archive --before 2025-01-01 --by ann "
+    "--because 'kept for a year' --yes",
+    add_source,
+    add_table,
+    option(
         "--before", type=parsed_by(day), required=True, metavar="DAY", help="recordings that ended before this day, UTC"
-    )
-    verb.add_argument("--crane", metavar="NAME", help="those of this crane alone")
-    verb.add_argument("--by", required=True, metavar="WHO", help="who deletes")
-    verb.add_argument("--because", required=True, metavar="WHY", help="why, such as the rule of retention")
-    verb.add_argument(
+    ),
+    option("--crane", metavar="NAME", help="those of this crane alone"),
+    option("--by", required=True, metavar="WHO", help="who deletes"),
+    option("--because", required=True, metavar="WHY", help="why, such as the rule of retention"),
+    option(
         "--names",
         action="store_true",
         help="leave recordings and rows, and empty the columns of the tables that may name people: calibrations.record, "
         "results.content",
-    )
-    verb.add_argument("--yes", action="store_true", help="delete; without it, say what would be deleted")
-    add_json(verb)
-    verb.set_defaults(run=run)
-
-
-def run(arguments: argparse.Namespace) -> int:
+    ),
+    option("--yes", action="store_true", help="delete; without it, say what would be deleted"),
+    add_json,
+)
+def run_delete(arguments: argparse.Namespace) -> int:
     """Delete what the rule names."""
     require_extra("archive")
     from gateway.archive.deletion import DeletionRule, delete, delete_names, due

@@ -1,9 +1,11 @@
 """`plumbline archive index`: makes tables of what is in recordings."""
 
 import argparse
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from gateway.cli.archive.archive_options import add_keys, add_source, add_table, authority_of, keys
+from gateway.cli.command import command, option
 from gateway.cli.terminal.output import add_json
 from gateway.errors import WITH_LOSSES
 from gateway.extras import require_extra
@@ -13,28 +15,23 @@ if TYPE_CHECKING:
     from gateway.archive.rows import IndexedFile
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the verb."""
-    verb = verbs.add_parser(
-        "index",
-        help="put what is in recordings into open tables: swings, motion, alerts, conditions, health, calibrations, clock",
-        description="Put what is in recordings into Delta Lake tables, which any engine reads. Signatures are verified first; "
-        "each row says whether its recording is verified, consistent in itself only, or not signed. What is there already is not "
-        "read again, and nothing counts twice: the command may be repeated, interrupted, and run several times at once. Exit "
-        "code 3: a file was refused, with the reason.",
-        epilog="example: plumbline archive index /srv/recordings --into /srv/archive --keys keys.txt",
-    )
-    add_source(verb)
-    add_table(verb, "--into")
-    add_keys(verb)
-    verb.add_argument(
+@command(
+    "index",
+    "put what is in recordings into open tables: swings, motion, alerts, conditions, health, calibrations, clock",
+    "Put what is in recordings into Delta Lake tables, which any engine reads. Signatures are verified first; "
+    "each row says whether its recording is verified, consistent in itself only, or not signed. What is there already is not "
+    "read again, and nothing counts twice: the command may be repeated, interrupted, and run several times at once. Exit "
+    "code 3: a file was refused, with the reason.",
+    "example: plumbline archive index /srv/recordings --into /srv/archive --keys keys.txt",
+    add_source,
+    partial(add_table, option="--into"),
+    add_keys,
+    option(
         "--compact", action="store_true", help="then join the small files that many runs have made; once a day will do"
-    )
-    add_json(verb)
-    verb.set_defaults(run=run)
-
-
-def run(arguments: argparse.Namespace) -> int:
+    ),
+    add_json,
+)
+def run_index(arguments: argparse.Namespace) -> int:
     """Index the recordings; return 3 where a file was refused."""
     require_extra("archive")
     from gateway.archive.index import index

@@ -5,6 +5,7 @@ from datetime import date, datetime
 from typing import TYPE_CHECKING, Any
 
 from gateway.cli.archive.archive_options import add_table
+from gateway.cli.command import command, option
 from gateway.cli.terminal.output import add_json
 from gateway.extras import require_extra
 
@@ -14,24 +15,19 @@ if TYPE_CHECKING:
 NOT_VERIFIED = "*"
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the verb."""
-    verb = verbs.add_parser(
-        "query",
-        help="put a question in SQL to the tables",
-        description="Put a question in SQL to the tables of an archive: recordings, swings, motion, minutes, alerts, conditions, "
-        "health, calibrations, clock. Only rows that count are seen. A row of the answer that would be another one without the "
-        "recordings that are not verified is marked *.",
-        epilog="example: plumbline archive query 'SELECT crane, max(phi_max_deg) FROM swings GROUP BY 1' --table /srv/archive",
-    )
-    verb.add_argument("sql", metavar="SQL", help="one SELECT, in the dialect of DuckDB")
-    add_table(verb)
-    verb.add_argument("--verified", action="store_true", help="leave out recordings that are not verified")
-    add_json(verb)
-    verb.set_defaults(run=run)
-
-
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "query",
+    "put a question in SQL to the tables",
+    "Put a question in SQL to the tables of an archive: recordings, swings, motion, minutes, alerts, conditions, "
+    "health, calibrations, clock. Only rows that count are seen. A row of the answer that would be another one without the "
+    "recordings that are not verified is marked *.",
+    "example: plumbline archive query 'SELECT crane, max(phi_max_deg) FROM swings GROUP BY 1' --table /srv/archive",
+    option("sql", metavar="SQL", help="one SELECT, in the dialect of DuckDB"),
+    add_table,
+    option("--verified", action="store_true", help="leave out recordings that are not verified"),
+    add_json,
+)
+def run_query(arguments: argparse.Namespace) -> int:
     """Print the answer."""
     require_extra("archive")
     from gateway.archive.query import ask

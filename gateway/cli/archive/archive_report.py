@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from gateway.cli.archive.archive_options import add_table, day
+from gateway.cli.command import command, option
 from gateway.cli.options.argument_types import above_zero, parsed_by
 from gateway.cli.terminal.output import add_json, output_file
 from gateway.extras import require_extra, require_plots
@@ -17,52 +18,55 @@ DEFAULT_DAYS = 30
 """Days of a report. Definition: about a month."""
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the verb."""
-    verb = verbs.add_parser(
-        "report",
-        help="write a page: exceedances by crane, hour and shift, worst swings, calibrations, availability, other limits",
-        description="Write a page on the swings of a fleet: exceedances by crane, hour and shift, the worst swings with the "
-        "command that opens each, age and drift of the calibrations, availability and why the swing was not known, and what "
-        "other limits would have cost in false alarms.",
-        epilog="example: plumbline archive report --table /srv/archive --from 2026-10-01 --to 2026-11-01 --html october.html",
-    )
-    add_table(verb)
-    verb.add_argument("--html", type=output_file, required=True, metavar="FILE", help="the page")
-    verb.add_argument(
+def _shifts(text: str) -> tuple[time, ...]:
+    try:
+        return tuple(time.fromisoformat(each.strip()) for each in text.split(","))
+    except ValueError:
+        raise ValueError(f"{text} are no times such as 06:00,14:00,22:00") from None
+
+
+def _zone(text: str) -> str:
+    try:
+        return ZoneInfo(text).key
+    except (ZoneInfoNotFoundError, ValueError):
+        raise ValueError(f"{text} is no time zone such as Europe/Berlin") from None
+
+
+@command(
+    "report",
+    "write a page: exceedances by crane, hour and shift, worst swings, calibrations, availability, other limits",
+    "Write a page on the swings of a fleet: exceedances by crane, hour and shift, the worst swings with the "
+    "command that opens each, age and drift of the calibrations, availability and why the swing was not known, and what "
+    "other limits would have cost in false alarms.",
+    "example: plumbline archive report --table /srv/archive --from 2026-10-01 --to 2026-11-01 --html october.html",
+    add_table,
+    option("--html", type=output_file, required=True, metavar="FILE", help="the page"),
+    option(
         "--from",
         dest="begin",
         type=parsed_by(day),
         metavar="DAY",
         help=f"first day, UTC ({DEFAULT_DAYS} days before --to)",
-    )
-    verb.add_argument(
-        "--to", dest="end", type=parsed_by(day), metavar="DAY", help="day after the last one, UTC (tomorrow)"
-    )
-    verb.add_argument(
-        "--limit", type=above_zero, default=5.0, metavar="DEG", help="angle above which a minute counts (5)"
-    )
-    verb.add_argument(
+    ),
+    option("--to", dest="end", type=parsed_by(day), metavar="DAY", help="day after the last one, UTC (tomorrow)"),
+    option("--limit", type=above_zero, default=5.0, metavar="DEG", help="angle above which a minute counts (5)"),
+    option(
         "--shifts",
         type=parsed_by(_shifts),
         default=(),
         metavar="TIMES",
         help="when the shifts begin, such as 06:00,14:00,22:00",
-    )
-    verb.add_argument(
-        "--zone", type=parsed_by(_zone), default="UTC", metavar="ZONE", help="time zone of hours and shifts (UTC)"
-    )
-    verb.add_argument(
+    ),
+    option("--zone", type=parsed_by(_zone), default="UTC", metavar="ZONE", help="time zone of hours and shifts (UTC)"),
+    option(
         "--source",
         default="",
         metavar="SOURCE",
         help="where the recordings are, for the commands that open the worst swings",
-    )
-    add_json(verb)
-    verb.set_defaults(run=run)
-
-
-def run(arguments: argparse.Namespace) -> int:
+    ),
+    add_json,
+)
+def run_report(arguments: argparse.Namespace) -> int:
     """Write the page."""
     require_extra("archive")
     require_plots()
@@ -111,17 +115,3 @@ def _as_json(report: "ArchiveReport") -> dict[str, Any]:
             for each in report.proposals
         ],
     }
-
-
-def _shifts(text: str) -> tuple[time, ...]:
-    try:
-        return tuple(time.fromisoformat(each.strip()) for each in text.split(","))
-    except ValueError:
-        raise ValueError(f"{text} are no times such as 06:00,14:00,22:00") from None
-
-
-def _zone(text: str) -> str:
-    try:
-        return ZoneInfo(text).key
-    except (ZoneInfoNotFoundError, ValueError):
-        raise ValueError(f"{text} is no time zone such as Europe/Berlin") from None

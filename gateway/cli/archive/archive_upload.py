@@ -8,6 +8,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gateway.cli.command import command, option
 from gateway.cli.options.argument_types import above_zero, parsed_by
 from gateway.errors import ANSWER_IS_NO
 from gateway.extras import require_extra
@@ -21,37 +22,39 @@ LONGEST_PAUSE_S = 3600.0
 """Longest pause after failures. Basis: a choice; a link that comes back is used within the hour."""
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the verb."""
-    verb = verbs.add_parser(
-        "upload",
-        help="send finished, signed segments of a data folder to a folder or an object store",
-        description="Send finished, signed segments of a gateway's data folder to a folder or an S3-compatible store. Names "
-        "contain the hash of the content and are written once; what is there is not sent again. Exit code 1: something is left "
-        "to send, or differs from what was signed.",
-        epilog="example: plumbline archive upload /var/lib/plumbline --to s3://cranes/2026 --credentials s3.toml --every 10",
-    )
-    verb.add_argument("folder", type=Path, metavar="FOLDER", help="data folder of a gateway; it is only read")
-    verb.add_argument("--to", required=True, metavar="STORE", help="folder, or a URL such as s3://bucket/prefix")
-    verb.add_argument(
+def _window(text: str) -> "TimeWindow":
+    from gateway.archive.upload import parse_window
+
+    return parse_window(text)
+
+
+@command(
+    "upload",
+    "send finished, signed segments of a data folder to a folder or an object store",
+    "Send finished, signed segments of a gateway's data folder to a folder or an S3-compatible store. Names "
+    "contain the hash of the content and are written once; what is there is not sent again. Exit code 1: something is left "
+    "to send, or differs from what was signed.",
+    "example: plumbline archive upload /var/lib/plumbline --to s3://cranes/2026 --credentials s3.toml --every 10",
+    option("folder", type=Path, metavar="FOLDER", help="data folder of a gateway; it is only read"),
+    option("--to", required=True, metavar="STORE", help="folder, or a URL such as s3://bucket/prefix"),
+    option(
         "--credentials",
         type=Path,
         metavar="FILE",
-        help="TOML file with the settings of the store, such as aws_access_key_id, that its owner alone may read (default: the "
+        help="TOML file with the settings of the store, such as aws_access_key_id, that its owner alone may read "
+        "(default: the "
         "usual environment of the store)",
-    )
-    verb.add_argument("--rate", type=above_zero, metavar="KB_S", help="mean rate, kB/s (default: without limit)")
-    verb.add_argument(
+    ),
+    option("--rate", type=above_zero, metavar="KB_S", help="mean rate, kB/s (default: without limit)"),
+    option(
         "--between",
         type=parsed_by(_window),
         metavar="T-T",
         help="time of the day in which to send, local time: 22:00-05:00",
-    )
-    verb.add_argument("--every", type=above_zero, metavar="MINUTES", help="go on until Ctrl-C, and look again so often")
-    verb.set_defaults(run=run)
-
-
-def run(arguments: argparse.Namespace) -> int:
+    ),
+    option("--every", type=above_zero, metavar="MINUTES", help="go on until Ctrl-C, and look again so often"),
+)
+def run_upload(arguments: argparse.Namespace) -> int:
     """Send what is there, once or for ever."""
     require_extra("archive")
     from gateway.archive.upload import Uploader, UploadLimits, open_destination
@@ -94,9 +97,3 @@ def _told(result: "UploadResult") -> int:
         f"{result.unfinished} not finished"
     )
     return ANSWER_IS_NO if result.left or result.refused else 0
-
-
-def _window(text: str) -> "TimeWindow":
-    from gateway.archive.upload import parse_window
-
-    return parse_window(text)

@@ -5,6 +5,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gateway.cli.command import command, option
 from gateway.cli.options.alignment_unit import add_unit_arguments, aligning_unit
 from gateway.cli.options.argument_types import above_zero
 from gateway.cli.options.recording_options import add_table_options, table_options
@@ -14,37 +15,29 @@ if TYPE_CHECKING:
     from gateway.bench.align_recording import RecordedTurns
 
 
-def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the method."""
-    method = methods.add_parser(
-        "align",
-        help="turns about a horizontal shaft along one axis: peak-to-peak, which screw, aligned or not",
-        description="Read how far a sensitive axis is from parallel to the shaft about which the housing turns, from the "
-        "peak-to-peak of its output over each turn (Łuczak et al. 2022, sec. 3), and which screw to turn. `plumbline remote "
-        "align --on-shaft` shows the same live. Exit code 1: the last turn is not aligned.",
-        epilog="example: plumbline calibrate align turns_x.csv --axis x --html alignment.html",
-    )
-    method.add_argument(
-        "file", type=Path, metavar="FILE", help="recording of slow turns: .csv, .mcap of the gateway, or a folder"
-    )
-    method.add_argument(
-        "--axis", choices=tuple("xyz"), help="axis along the shaft (default: the one that changes least)"
-    )
-    add_unit_arguments(method)
-    method.add_argument(
+@command(
+    "align",
+    "turns about a horizontal shaft along one axis: peak-to-peak, which screw, aligned or not",
+    "Read how far a sensitive axis is from parallel to the shaft about which the housing turns, from the "
+    "peak-to-peak of its output over each turn (Łuczak et al. 2022, sec. 3), and which screw to turn. `plumbline remote "
+    "align --on-shaft` shows the same live. Exit code 1: the last turn is not aligned.",
+    "example: plumbline calibrate align turns_x.csv --axis x --html alignment.html",
+    option("file", type=Path, metavar="FILE", help="recording of slow turns: .csv, .mcap of the gateway, or a folder"),
+    option("--axis", choices=tuple("xyz"), help="axis along the shaft (default: the one that changes least)"),
+    add_unit_arguments,
+    option(
         "--perpendicularity-deg",
         type=above_zero,
         default=0.01,
         metavar="DEG",
         help="deviation of perpendicularity of the housing, DP (default %(default)s)",
-    )
-    add_json(method)
-    method.add_argument("--html", type=output_file, metavar="FILE", help="write a report with a figure")
-    add_table_options(method)
-    method.set_defaults(run=_run)
-
-
-def _run(arguments: argparse.Namespace) -> int:
+    ),
+    add_json,
+    option("--html", type=output_file, metavar="FILE", help="write a report with a figure"),
+    add_table_options,
+)
+def run_align(arguments: argparse.Namespace) -> int:
+    """Read the turns, and print the result; return 1 where the last one is not aligned."""
     from gateway.bench.align_recording import read_turns, render_alignment_report
     from gateway.cli.terminal.output import show, write_text
     from gateway.measurement.recording_files import read_calibration_readings

@@ -5,8 +5,9 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gateway.cli.command import command, option
 from gateway.cli.options.argument_types import above_zero
-from gateway.cli.options.operator import add_operator, operator
+from gateway.cli.options.operator import operator, operator_option
 from gateway.cli.terminal.output import output_file
 
 if TYPE_CHECKING:
@@ -14,52 +15,49 @@ if TYPE_CHECKING:
     from gateway.bench.laser.output import Measured
 
 
-def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the method."""
-    method = methods.add_parser(
-        "laser",
-        help="displacement of a laser spot, from photographs of a dot board",
-        description="Measure the displacement of a laser spot on a board of dots in each photograph, relative to the first one, "
-        "with its uncertainty. Dots, perspective and the lens give the scale at every place. The whole board must be visible. "
-        "The result is for calibrate single-parameter.",
-        epilog="example: plumbline calibrate laser zero.jpg tilted-*.jpg --csv displacements.csv --overlay found/",
-    )
-    method.add_argument("files", type=Path, nargs="*", metavar="PHOTO", help="photographs; the first one is the zero")
-    method.add_argument(
-        "--lattice", type=_lattice, default=(7, 7), metavar="CxR", help="columns and rows of dots (default 7x7)"
-    )
-    method.add_argument(
+def _lattice(text: str) -> tuple[int, int]:
+    numbers = re.fullmatch(r"(\d{1,2})x(\d{1,2})", text)
+    if numbers is None or min(map(int, numbers.groups())) < 4:
+        raise argparse.ArgumentTypeError(f"{text} is not a lattice such as 7x7, of 4 dots or more each way")
+    return int(numbers[1]), int(numbers[2])
+
+
+@command(
+    "laser",
+    "displacement of a laser spot, from photographs of a dot board",
+    "Measure the displacement of a laser spot on a board of dots in each photograph, relative to the first one, "
+    "with its uncertainty. Dots, perspective and the lens give the scale at every place. The whole board must be visible. "
+    "The result is for calibrate single-parameter.",
+    "example: plumbline calibrate laser zero.jpg tilted-*.jpg --csv displacements.csv --overlay found/",
+    option("files", type=Path, nargs="*", metavar="PHOTO", help="photographs; the first one is the zero"),
+    option("--lattice", type=_lattice, default=(7, 7), metavar="CxR", help="columns and rows of dots (default 7x7)"),
+    option(
         "--pitch-mm", type=above_zero, default=40.0, metavar="MM", help="distance of neighbouring dots (default 40)"
-    )
-    method.add_argument("--dot-mm", type=above_zero, default=20.0, metavar="MM", help="diameter of a dot (default 20)")
-    method.add_argument(
+    ),
+    option("--dot-mm", type=above_zero, default=20.0, metavar="MM", help="diameter of a dot (default 20)"),
+    option(
         "--u-pitch-mm",
         type=above_zero,
         default=0.003,
         metavar="MM",
         help="standard uncertainty of the pitch, common to the board (default 0.003: +-0.005 of a machined one)",
-    )
-    method.add_argument("--colour", choices=("red", "green"), default="red", help="colour of the laser (default red)")
-    add_operator(method, "measures")
-    method.add_argument(
+    ),
+    option("--colour", choices=("red", "green"), default="red", help="colour of the laser (default red)"),
+    operator_option("measures"),
+    option(
         "--json", type=output_file, metavar="FILE", help="write all results to FILE; -: print them instead of the text"
-    )
-    method.add_argument(
+    ),
+    option(
         "--csv",
         type=output_file,
         metavar="FILE",
         help="write the displacements to FILE; add the column raw_angle_deg to it",
-    )
-    method.add_argument(
-        "--overlay", type=Path, metavar="FOLDER", help="write each photograph with what was found in it to FOLDER"
-    )
-    method.add_argument(
-        "--board", type=output_file, metavar="FILE.pdf", help="write a printable board at true size to FILE.pdf"
-    )
-    method.set_defaults(run=_run)
-
-
-def _run(arguments: argparse.Namespace) -> int:
+    ),
+    option("--overlay", type=Path, metavar="FOLDER", help="write each photograph with what was found in it to FOLDER"),
+    option("--board", type=output_file, metavar="FILE.pdf", help="write a printable board at true size to FILE.pdf"),
+)
+def run_laser(arguments: argparse.Namespace) -> int:
+    """Measure the displacements, or write a board."""
     from gateway.errors import InputError
     from gateway.extras import require_extra
 
@@ -126,10 +124,3 @@ def _board(arguments: argparse.Namespace) -> "DotBoard":
 
     columns, rows = arguments.lattice
     return DotBoard(columns, rows, arguments.pitch_mm / 1000, arguments.dot_mm / 1000, arguments.u_pitch_mm / 1000)
-
-
-def _lattice(text: str) -> tuple[int, int]:
-    numbers = re.fullmatch(r"(\d{1,2})x(\d{1,2})", text)
-    if numbers is None or min(map(int, numbers.groups())) < 4:
-        raise argparse.ArgumentTypeError(f"{text} is not a lattice such as 7x7, of 4 dots or more each way")
-    return int(numbers[1]), int(numbers[2])

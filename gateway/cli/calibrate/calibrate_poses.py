@@ -10,50 +10,9 @@ from gateway.cli.calibrate.calibrate_record import (
     read_parent_record,
     use_recorded_device,
 )
+from gateway.cli.command import command, option
 from gateway.cli.options.argument_types import above_zero
 from gateway.cli.options.recording_options import add_table_options, table_options
-
-
-def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add both methods."""
-    _add_six_position(methods)
-    _add_norm_fit(methods)
-
-
-def _add_six_position(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    method = methods.add_parser(
-        PoseMethod.SIX_POSITION.value,
-        help="six faces up in turn, on a levelled surface, in any order",
-        description="Determine offset, scale factor and misalignment from the six faces, in any order. Repeats are averaged.",
-        epilog="example: plumbline calibrate six-position faces.csv --device-id part-7 --json record.json",
-    )
-    _add_pose_arguments(method)
-    method.add_argument(
-        "--placement-deg",
-        type=above_zero,
-        metavar="DEG",
-        help="standard uncertainty of the faces' placement: level of the surface, squareness of the housing (default 0.1)",
-    )
-    method.set_defaults(run=lambda arguments: _calibrate(arguments, placement_u_deg=arguments.placement_deg))
-
-
-def _add_norm_fit(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    method = methods.add_parser(
-        PoseMethod.NORM_FIT.value,
-        help="nine or more poses in all directions; no levelled surface needed",
-        description="Determine offset, scale factor and non-orthogonality from |m| = 1 g in nine or more attitudes in all "
-        "directions. Twelve are better, because the additional poses check the fit.",
-        epilog="example: plumbline calibrate norm-fit session.csv --unit counts --rate 100 --json record.json",
-    )
-    _add_pose_arguments(method)
-    method.add_argument(
-        "--frame-deg",
-        type=above_zero,
-        metavar="DEG",
-        help="standard uncertainty of the attitude of the sensor's axes in the housing, which this method does not measure "
-        "(default 0.58)",
-    )
-    method.set_defaults(run=lambda arguments: _calibrate(arguments, frame_u_deg=arguments.frame_deg))
 
 
 def _add_pose_arguments(method: argparse.ArgumentParser) -> None:
@@ -67,6 +26,44 @@ def _add_pose_arguments(method: argparse.ArgumentParser) -> None:
     )
     add_record_arguments(method)
     add_table_options(method)
+
+
+@command(
+    PoseMethod.SIX_POSITION.value,
+    "six faces up in turn, on a levelled surface, in any order",
+    "Determine offset, scale factor and misalignment from the six faces, in any order. Repeats are averaged.",
+    "example: plumbline calibrate six-position faces.csv --device-id part-7 --json record.json",
+    _add_pose_arguments,
+    option(
+        "--placement-deg",
+        type=above_zero,
+        metavar="DEG",
+        help="standard uncertainty of the faces' placement: level of the surface, squareness of the housing (default 0.1)",
+    ),
+)
+def run_six_position(arguments: argparse.Namespace) -> int:
+    """Calibrate from six faces."""
+    return _calibrate(arguments, placement_u_deg=arguments.placement_deg)
+
+
+@command(
+    PoseMethod.NORM_FIT.value,
+    "nine or more poses in all directions; no levelled surface needed",
+    "Determine offset, scale factor and non-orthogonality from |m| = 1 g in nine or more attitudes in all "
+    "directions. Twelve are better, because the additional poses check the fit.",
+    "example: plumbline calibrate norm-fit session.csv --unit counts --rate 100 --json record.json",
+    _add_pose_arguments,
+    option(
+        "--frame-deg",
+        type=above_zero,
+        metavar="DEG",
+        help="standard uncertainty of the attitude of the sensor's axes in the housing, which this method does not measure "
+        "(default 0.58)",
+    ),
+)
+def run_norm_fit(arguments: argparse.Namespace) -> int:
+    """Calibrate from poses in all directions."""
+    return _calibrate(arguments, frame_u_deg=arguments.frame_deg)
 
 
 def _calibrate(arguments: argparse.Namespace, **stated: float | None) -> int:

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gateway.cli.options.operator import add_operator, operator
+from gateway.cli.options.operator import operator, operator_option
 from gateway.cli.terminal.output import output_file
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def add_record_arguments(method: argparse.ArgumentParser) -> None:
         metavar="ID",
         help="identity of the sensor (default: the one in an .mcap); the record is valid for no other sensor",
     )
-    add_operator(method, "calibrates")
+    operator_option("calibrates")(method)
     method.add_argument(
         "--parent",
         type=Path,

@@ -5,31 +5,28 @@ from pathlib import Path
 
 from gateway.calibration.record import ROTATION
 from gateway.cli.calibrate.calibrate_record import add_record_arguments, finish_record, read_parent_record
+from gateway.cli.command import command, option
 from gateway.cli.options.argument_types import above_zero
 
 
-def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the method."""
-    method = methods.add_parser(
-        ROTATION,
-        help="full turns about horizontal axes, on a rig with a known angle",
-        description="Fit sine and cosine to one full turn (two axes) or two turns about different axes (all three, and a "
-        "record): offset, scale factor, phase shift, non-orthogonality, intervals. Each file is one turn: columns angle_deg and "
-        "ax_g,ay_g,az_g (or _v, _counts), optionally count (readings averaged in the row) and temperature_c.",
-        epilog="example: plumbline calibrate rotation about_y.csv about_x.csv --device-id part-7 --json record.json",
-    )
-    method.add_argument("files", type=Path, nargs="+", metavar="FILE", help="CSV: one file per turn")
-    add_record_arguments(method)
-    method.add_argument(
+@command(
+    ROTATION,
+    "full turns about horizontal axes, on a rig with a known angle",
+    "Fit sine and cosine to one full turn (two axes) or two turns about different axes (all three, and a "
+    "record): offset, scale factor, phase shift, non-orthogonality, intervals. Each file is one turn: columns angle_deg and "
+    "ax_g,ay_g,az_g (or _v, _counts), optionally count (readings averaged in the row) and temperature_c.",
+    "example: plumbline calibrate rotation about_y.csv about_x.csv --device-id part-7 --json record.json",
+    option("files", type=Path, nargs="+", metavar="FILE", help="CSV: one file per turn"),
+    add_record_arguments,
+    option(
         "--mounting-deg",
         type=above_zero,
         metavar="DEG",
         help="standard uncertainty of the housing's attitude on the rig, about each of three directions (default 0.1)",
-    )
-    method.set_defaults(run=_run)
-
-
-def _run(arguments: argparse.Namespace) -> int:
+    ),
+)
+def run_rotation(arguments: argparse.Namespace) -> int:
+    """Fit the turns; return 1 where the record is not acceptable."""
     from gateway.bench.input_tables import read_turn
     from gateway.bench.rotation import MOUNTING_U_DEG, fit_rotation
     from gateway.bench.rotation_output import format_rotation, rotation_fields

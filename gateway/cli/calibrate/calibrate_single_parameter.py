@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from gateway.calibration.record import SINGLE_PARAMETER
 from gateway.cli.calibrate.calibrate_record import add_record_arguments, identity_note, read_parent_record, write_record
+from gateway.cli.command import command, option
 from gateway.cli.options.argument_types import above_zero
 from gateway.cli.terminal.output import output_file
 
@@ -14,60 +15,54 @@ if TYPE_CHECKING:
     from gateway.bench.single_parameter import SingleParameterFit
 
 
-def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the method."""
-    method = methods.add_parser(
-        SINGLE_PARAMETER,
-        help="relative angles within 5 degrees, against a laser beam on the same platform",
-        description="Determine A_z,off, the one parameter that corrects relative angles within +-5 deg, from pairs of the "
-        "displacement of a laser spot (calibrate laser measures it) and the raw relative angle. Each file is one session: "
-        "columns displacement_mm and raw_angle_deg, optionally u_displacement_mm, all counted from the session's zero.",
-        epilog="example: plumbline calibrate single-parameter pairs.csv --distance-mm 3897 --device-id part-7 --json record.json",
-    )
-    method.add_argument("files", type=Path, nargs="+", metavar="FILE", help="CSV: one file per session")
-    add_record_arguments(method)
-    method.add_argument(
-        "--distance-mm", type=above_zero, required=True, metavar="MM", help="from the rotation axis to the board"
-    )
-    method.add_argument(
+@command(
+    SINGLE_PARAMETER,
+    "relative angles within 5 degrees, against a laser beam on the same platform",
+    "Determine A_z,off, the one parameter that corrects relative angles within +-5 deg, from pairs of the "
+    "displacement of a laser spot (calibrate laser measures it) and the raw relative angle. Each file is one session: "
+    "columns displacement_mm and raw_angle_deg, optionally u_displacement_mm, all counted from the session's zero.",
+    "example: plumbline calibrate single-parameter pairs.csv --distance-mm 3897 --device-id part-7 --json record.json",
+    option("files", type=Path, nargs="+", metavar="FILE", help="CSV: one file per session"),
+    add_record_arguments,
+    option("--distance-mm", type=above_zero, required=True, metavar="MM", help="from the rotation axis to the board"),
+    option(
         "--u-distance-mm", type=above_zero, default=1.5, metavar="MM", help="its standard uncertainty (default 1.5)"
-    )
-    method.add_argument(
+    ),
+    option(
         "--u-displacement-mm",
         type=above_zero,
         default=0.05,
         metavar="MM",
         help="standard uncertainty of a displacement where the file has none (default 0.05)",
-    )
-    method.add_argument(
+    ),
+    option(
         "--u-angle-deg",
         type=above_zero,
         default=0.001,
         metavar="DEG",
         help="standard uncertainty of a raw relative angle (default 0.001)",
-    )
-    method.add_argument(
+    ),
+    option(
         "--square-deg",
         type=above_zero,
         default=0.2,
         metavar="DEG",
         help="standard uncertainty of the angle between the beam at zero and the board's normal (default 0.2)",
-    )
-    method.add_argument(
+    ),
+    option(
         "--zero-g-mg",
         type=above_zero,
         default=25.0,
         metavar="MG",
         help="data-sheet limit of the zero-g offsets of x and y, +- (default 25)",
-    )
-    method.add_argument(
+    ),
+    option(
         "--apply", type=Path, metavar="FILE", help="correct the raw relative angles of this CSV (column raw_angle_deg)"
-    )
-    method.add_argument("--corrected", type=output_file, metavar="FILE", help="write the corrected angles to FILE")
-    method.set_defaults(run=_run)
-
-
-def _run(arguments: argparse.Namespace) -> int:
+    ),
+    option("--corrected", type=output_file, metavar="FILE", help="write the corrected angles to FILE"),
+)
+def run_single_parameter(arguments: argparse.Namespace) -> int:
+    """Determine the parameter, and correct angles with it where that is asked for."""
     from gateway.bench.input_tables import read_pairs
     from gateway.bench.single_parameter import LaserSetup, fit_single_parameter
     from gateway.bench.single_parameter_output import (

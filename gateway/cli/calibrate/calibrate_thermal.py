@@ -10,6 +10,7 @@ from gateway.cli.calibrate.calibrate_record import (
     read_parent_record,
     use_recorded_device,
 )
+from gateway.cli.command import command, option
 from gateway.cli.options.argument_types import above_zero
 from gateway.cli.options.recording_options import add_table_options, table_options
 
@@ -21,50 +22,43 @@ if TYPE_CHECKING:
     from gateway.calibration.record import CalibrationRecord
 
 
-def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the method."""
-    method = methods.add_parser(
-        "thermal",
-        help="temperature ramps, one on each of the six faces",
-        description="Determine offset and sensitivity of each axis against temperature, with 95 % intervals, from one ramp "
-        "of temperature per face, in any order (Sawicki and Walendziuk 2016). A table needs the column temperature_c. The record "
-        "has a thermal model, which the gateway applies inside the measured range. Exit code 1: an axis exceeds a limit.",
-        epilog="example: plumbline calibrate thermal ramps/*.csv --part ADXL335 --device-id part-7 --json record.json",
-    )
-    method.add_argument(
+@command(
+    "thermal",
+    "temperature ramps, one on each of the six faces",
+    "Determine offset and sensitivity of each axis against temperature, with 95 % intervals, from one ramp "
+    "of temperature per face, in any order (Sawicki and Walendziuk 2016). A table needs the column temperature_c. The record "
+    "has a thermal model, which the gateway applies inside the measured range. Exit code 1: an axis exceeds a limit.",
+    "example: plumbline calibrate thermal ramps/*.csv --part ADXL335 --device-id part-7 --json record.json",
+    option(
         "files",
         type=Path,
         nargs="+",
         metavar="FILE",
         help="recordings of one ramp each: .csv, or .mcap of the gateway; the sensor rests on one face throughout",
-    )
-    add_record_arguments(method)
-    add_table_options(method)
-    method.add_argument(
+    ),
+    add_record_arguments,
+    add_table_options,
+    option(
         "--reference-c",
         type=float,
         metavar="C",
         help="temperature to which offset and matrix of the record refer (default: 25, or the middle of the ramps)",
-    )
-    method.add_argument(
+    ),
+    option(
         "--part", type=str.upper, metavar="NAME", help="part whose data sheet has the limits: ADXL335, ADXL355, ..."
-    )
-    method.add_argument(
-        "--limit-offset", type=above_zero, metavar="MG", help="largest change of the zero-g offset, mg/°C"
-    )
-    method.add_argument(
-        "--limit-sensitivity", type=above_zero, metavar="PERCENT", help="largest change of the sensitivity, %%/°C"
-    )
-    method.add_argument(
+    ),
+    option("--limit-offset", type=above_zero, metavar="MG", help="largest change of the zero-g offset, mg/°C"),
+    option("--limit-sensitivity", type=above_zero, metavar="PERCENT", help="largest change of the sensitivity, %%/°C"),
+    option(
         "--at-rest",
         action="store_true",
-        help="learn the axis along the rope from recordings of service, at rest, for the record of --parent; nothing uses the "
+        help="learn the axis along the rope from recordings of service, at rest, for the record of --parent; nothing "
+        "uses the "
         "new record until it is put in force",
-    )
-    method.set_defaults(run=_run)
-
-
-def _run(arguments: argparse.Namespace) -> int:
+    ),
+)
+def run_thermal(arguments: argparse.Namespace) -> int:
+    """Calibrate against temperature; return 1 where an axis exceeds a limit or the record is not acceptable."""
     from gateway.bench.thermal.output import format_thermal, thermal_figure
     from gateway.bench.thermal.ramp_calibration import calibrate_ramps
     from gateway.cli.terminal.progress import Progress

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
+from gateway.cli.command import command, option
 from gateway.cli.options.argument_types import above_zero, whole_number
-from gateway.cli.options.operator import add_operator, operator
+from gateway.cli.options.operator import operator, operator_option
 from gateway.cli.remote.remote_align import MAX_QUEUED_TILTS, TILT_SILENCE_S
 from gateway.cli.terminal.output import output_file
 
@@ -22,62 +23,56 @@ KEY = "plumbline/"
 INWARD_AXES = {sign + name: (index, 1 if sign == "+" else -1) for index, name in enumerate("xyz") for sign in "+-"}
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the verb."""
-    verb = verbs.add_parser(
-        "deflection",
-        help="deflection of a crane girder at mid-span, from the sensors at its ends",
-        description="Print how far a girder on two supports sags at mid-span, from the rotations of its ends against a zero at "
-        "the beginning (Zhu et al. 2020, eq. 25): live from two gateways, or from two recordings. Positive is downwards.",
-        epilog="examples: plumbline fleet deflection left.mcap right.mcap --half-span-m 0.8 --load-offset-m 0.065 --html d.html "
-        "| plumbline fleet deflection plumbline/v1/yard/crane-1/west plumbline/v1/yard/crane-1/east --half-span-m 9.5",
-    )
-    verb.add_argument("left", metavar="LEFT", help="recording (.mcap, folder, .csv) or gateway key of the left end")
-    verb.add_argument("right", metavar="RIGHT", help="the same of the right end")
-    verb.add_argument(
-        "--half-span-m", type=above_zero, required=True, metavar="M", help="half the distance of the supports"
-    )
-    verb.add_argument(
+@command(
+    "deflection",
+    "deflection of a crane girder at mid-span, from the sensors at its ends",
+    "Print how far a girder on two supports sags at mid-span, from the rotations of its ends against a zero at "
+    "the beginning (Zhu et al. 2020, eq. 25): live from two gateways, or from two recordings. Positive is downwards.",
+    "examples: plumbline fleet deflection left.mcap right.mcap --half-span-m 0.8 --load-offset-m 0.065 --html d.html "
+    "| plumbline fleet deflection plumbline/v1/yard/crane-1/west plumbline/v1/yard/crane-1/east --half-span-m 9.5",
+    option("left", metavar="LEFT", help="recording (.mcap, folder, .csv) or gateway key of the left end"),
+    option("right", metavar="RIGHT", help="the same of the right end"),
+    option("--half-span-m", type=above_zero, required=True, metavar="M", help="half the distance of the supports"),
+    option(
         "--load-offset-m",
         type=above_zero,
         default=0.0,
         metavar="M",
         help="distance of each of two equal loads, the wheels of a trolley, from mid-span (default: a single load)",
-    )
-    verb.add_argument(
+    ),
+    option(
         "--u-mm", type=above_zero, default=1.0, metavar="MM", help="standard uncertainty of both lengths (default 1)"
-    )
-    for side, default in (("left", "+x"), ("right", "-x")):
-        verb.add_argument(
+    ),
+    *(
+        option(
             f"--{side}-axis",
             choices=tuple(INWARD_AXES),
             default=default,
             help=f"housing axis of the {side} sensor that points to mid-span (default {default}; write --{side}-axis=-x)",
         )
-    verb.add_argument(
+        for side, default in (("left", "+x"), ("right", "-x"))
+    ),
+    option(
         "--zero-s",
         type=above_zero,
         default=10.0,
         metavar="S",
         help="duration of the zero at the beginning, the girder unloaded (default 10)",
-    )
-    add_operator(verb, "measures")
-    verb.add_argument(
-        "--json", type=output_file, metavar="FILE", help="recordings: also write the result as JSON; -: print it"
-    )
-    verb.add_argument("--csv", type=output_file, metavar="FILE", help="recordings: write the deflection over time")
-    verb.add_argument("--html", type=output_file, metavar="FILE", help="recordings: write a report with a figure")
-    verb.add_argument(
+    ),
+    operator_option("measures"),
+    option("--json", type=output_file, metavar="FILE", help="recordings: also write the result as JSON; -: print it"),
+    option("--csv", type=output_file, metavar="FILE", help="recordings: write the deflection over time"),
+    option("--html", type=output_file, metavar="FILE", help="recordings: write a report with a figure"),
+    option(
         "--connect",
         action="append",
         metavar="ENDPOINT",
         help="gateways: address of the router, or twice: of the left and of the right gateway (default tcp/127.0.0.1:7447)",
-    )
-    verb.add_argument("--count", type=whole_number, metavar="N", help="gateways: end after N deflections")
-    verb.set_defaults(run=_run)
-
-
-def _run(arguments: argparse.Namespace) -> int:
+    ),
+    option("--count", type=whole_number, metavar="N", help="gateways: end after N deflections"),
+)
+def run_deflection(arguments: argparse.Namespace) -> int:
+    """Print the deflection: live, or of recordings."""
     from gateway.bench.girder_deflection import Girder
     from gateway.errors import InputError
 

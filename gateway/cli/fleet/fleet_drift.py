@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gateway.cli.command import command, option
 from gateway.cli.options.argument_types import above_zero
 from gateway.cli.terminal.output import add_json, output_file
 
@@ -13,43 +14,47 @@ if TYPE_CHECKING:
     from gateway.calibration.drift.fleet_drift import SensorDrift
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the verb."""
-    verb = verbs.add_parser(
-        "drift",
-        help="age, drift and date of the next calibration of many sensors, the most urgent first",
-        description="Print age, drift and date of the next calibration of every sensor, the most urgent first, from its "
-        "calibration records. Exit code 1: a sensor is overdue, or cannot be judged.",
-        epilog="example: plumbline fleet drift /var/lib/plumbline/calibration archive/*.json --html drift.html",
-    )
-    verb.add_argument(
+def _date(text: str) -> datetime:
+    try:
+        day = datetime.fromisoformat(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text} is no date such as 2026-11-22") from None
+    return day if day.tzinfo is not None else day.replace(tzinfo=UTC)
+
+
+@command(
+    "drift",
+    "age, drift and date of the next calibration of many sensors, the most urgent first",
+    "Print age, drift and date of the next calibration of every sensor, the most urgent first, from its "
+    "calibration records. Exit code 1: a sensor is overdue, or cannot be judged.",
+    "example: plumbline fleet drift /var/lib/plumbline/calibration archive/*.json --html drift.html",
+    option(
         "records",
         type=Path,
         nargs="+",
         metavar="RECORD",
         help="calibration records (.json), or folders of them, such as the store of a gateway",
-    )
-    verb.add_argument(
+    ),
+    option(
         "--limit-deg",
         type=above_zero,
         default=0.5,
         metavar="DEG",
         help="tilt error at which a sensor is calibrated again (default %(default)s)",
-    )
-    verb.add_argument(
+    ),
+    option(
         "--interval-days",
         type=above_zero,
         default=365.0,
         metavar="DAYS",
         help="longest time between two calibrations, whatever the records show (default %(default)s)",
-    )
-    verb.add_argument("--on", type=_date, metavar="DATE", help="judge on this day, such as 2026-11-22 (default: today)")
-    add_json(verb)
-    verb.add_argument("--html", type=output_file, metavar="FILE", help="write a report with tables and figures")
-    verb.set_defaults(run=_run)
-
-
-def _run(arguments: argparse.Namespace) -> int:
+    ),
+    option("--on", type=_date, metavar="DATE", help="judge on this day, such as 2026-11-22 (default: today)"),
+    add_json,
+    option("--html", type=output_file, metavar="FILE", help="write a report with tables and figures"),
+)
+def run_drift(arguments: argparse.Namespace) -> int:
+    """Print the drift of all sensors; return 1 where one is overdue or cannot be judged."""
     from gateway.calibration.drift.fleet_drift import fleet_drift
     from gateway.calibration.input_files import read_records
     from gateway.certificate.drift_report import render_drift_report
@@ -114,11 +119,3 @@ def _as_text(sensors: "Sequence[SensorDrift]", notes: Sequence[str]) -> str:
             f"{sensor.next_utc.date()}  {due:>8}  {sensor.basis}"
         )
     return "\n".join([*lines, *(f"note: {note}" for note in notes)])
-
-
-def _date(text: str) -> datetime:
-    try:
-        day = datetime.fromisoformat(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text} is no date such as 2026-11-22") from None
-    return day if day.tzinfo is not None else day.replace(tzinfo=UTC)

@@ -9,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from gateway.cli.command import command, option
 from gateway.cli.options.bus_link import LOCAL_ENDPOINT
 
 if TYPE_CHECKING:
@@ -24,59 +25,57 @@ CLOSE_S = 2.0
 a dead one."""
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the verb."""
-    verb = verbs.add_parser(
-        "router",
-        help="run a router that keeps the latest states, or print the configuration of zenohd",
-        description="Run a Zenoh router that keeps the last message of every gateway, until Ctrl-C. With --print-config, print "
-        "the same as a configuration of zenohd with its storage plug-in, for large sites.",
-        epilog="examples: plumbline fleet router --listen tls/10.0.0.2:7447 --ca ca.pem --certificate certificate.pem "
-        "--key key.pem --gateways gateways.txt --reader ann | plumbline fleet router --gateways gateways.txt --print-config "
-        "> zenohd.json5",
-    )
-    verb.add_argument(
+@command(
+    "router",
+    "run a router that keeps the latest states, or print the configuration of zenohd",
+    "Run a Zenoh router that keeps the last message of every gateway, until Ctrl-C. With --print-config, print "
+    "the same as a configuration of zenohd with its storage plug-in, for large sites.",
+    "examples: plumbline fleet router --listen tls/10.0.0.2:7447 --ca ca.pem --certificate certificate.pem "
+    "--key key.pem --gateways gateways.txt --reader ann | plumbline fleet router --gateways gateways.txt --print-config "
+    "> zenohd.json5",
+    option(
         "--listen",
         action="append",
         metavar="ENDPOINT",
         help=f"where gateways and clients connect; may be repeated (default {LOCAL_ENDPOINT}: only this machine)",
-    )
-    for name, what in (
-        ("ca", "certificate of the site's CA"),
-        ("certificate", "certificate of this router"),
-        ("key", "its key"),
-    ):
-        verb.add_argument(f"--{name}", type=Path, metavar="FILE", help=f"{what}, in PEM; all three for mutual TLS")
-    verb.add_argument(
+    ),
+    *(
+        option(f"--{name}", type=Path, metavar="FILE", help=f"{what}, in PEM; all three for mutual TLS")
+        for name, what in (
+            ("ca", "certificate of the site's CA"),
+            ("certificate", "certificate of this router"),
+            ("key", "its key"),
+        )
+    ),
+    option(
         "--gateways",
         type=Path,
         metavar="FILE",
         help="gateways that may publish: <site>/<crane>/<sensor> and the name of its certificate (default: the crane) a line",
-    )
-    verb.add_argument(
+    ),
+    option(
         "--reader",
         action="append",
         default=[],
         metavar="NAME",
         help="certificate that may read and send requests; may be repeated",
-    )
-    verb.add_argument(
+    ),
+    option(
         "--load-signal",
         action="append",
         default=[],
         metavar="NAME",
         help="certificate that may publish load signals; may be repeated",
-    )
-    verb.add_argument(
+    ),
+    option(
         "--allow-unencrypted",
         action="store_true",
         help="listen beyond this machine without certificates: everyone may publish",
-    )
-    verb.add_argument("--print-config", action="store_true", help="print the configuration of zenohd, and end")
-    verb.set_defaults(run=_run)
-
-
-def _run(arguments: argparse.Namespace) -> int:
+    ),
+    option("--print-config", action="store_true", help="print the configuration of zenohd, and end"),
+)
+def run_router(arguments: argparse.Namespace) -> int:
+    """Route until a signal, or print the configuration of zenohd."""
     from gateway.bus.router import router_configuration, with_storage
     from gateway.fleet.selection import read_expected
 

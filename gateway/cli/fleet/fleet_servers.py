@@ -6,6 +6,7 @@ import time
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
+from gateway.cli.command import AddTo, command, option
 from gateway.cli.options.argument_types import parsed_by
 from gateway.cli.options.bus_link import add_connect, add_expect, expected_gateways, fleet_client
 from gateway.configuration.address import host_and_port, written
@@ -28,52 +29,9 @@ MAX_COLLECTOR_CONNECTIONS = 32
 """Basis: a choice; collectors are a few, and each costs a file."""
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add both verbs."""
-    _add_page(verbs)
-    _add_metrics(verbs)
-
-
-def _add_page(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    verb = verbs.add_parser(
-        "page",
-        help="serve a page with a card for each crane, what asks for action first",
-        description="Serve a page with a card for each gateway on a router: state, swing, trust and age, what asks for action "
-        "first, until Ctrl-C. A card links to the crane's own page where the gateway states its address (page.url).",
-        epilog="example: plumbline fleet page --listen 127.0.0.1:8322 --connect tcp/10.0.0.2:7447 --expect gateways.txt",
-    )
-    _add_listen(verb, FLEET_PAGE_LISTEN)
-    verb.add_argument(
-        "--host",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="name under which browsers may reach the page, beside its address; repeatable",
-    )
-    verb.add_argument(
-        "--language", choices=LANGUAGES, default="en", metavar="CODE", help="language, such as de (default %(default)s)"
-    )
-    add_expect(verb)
-    add_connect(verb)
-    verb.set_defaults(run=_serve_page)
-
-
-def _add_metrics(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    verb = verbs.add_parser(
-        "metrics",
-        help="serve the metrics of all gateways on a router to Prometheus",
-        description="Serve the metrics of all gateways on a router at /metrics, in the Prometheus text format, until Ctrl-C.",
-        epilog="example: plumbline fleet metrics --connect tcp/10.0.0.2:7447 --expect gateways.txt",
-    )
-    _add_listen(verb, METRICS_LISTEN)
-    add_expect(verb)
-    add_connect(verb)
-    verb.set_defaults(run=_serve_metrics)
-
-
-def _add_listen(verb: argparse.ArgumentParser, default: str) -> None:
-    """Add `--listen`."""
-    verb.add_argument(
+def _listen(default: str) -> AddTo:
+    """Return `--listen`."""
+    return option(
         "--listen",
         type=parsed_by(host_and_port),
         default=host_and_port(default),
@@ -93,7 +51,28 @@ def _open_listener(arguments: argparse.Namespace) -> socket.socket:
         raise InputError(f"{written(host, port)} cannot be used ({error.strerror}); choose another --listen") from error
 
 
-def _serve_page(arguments: argparse.Namespace) -> int:
+@command(
+    "page",
+    "serve a page with a card for each crane, what asks for action first",
+    "Serve a page with a card for each gateway on a router: state, swing, trust and age, what asks for action "
+    "first, until Ctrl-C. A card links to the crane's own page where the gateway states its address (page.url).",
+    "example: plumbline fleet page --listen 127.0.0.1:8322 --connect tcp/10.0.0.2:7447 --expect gateways.txt",
+    _listen(FLEET_PAGE_LISTEN),
+    option(
+        "--host",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="name under which browsers may reach the page, beside its address; repeatable",
+    ),
+    option(
+        "--language", choices=LANGUAGES, default="en", metavar="CODE", help="language, such as de (default %(default)s)"
+    ),
+    add_expect,
+    add_connect,
+)
+def run_page(arguments: argparse.Namespace) -> int:
+    """Serve the page until Ctrl-C."""
     require_extra("page")
     from gateway.cli.fleet.fleet_status import LiveFleet
     from gateway.fleet.fleet_page import FleetPage
@@ -112,7 +91,17 @@ def _serve_page(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _serve_metrics(arguments: argparse.Namespace) -> int:
+@command(
+    "metrics",
+    "serve the metrics of all gateways on a router to Prometheus",
+    "Serve the metrics of all gateways on a router at /metrics, in the Prometheus text format, until Ctrl-C.",
+    "example: plumbline fleet metrics --connect tcp/10.0.0.2:7447 --expect gateways.txt",
+    _listen(METRICS_LISTEN),
+    add_expect,
+    add_connect,
+)
+def run_metrics(arguments: argparse.Namespace) -> int:
+    """Serve the metrics until Ctrl-C."""
     require_extra("page")
     import uvicorn
 

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, TextIO
 
+from gateway.cli.command import command, option
 from gateway.cli.options.argument_types import above_zero, parsed_by, whole_number
 from gateway.cli.options.bus_link import add_connect, add_expect, expected_gateways, fleet_client
 from gateway.cli.terminal.output import add_json
@@ -37,66 +38,6 @@ USUAL_COLUMNS, USUAL_ROWS = 120, 24
 table."""
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the verb."""
-    verb = verbs.add_parser(
-        "status",
-        help="list all gateways on a router with their state, and what is wrong",
-        description="List all gateways on a router with state, alert level, swing, battery, signal, age of the calibration and "
-        "software. Exit code 0: all are OK; 1: one is not, or an expected one is missing; 2: wrong usage.",
-        epilog="examples: plumbline fleet status --expect gateways.txt | plumbline fleet status --site 'yard-*' --sort swing "
-        "--watch | plumbline fleet status --accept disturbed --json -",
-    )
-    for part in ("site", "crane", "sensor"):
-        verb.add_argument(
-            f"--{part}",
-            default="*",
-            metavar="PATTERN",
-            help=f"judge only gateways of this {part}; * ? [abc] match other characters",
-        )
-    states = parsed_by(_parse_states)
-    verb.add_argument(
-        "--state", type=states, default=frozenset(), metavar="LIST", help="list only these states, such as limit,stale"
-    )
-    verb.add_argument(
-        "--level",
-        type=parsed_by(_parse_levels),
-        default=frozenset(),
-        metavar="LIST",
-        help="list only these alert levels: normal, warn, trip, unknown",
-    )
-    verb.add_argument(
-        "--sort", choices=SORT_NAMES, default="state", help="order of the list (default: the most urgent state first)"
-    )
-    verb.add_argument(
-        "--accept",
-        type=states,
-        default=frozenset(),
-        metavar="LIST",
-        help="states beside ok that are no fault, such as disturbed, which occurs while cranes work",
-    )
-    add_expect(verb)
-    add_json(verb)
-    verb.add_argument(
-        "--wait-s",
-        type=above_zero,
-        default=5.0,
-        metavar="S",
-        help="longest wait for messages of gateways that are alive (default %(default)g)",
-    )
-    verb.add_argument(
-        "--watch",
-        action="store_true",
-        help="go on until Ctrl-C: in a terminal the list is redrawn, elsewhere a change is a line",
-    )
-    verb.add_argument(
-        "--interval-s", type=above_zero, default=1.0, metavar="S", help="interval of --watch (default %(default)g)"
-    )
-    verb.add_argument("--count", type=whole_number, metavar="N", help="end --watch after N intervals")
-    add_connect(verb)
-    verb.set_defaults(run=_run)
-
-
 def _parse_states(text: str) -> "frozenset[FleetWord]":
     from gateway.fleet.selection import parse_states
 
@@ -109,7 +50,66 @@ def _parse_levels(text: str) -> "frozenset[Level]":
     return parse_levels(text)
 
 
-def _run(arguments: argparse.Namespace) -> int:
+@command(
+    "status",
+    "list all gateways on a router with their state, and what is wrong",
+    "List all gateways on a router with state, alert level, swing, battery, signal, age of the calibration and "
+    "software. Exit code 0: all are OK; 1: one is not, or an expected one is missing; 2: wrong usage.",
+    "examples: plumbline fleet status --expect gateways.txt | plumbline fleet status --site 'yard-*' --sort swing "
+    "--watch | plumbline fleet status --accept disturbed --json -",
+    *(
+        option(
+            f"--{part}",
+            default="*",
+            metavar="PATTERN",
+            help=f"judge only gateways of this {part}; * ? [abc] match other characters",
+        )
+        for part in ("site", "crane", "sensor")
+    ),
+    option(
+        "--state",
+        type=parsed_by(_parse_states),
+        default=frozenset(),
+        metavar="LIST",
+        help="list only these states, such as limit,stale",
+    ),
+    option(
+        "--level",
+        type=parsed_by(_parse_levels),
+        default=frozenset(),
+        metavar="LIST",
+        help="list only these alert levels: normal, warn, trip, unknown",
+    ),
+    option(
+        "--sort", choices=SORT_NAMES, default="state", help="order of the list (default: the most urgent state first)"
+    ),
+    option(
+        "--accept",
+        type=parsed_by(_parse_states),
+        default=frozenset(),
+        metavar="LIST",
+        help="states beside ok that are no fault, such as disturbed, which occurs while cranes work",
+    ),
+    add_expect,
+    add_json,
+    option(
+        "--wait-s",
+        type=above_zero,
+        default=5.0,
+        metavar="S",
+        help="longest wait for messages of gateways that are alive (default %(default)g)",
+    ),
+    option(
+        "--watch",
+        action="store_true",
+        help="go on until Ctrl-C: in a terminal the list is redrawn, elsewhere a change is a line",
+    ),
+    option("--interval-s", type=above_zero, default=1.0, metavar="S", help="interval of --watch (default %(default)g)"),
+    option("--count", type=whole_number, metavar="N", help="end --watch after N intervals"),
+    add_connect,
+)
+def run_status(arguments: argparse.Namespace) -> int:
+    """Print the list, or go on; return 1 where a gateway is not well."""
     from gateway.cli.fleet.fleet_status import watch_fleet
     from gateway.cli.terminal.output import show
     from gateway.fleet.fleet_state import FleetState

@@ -2,6 +2,8 @@
 
 import argparse
 
+from gateway.cli.command import command, option
+
 SHELLS = ("bash", "zsh", "tcsh")
 EXAMPLE = """examples:
   plumbline completion bash > ~/.local/share/bash-completion/completions/plumbline
@@ -9,20 +11,14 @@ EXAMPLE = """examples:
   plumbline completion tcsh >> ~/.tcshrc"""
 
 
-def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    command = commands.add_parser(
-        "completion",
-        help="print the completion of commands and options for a shell",
-        description="Print the completion of commands, options and files for a shell.",
-        epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    command.add_argument("shell", choices=SHELLS, metavar="SHELL", help=", ".join(SHELLS))
-    command.set_defaults(run=run)
-
-
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "completion",
+    "print the completion of commands and options for a shell",
+    "Print the completion of commands, options and files for a shell.",
+    EXAMPLE,
+    option("shell", choices=SHELLS, metavar="SHELL", help=", ".join(SHELLS)),
+)
+def run_completion(arguments: argparse.Namespace) -> int:
     """Print the completion."""
     import shtab
 

@@ -5,46 +5,18 @@ import json
 import sys
 from pathlib import Path
 
-
-def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command with its verbs."""
-    command = commands.add_parser(
-        "config",
-        help="show, check or describe the configuration",
-        description="Show, check or describe the configuration of the gateway.",
-        epilog="examples: plumbline config show > my.toml | plumbline config check my.toml | plumbline config schema",
-    )
-    verbs = command.add_subparsers(dest="verb", metavar="VERB", required=True)
-    show = verbs.add_parser(
-        "show",
-        help="print the configuration with all defaults, as TOML",
-        description="Print a configuration with all defaults as TOML. A comment explains each key.",
-        epilog="example: plumbline config show my.toml",
-    )
-    show.add_argument("file", type=Path, nargs="?", metavar="FILE", help="configuration (default: a simulated crane)")
-    show.set_defaults(run=_show)
-    check = verbs.add_parser(
-        "check",
-        help="check a configuration file",
-        description="Check a configuration file. Exit code 0: it can be used; 2: it cannot, with the reason.",
-        epilog="example: plumbline config check my.toml",
-    )
-    check.add_argument("file", type=Path, metavar="FILE", help="configuration")
-    check.add_argument(
-        "--service", action="store_true", help="also require a sensor, as the service does: no simulated crane"
-    )
-    check.set_defaults(run=_check)
-    schema = verbs.add_parser(
-        "schema",
-        help="print a JSON Schema: of the configuration, or of the messages of a topic",
-        description="Print the JSON Schema of the configuration, or of the messages of a topic.",
-        epilog="example: plumbline config schema --topic swing",
-    )
-    schema.add_argument("--topic", metavar="TOPIC", help="samples, tilt, swing, condition, alert, ...")
-    schema.set_defaults(run=_schema)
+from gateway.cli.command import command, option
 
 
-def _show(arguments: argparse.Namespace) -> int:
+@command(
+    "show",
+    "print the configuration with all defaults, as TOML",
+    "Print a configuration with all defaults as TOML. A comment explains each key.",
+    "example: plumbline config show my.toml",
+    option("file", type=Path, nargs="?", metavar="FILE", help="configuration (default: a simulated crane)"),
+)
+def run_show(arguments: argparse.Namespace) -> int:
+    """Print the configuration."""
     from gateway.configuration.loading import load
     from gateway.configuration.render import to_toml
 
@@ -52,7 +24,16 @@ def _show(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _check(arguments: argparse.Namespace) -> int:
+@command(
+    "check",
+    "check a configuration file",
+    "Check a configuration file. Exit code 0: it can be used; 2: it cannot, with the reason.",
+    "example: plumbline config check my.toml",
+    option("file", type=Path, metavar="FILE", help="configuration"),
+    option("--service", action="store_true", help="also require a sensor, as the service does: no simulated crane"),
+)
+def run_check(arguments: argparse.Namespace) -> int:
+    """Check the file. Raises `ConfigurationError` and `InputError`."""
     from gateway.configuration.loading import ConfigurationError, load, missing_files, require_sensor
     from gateway.errors import InputError
     from gateway.pki.check_files import find_problems
@@ -70,7 +51,15 @@ def _check(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _schema(arguments: argparse.Namespace) -> int:
+@command(
+    "schema",
+    "print a JSON Schema: of the configuration, or of the messages of a topic",
+    "Print the JSON Schema of the configuration, or of the messages of a topic.",
+    "example: plumbline config schema --topic swing",
+    option("--topic", metavar="TOPIC", help="samples, tilt, swing, condition, alert, ..."),
+)
+def run_schema(arguments: argparse.Namespace) -> int:
+    """Print the schema."""
     from gateway.configuration.model import Configuration
     from gateway.errors import InputError
     from gateway.topics import TOPICS, json_schema

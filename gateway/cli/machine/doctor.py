@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gateway.cli.command import command, option
 from gateway.cli.terminal.output import Style, output_file, paint
 
 if TYPE_CHECKING:
@@ -17,42 +18,36 @@ MARK_STYLES: dict[str, Style] = {"good": "good", "note": "note", "bad": "bad"}
 MARKS = {"good": "ok  ", "note": "note", "bad": "BAD "}
 
 
-def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    command = commands.add_parser(
-        "doctor",
-        help="find what is wrong on this machine, and how to correct it",
-        description="Check everything that `plumbline run` needs, or ask the gateway that runs how it does. "
-        "Exit code 0: all well; 1: something must be corrected.",
-        epilog="examples: plumbline doctor --config adxl355.toml | plumbline doctor --device --config adxl355.toml "
-        "| plumbline doctor --bundle crane-1.tar.gz",
-    )
-    command.add_argument(
+@command(
+    "doctor",
+    "find what is wrong on this machine, and how to correct it",
+    "Check everything that `plumbline run` needs, or ask the gateway that runs how it does. "
+    "Exit code 0: all well; 1: something must be corrected.",
+    "examples: plumbline doctor --config adxl355.toml | plumbline doctor --device --config adxl355.toml "
+    "| plumbline doctor --bundle crane-1.tar.gz",
+    option(
         "--config", type=Path, metavar="FILE", help="configuration (default: the installed one, or a simulated crane)"
-    )
-    command.add_argument(
+    ),
+    option(
         "--device",
         action="store_true",
-        help="examine the sensor alone: the parts on its bus, its self-test, its readings; it must rest, and no gateway may run",
-    )
-    command.add_argument(
+        help="examine the sensor alone: the parts on its bus, its self-test, its readings; it must rest, and no "
+        "gateway may run",
+    ),
+    option(
         "--security",
         action="store_true",
         help="state what is open and to whom: listeners, rights, certificates, files, page",
-    )
-    command.add_argument(
-        "--json", type=output_file, metavar="FILE|-", help="write the results as JSON, with what was measured"
-    )
-    command.add_argument(
+    ),
+    option("--json", type=output_file, metavar="FILE|-", help="write the results as JSON, with what was measured"),
+    option(
         "--bundle",
         type=output_file,
         metavar="FILE.tar.gz",
         help="write findings, configuration, versions, state, log and a list of the recordings, without secrets",
-    )
-    command.set_defaults(run=run)
-
-
-def run(arguments: argparse.Namespace) -> int:
+    ),
+)
+def run_doctor(arguments: argparse.Namespace) -> int:
     """Print the result of each check; return 1 if one failed."""
     from gateway.cli.terminal.output import STANDARD_OUTPUT, print_json, write_json
     from gateway.configuration.loading import SETTINGS, is_installed, load, load_installed

@@ -6,6 +6,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gateway.cli.command import AddTo, command, option
 from gateway.cli.options.argument_types import day_count
 
 if TYPE_CHECKING:
@@ -20,66 +21,31 @@ SOON_DAYS = 60
 HOLDERS = ("gateway", "router", "operator", "service")
 
 
-def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command with its verbs."""
-    command = commands.add_parser(
-        "keys",
-        help="make, list, renew and revoke the certificates of a site",
-        description="Make, list, renew and revoke the certificates of a site (docs/guides/service/security.md). Keep the folder "
-        "on a machine of your own, not on a gateway: who has it can command every gateway of the site.",
-        epilog="example: plumbline keys init --site yard && plumbline keys issue service ann",
-    )
-    verbs = command.add_subparsers(dest="verb", metavar="VERB", required=True)
-    init = _verb(verbs, "init", "make the CA of a site", _init, "--site yard")
-    init.add_argument("--site", required=True, metavar="NAME", help="name of the site")
-    init.add_argument("--days", type=day_count, default=CA_DAYS, help="validity (default %(default)s)")
-    issue = _verb(verbs, "issue", "issue a certificate", _issue, "gateway crane-1 --host 10.0.0.5")
-    issue.add_argument(
-        "holder",
-        choices=HOLDERS,
-        metavar="HOLDER",
-        help="gateway, router, operator (may read and acknowledge) or service",
-    )
-    issue.add_argument(
-        "name",
-        metavar="NAME",
-        help="of a gateway its crane, or <crane>.<sensor>, so that it vouches for the signing key; of the person, as audits and "
-        "records show it",
-    )
-    issue.add_argument(
-        "--host", action="append", default=[], help="address or name under which it is reached; may be repeated"
-    )
-    issue.add_argument("--days", type=day_count, default=HOLDER_DAYS, help="validity (default %(default)s)")
-    renew = _verb(verbs, "renew", "issue a new key and certificate for a name", _renew, "crane-1")
-    renew.add_argument("name", metavar="NAME", help="of the gateway or person")
-    renew.add_argument("--days", type=day_count, default=HOLDER_DAYS, help="validity (default %(default)s)")
-    revoke = _verb(verbs, "revoke", "put the certificates of a name on the revocation list", _revoke, "ann")
-    revoke.add_argument("name", metavar="NAME", help="of the gateway or person")
-    revoke.add_argument("--keep-newest", action="store_true", help="revoke those before the newest, after a renewal")
-    _verb(verbs, "list", "list the certificates with their expiry", _list, "--folder plumbline-keys")
+FOLDER = option(
+    "--folder",
+    type=Path,
+    default=Path("plumbline-keys"),
+    metavar="FOLDER",
+    help="folder of the CA (default %(default)s)",
+)
+HOLDER_NAME = option("name", metavar="NAME", help="of the gateway or person")
 
 
-def _verb(
-    verbs: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, summary: str, run: object, example: str
-) -> argparse.ArgumentParser:
-    verb = verbs.add_parser(
-        name,
-        help=summary,
-        description=f"{summary[0].upper()}{summary[1:]}.",
-        epilog=f"example: plumbline keys {name} {example}",
-    )
-    verb.add_argument(
-        "--folder",
-        type=Path,
-        default=Path("plumbline-keys"),
-        metavar="FOLDER",
-        help="folder of the CA (default %(default)s)",
-    )
-    verb.set_defaults(run=run)
-    return verb
+def _validity(default: int) -> AddTo:
+    return option("--days", type=day_count, default=default, help="validity (default %(default)s)")
 
 
-def _init(arguments: argparse.Namespace) -> int:
+@command(
+    "init",
+    "make the CA of a site",
+    None,
+    "example: plumbline keys init --site yard",
+    FOLDER,
+    option("--site", required=True, metavar="NAME", help="name of the site"),
+    _validity(CA_DAYS),
+)
+def run_init(arguments: argparse.Namespace) -> int:
+    """Make the folder of the CA."""
     from gateway.extras import require_extra
 
     require_extra("security")
@@ -91,7 +57,29 @@ def _init(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _issue(arguments: argparse.Namespace) -> int:
+@command(
+    "issue",
+    "issue a certificate",
+    None,
+    "example: plumbline keys issue gateway crane-1 --host 10.0.0.5",
+    FOLDER,
+    option(
+        "holder",
+        choices=HOLDERS,
+        metavar="HOLDER",
+        help="gateway, router, operator (may read and acknowledge) or service",
+    ),
+    option(
+        "name",
+        metavar="NAME",
+        help="of a gateway its crane, or <crane>.<sensor>, so that it vouches for the signing key; of the person, as audits and "
+        "records show it",
+    ),
+    option("--host", action="append", default=[], help="address or name under which it is reached; may be repeated"),
+    _validity(HOLDER_DAYS),
+)
+def run_issue(arguments: argparse.Namespace) -> int:
+    """Issue a certificate, with its key."""
     folder, now = _open(arguments)
     from gateway.pki.issue import Holder
 
@@ -102,7 +90,17 @@ def _issue(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _renew(arguments: argparse.Namespace) -> int:
+@command(
+    "renew",
+    "issue a new key and certificate for a name",
+    None,
+    "example: plumbline keys renew crane-1",
+    FOLDER,
+    HOLDER_NAME,
+    _validity(HOLDER_DAYS),
+)
+def run_renew(arguments: argparse.Namespace) -> int:
+    """Issue a new key and certificate."""
     folder, now = _open(arguments)
     made = folder.renew(_checked(arguments.name), arguments.days, now)
     print(
@@ -112,7 +110,17 @@ def _renew(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _revoke(arguments: argparse.Namespace) -> int:
+@command(
+    "revoke",
+    "put the certificates of a name on the revocation list",
+    None,
+    "example: plumbline keys revoke ann",
+    FOLDER,
+    HOLDER_NAME,
+    option("--keep-newest", action="store_true", help="revoke those before the newest, after a renewal"),
+)
+def run_revoke(arguments: argparse.Namespace) -> int:
+    """Revoke the certificates of a name."""
     folder, now = _open(arguments)
     count = folder.revoke(_checked(arguments.name), now, keep_newest=arguments.keep_newest)
     print(
@@ -124,7 +132,15 @@ def _revoke(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _list(arguments: argparse.Namespace) -> int:
+@command(
+    "list",
+    "list the certificates with their expiry",
+    None,
+    "example: plumbline keys list --folder plumbline-keys",
+    FOLDER,
+)
+def run_list(arguments: argparse.Namespace) -> int:
+    """Print the certificates."""
     folder, now = _open(arguments)
     ca = folder.identity
     print(f"{'CA':<10} {ca.name:<24} {_date(ca.valid_until)}  {_state(ca.valid_until, now, revoked=False)}")

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from devices.errors import DeviceError
+from gateway.cli.command import command, option
 from gateway.cli.options.argument_types import above_zero, at_least_zero
 from gateway.cli.options.recording_options import add_table_options
 from gateway.errors import ANSWER_IS_NO, WITH_LOSSES, PlumblineError
@@ -26,28 +27,30 @@ OUTPUT_S = 0.3
 milliseconds, and a reader that hangs holds no end up."""
 
 
-def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    command = commands.add_parser(
-        "run",
-        help="run the gateway: sample, evaluate, record, publish, display",
-        description="Run the gateway until Ctrl-C or SIGTERM. Without --config it runs with a simulated crane.",
-        epilog="examples: plumbline run | plumbline run --config adxl355.toml | plumbline run --duration 30 | "
-        "plumbline run --replay phone.csv --axes y,-x,z --speed 0",
+def add_replay_options(command: argparse.ArgumentParser) -> None:
+    """Add the recording, its speed, and the options of tables."""
+    command.add_argument(
+        "--replay", type=Path, metavar="LOG", help="play a recording in place of the device: .mcap, or a table"
     )
     command.add_argument(
-        "--config", type=Path, metavar="FILE", help="configuration (TOML); plumbline config show prints one"
+        "--speed", type=at_least_zero, metavar="N", help="of --replay: multiple of real time; 0: as fast as possible"
     )
-    command.add_argument("--duration", type=above_zero, metavar="S", help="stop cleanly after this many seconds")
-    add_replay_options(command)
-    command.add_argument("--quiet", action="store_true", help="print warnings and errors only")
-    command.add_argument(
-        "--service", action="store_true", help="require a sensor: refuse a simulated crane and a recording"
-    )
-    command.set_defaults(run=run)
+    add_table_options(command)
 
 
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "run",
+    "run the gateway: sample, evaluate, record, publish, display",
+    "Run the gateway until Ctrl-C or SIGTERM. Without --config it runs with a simulated crane.",
+    "examples: plumbline run | plumbline run --config adxl355.toml | plumbline run --duration 30 | "
+    "plumbline run --replay phone.csv --axes y,-x,z --speed 0",
+    option("--config", type=Path, metavar="FILE", help="configuration (TOML); plumbline config show prints one"),
+    option("--duration", type=above_zero, metavar="S", help="stop cleanly after this many seconds"),
+    add_replay_options,
+    option("--quiet", action="store_true", help="print warnings and errors only"),
+    option("--service", action="store_true", help="require a sensor: refuse a simulated crane and a recording"),
+)
+def run_run(arguments: argparse.Namespace) -> int:
     """Run the gateway."""
     from gateway.daemon.runtime.logs import LineWriter, start_logging
 
@@ -125,17 +128,6 @@ def _start_again(*writers: "LineWriter") -> int:
     if not os.environ.get("NOTIFY_SOCKET"):
         os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
     return 0
-
-
-def add_replay_options(command: argparse.ArgumentParser) -> None:
-    """Add the recording, its speed, and the options of tables."""
-    command.add_argument(
-        "--replay", type=Path, metavar="LOG", help="play a recording in place of the device: .mcap, or a table"
-    )
-    command.add_argument(
-        "--speed", type=at_least_zero, metavar="N", help="of --replay: multiple of real time; 0: as fast as possible"
-    )
-    add_table_options(command)
 
 
 def replay_section(arguments: argparse.Namespace) -> dict[str, Any] | None:

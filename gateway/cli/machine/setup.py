@@ -7,6 +7,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gateway.cli.command import command, option
+
 if TYPE_CHECKING:
     from gateway.configuration.answers import Answers
     from gateway.configuration.model import Configuration
@@ -14,34 +16,26 @@ if TYPE_CHECKING:
 NOT_DONE = 1
 
 
-def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    command = commands.add_parser(
-        "setup",
-        help="make the configuration of this machine by questions, and try the sensor",
-        description="Ask for sensor, housing, rope, limits and names, write a checked configuration, and try the sensor. "
-        "Exit code 0: written, and the sensor delivers samples; 1: not written, or the sensor does not.",
-        epilog="examples: plumbline setup | plumbline setup --out crane.toml | "
-        "plumbline setup --from answers.toml --replace",
-    )
-    command.add_argument(
+@command(
+    "setup",
+    "make the configuration of this machine by questions, and try the sensor",
+    "Ask for sensor, housing, rope, limits and names, write a checked configuration, and try the sensor. "
+    "Exit code 0: written, and the sensor delivers samples; 1: not written, or the sensor does not.",
+    "examples: plumbline setup | plumbline setup --out crane.toml | plumbline setup --from answers.toml --replace",
+    option(
         "--from",
         dest="answers",
         type=Path,
         metavar="FILE",
         help="ask nothing: take the answers from a TOML file with the keys of the configuration",
-    )
-    command.add_argument(
-        "--out", type=Path, metavar="FILE", help="configuration to write (default: that of the service)"
-    )
-    command.add_argument(
+    ),
+    option("--out", type=Path, metavar="FILE", help="configuration to write (default: that of the service)"),
+    option(
         "--replace", action="store_true", help="replace an existing configuration; the former one is kept beside it"
-    )
-    command.add_argument("--no-check", action="store_true", help="do not try the sensor")
-    command.set_defaults(run=run)
-
-
-def run(arguments: argparse.Namespace) -> int:
+    ),
+    option("--no-check", action="store_true", help="do not try the sensor"),
+)
+def run_setup(arguments: argparse.Namespace) -> int:
     """Ask, write and check."""
     from gateway.cli.machine.setup_dialogue import ask_all, confirm
     from gateway.configuration.answers import Answers

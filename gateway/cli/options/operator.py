@@ -3,10 +3,12 @@
 import argparse
 import getpass
 
+from gateway.cli.command import AddTo, option
 
-def add_operator(parser: argparse.ArgumentParser, task: str) -> None:
-    """Add the option with the name of the person; `task` says what that person does."""
-    parser.add_argument("--by", metavar="NAME", help=f"person who {task} (default: the current user)")
+
+def operator_option(task: str) -> AddTo:
+    """Return the option with the name of the person; `task` says what that person does."""
+    return option("--by", metavar="NAME", help=f"person who {task} (default: the current user)")
 
 
 def operator(arguments: argparse.Namespace) -> str:

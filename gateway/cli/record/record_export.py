@@ -4,6 +4,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
+from gateway.cli.command import command, one_of, option
 from gateway.cli.options.recording_options import add_selection, interval
 from gateway.cli.terminal.output import output_file
 from gateway.errors import WITH_LOSSES
@@ -18,43 +19,38 @@ EXAMPLE = """examples:
   plumbline record export plumbline-data/*.mcap --mcap full_rate.mcap --from 07:30:00 --to 07:35:00"""
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the verb."""
-    export = verbs.add_parser(
-        "export",
-        help="write calibrated acceleration at full rate, or a topic, as CSV, Parquet or MCAP",
-        description="Write the calibrated specific force at full rate, in g in the housing frame, or the messages of a topic. "
-        "Each part of the recording is calibrated by the record that was in force. Exit code 3: something could not be read.",
-        epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    add_selection(export)
-    target = export.add_mutually_exclusive_group(required=True)
-    target.add_argument(
-        "--csv",
-        type=output_file,
-        metavar="FILE",
-        help="time_s,ax_g,ay_g,az_g[,temperature_c], seconds from the first sample of the recording; `measure` reads it",
-    )
-    target.add_argument(
-        "--parquet",
-        type=output_file,
-        metavar="FILE",
-        help="the same with UTC; needs the extra plumbline-gateway[parquet]",
-    )
-    target.add_argument(
-        "--mcap",
-        type=output_file,
-        metavar="FILE",
-        help="for Foxglove, Lichtblick and PlotJuggler: /acceleration_samples with one message per sample, and all other topics",
-    )
-    export.add_argument(
-        "--topic", metavar="NAME", help="a table of this topic in place of the samples (motion, swing, alert, ...)"
-    )
-    export.set_defaults(run=run)
-
-
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "export",
+    "write calibrated acceleration at full rate, or a topic, as CSV, Parquet or MCAP",
+    "Write the calibrated specific force at full rate, in g in the housing frame, or the messages of a topic. "
+    "Each part of the recording is calibrated by the record that was in force. Exit code 3: something could not be read.",
+    EXAMPLE,
+    add_selection,
+    one_of(
+        option(
+            "--csv",
+            type=output_file,
+            metavar="FILE",
+            help="time_s,ax_g,ay_g,az_g[,temperature_c], seconds from the first sample of the recording; `measure` reads it",
+        ),
+        option(
+            "--parquet",
+            type=output_file,
+            metavar="FILE",
+            help="the same with UTC; needs the extra plumbline-gateway[parquet]",
+        ),
+        option(
+            "--mcap",
+            type=output_file,
+            metavar="FILE",
+            help="for Foxglove, Lichtblick and PlotJuggler: /acceleration_samples with one message per sample, and "
+            "all other topics",
+        ),
+        required=True,
+    ),
+    option("--topic", metavar="NAME", help="a table of this topic in place of the samples (motion, swing, alert, ...)"),
+)
+def run_export(arguments: argparse.Namespace) -> int:
     """Export the recordings; return 3 where something of them could not be read."""
     from gateway.cli.terminal.progress import ProgressBar
     from gateway.errors import InputError

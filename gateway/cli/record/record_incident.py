@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gateway.cli.command import command, one_of, option
 from gateway.cli.options.argument_types import above_zero, recording_time, whole_number
 from gateway.cli.options.recording_options import add_paths
 from gateway.cli.terminal.output import add_json
@@ -24,62 +25,57 @@ ALERT_MARGIN_S = 60.0
 REPORT = "cause.html"
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the verb."""
-    incident = verbs.add_parser(
-        "incident",
-        help="write a report of an incident: one page with figures, and the recording of it",
-        description="Write a report of an incident into a new folder: a page with a summary, a timeline and figures, and the "
-        "part of the recordings that it is made from. Without a choice, of the last incident.",
-        epilog="example: plumbline record incident plumbline-data --last --out crane-1-trip",
-    )
-    add_paths(incident)
-    choice = incident.add_mutually_exclusive_group()
-    choice.add_argument(
-        "--around",
-        type=recording_time,
-        metavar="TIME",
-        help="the incident around a time: UTC (2026-11-22T07:30:00Z, or 07:30:05 on the first day), or seconds from the start",
-    )
-    choice.add_argument("--alert", type=whole_number, metavar="N", help="incident number N, in order of time, from 1")
-    choice.add_argument("--last", action="store_true", help="the last incident")
-    choice.add_argument("--list", action="store_true", help="only print the incidents with their numbers")
-    for name, what in (("from", "begin"), ("to", "end")):
-        incident.add_argument(
+@command(
+    "incident",
+    "write a report of an incident: one page with figures, and the recording of it",
+    "Write a report of an incident into a new folder: a page with a summary, a timeline and figures, and the "
+    "part of the recordings that it is made from. Without a choice, of the last incident.",
+    "example: plumbline record incident plumbline-data --last --out crane-1-trip",
+    add_paths,
+    one_of(
+        option(
+            "--around",
+            type=recording_time,
+            metavar="TIME",
+            help="the incident around a time: UTC (2026-11-22T07:30:00Z, or 07:30:05 on the first day), or seconds "
+            "from the start",
+        ),
+        option("--alert", type=whole_number, metavar="N", help="incident number N, in order of time, from 1"),
+        option("--last", action="store_true", help="the last incident"),
+        option("--list", action="store_true", help="only print the incidents with their numbers"),
+    ),
+    *(
+        option(
             f"--{name}",
             dest=f"{name}_time",
             type=recording_time,
             metavar="TIME",
             help=f"{what} of the report, in place of a choice and --margin; in the same forms",
         )
-    incident.add_argument(
+        for name, what in (("from", "begin"), ("to", "end"))
+    ),
+    option(
         "--margin",
         type=above_zero,
         default=ALERT_MARGIN_S,
         metavar="S",
         help="seconds before and after the incident (60)",
-    )
-    incident.add_argument(
-        "--local", action="store_true", help="read --around, --from and --to in this computer's time zone"
-    )
-    incident.add_argument(
-        "--out", type=Path, metavar="FOLDER", help="the new folder; without it incident-<UTC> in the present one"
-    )
-    incident.add_argument(
+    ),
+    option("--local", action="store_true", help="read --around, --from and --to in this computer's time zone"),
+    option("--out", type=Path, metavar="FOLDER", help="the new folder; without it incident-<UTC> in the present one"),
+    option(
         "--reconcile",
         action="store_true",
         help="also fit a simulation of the crane, which names what moved the load; takes minutes",
-    )
-    incident.add_argument(
+    ),
+    option(
         "--key",
         metavar="PUBLIC",
         help="the gateway's public key, for the verification: 64 hexadecimal digits, or the file signing-key.pem.pub",
-    )
-    add_json(incident)
-    incident.set_defaults(run=run)
-
-
-def run(arguments: argparse.Namespace) -> int:
+    ),
+    add_json,
+)
+def run_incident(arguments: argparse.Namespace) -> int:
     """Write the report, or list the incidents."""
     from gateway.cli.terminal.progress import ProgressBar
     from gateway.extras import require_extra, require_plots

@@ -2,6 +2,7 @@
 
 import argparse
 
+from gateway.cli.command import command
 from gateway.cli.options.recording_options import add_selection, interval
 from gateway.cli.terminal.output import add_json
 from gateway.errors import WITH_LOSSES
@@ -12,22 +13,16 @@ EXAMPLE = """examples:
   plumbline record info plumbline-data/*.mcap --json -"""
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the verb."""
-    info = verbs.add_parser(
-        "info",
-        help="print what is in recordings: times, alerts, calibrations, gaps, faults, losses, topics",
-        description="Print what is in recordings: times, alerts from raised to cleared, changes of calibration and clock, gaps, "
-        "faults, losses and topics. The segments of a gateway are one timeline; several gateways are printed one by one.",
-        epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    add_selection(info)
-    add_json(info)
-    info.set_defaults(run=run)
-
-
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "info",
+    "print what is in recordings: times, alerts, calibrations, gaps, faults, losses, topics",
+    "Print what is in recordings: times, alerts from raised to cleared, changes of calibration and clock, gaps, "
+    "faults, losses and topics. The segments of a gateway are one timeline; several gateways are printed one by one.",
+    EXAMPLE,
+    add_selection,
+    add_json,
+)
+def run_info(arguments: argparse.Namespace) -> int:
     """Print the content of the recordings."""
     from gateway.cli.terminal.output import show
     from gateway.cli.terminal.progress import ProgressBar

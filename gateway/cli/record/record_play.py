@@ -5,6 +5,7 @@ import asyncio
 import time
 from typing import TYPE_CHECKING
 
+from gateway.cli.command import command, one_of, option
 from gateway.cli.options.argument_types import above_zero
 from gateway.cli.options.bus_link import LOCAL_ENDPOINT
 from gateway.cli.options.recording_options import add_selection, interval
@@ -26,36 +27,29 @@ EXAMPLE = """examples:
   plumbline remote watch      (in another terminal)"""
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the verb."""
-    play = verbs.add_parser(
-        "play",
-        help="publish recordings on the bus, or show them to viewers, at their pace or another",
-        description="Publish recordings on the bus, at their pace or another. The keys have -replayed behind the sensor's name, "
-        "and the clock of every message is `replayed`; the times are those of the recording. Long gaps are shortened. "
-        "With --foxglove serve them to Foxglove, Lichtblick and other viewers on this machine instead, as they are recorded, "
-        "from when a viewer has asked for its topics until the last viewer leaves.",
-        epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    add_selection(play)
-    play.add_argument(
+@command(
+    "play",
+    "publish recordings on the bus, or show them to viewers, at their pace or another",
+    "Publish recordings on the bus, at their pace or another. The keys have -replayed behind the sensor's name, "
+    "and the clock of every message is `replayed`; the times are those of the recording. Long gaps are shortened. "
+    "With --foxglove serve them to Foxglove, Lichtblick and other viewers on this machine instead, as they are recorded, "
+    "from when a viewer has asked for its topics until the last viewer leaves.",
+    EXAMPLE,
+    add_selection,
+    option(
         "--speed", type=above_zero, default=1.0, metavar="X", help="recorded seconds per second (default %(default)g)"
-    )
-    play.add_argument(
-        "--foxglove", action="store_true", help="serve viewers by the Foxglove WebSocket protocol, not the bus"
-    )
-    place = play.add_mutually_exclusive_group()
-    place.add_argument(
-        "--listen",
-        metavar="ENDPOINT",
-        help=f"where others may connect (default {LOCAL_ENDPOINT}; with --foxglove 127.0.0.1:8765)",
-    )
-    place.add_argument("--connect", metavar="ENDPOINT", help="address of a router, in place of --listen")
-    play.set_defaults(run=run)
-
-
-def run(arguments: argparse.Namespace) -> int:
+    ),
+    option("--foxglove", action="store_true", help="serve viewers by the Foxglove WebSocket protocol, not the bus"),
+    one_of(
+        option(
+            "--listen",
+            metavar="ENDPOINT",
+            help=f"where others may connect (default {LOCAL_ENDPOINT}; with --foxglove 127.0.0.1:8765)",
+        ),
+        option("--connect", metavar="ENDPOINT", help="address of a router, in place of --listen"),
+    ),
+)
+def run_play(arguments: argparse.Namespace) -> int:
     """Play the recordings to their end, or until Ctrl-C."""
     from gateway.recording.reading.timeline import open_timeline
 

@@ -3,27 +3,21 @@
 import argparse
 from pathlib import Path
 
+from gateway.cli.command import command, option
 from gateway.cli.terminal.output import output_file
 from gateway.errors import WITH_LOSSES
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the verb."""
-    recover = verbs.add_parser(
-        "recover",
-        help="write a complete recording from an incomplete one",
-        description="Write a complete recording from an incomplete one, beside it as NAME.recovered.mcap unless --out names "
-        "another file. Exit code 3: something of it could not be read.",
-        epilog="example: plumbline record recover incomplete.mcap",
-    )
-    recover.add_argument("log", type=Path, metavar="LOG", help=".mcap written by the gateway")
-    recover.add_argument(
-        "--out", type=output_file, metavar="FILE", help="the new recording (default: NAME.recovered.mcap)"
-    )
-    recover.set_defaults(run=run)
-
-
-def run(arguments: argparse.Namespace) -> int:
+@command(
+    "recover",
+    "write a complete recording from an incomplete one",
+    "Write a complete recording from an incomplete one, beside it as NAME.recovered.mcap unless --out names "
+    "another file. Exit code 3: something of it could not be read.",
+    "example: plumbline record recover incomplete.mcap",
+    option("log", type=Path, metavar="LOG", help=".mcap written by the gateway"),
+    option("--out", type=output_file, metavar="FILE", help="the new recording (default: NAME.recovered.mcap)"),
+)
+def run_recover(arguments: argparse.Namespace) -> int:
     """Recover a recording; return 3 where something of it could not be read."""
     from gateway.recording.format.salvage import describe_losses
     from gateway.recording.segments.copying import NothingRecordedError, recover, recovered_path

@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from gateway.cli.command import command, option
 from gateway.cli.options.argument_types import duration_s
 from gateway.cli.options.recording_options import add_selection, interval
 from gateway.cli.terminal.output import add_json
@@ -14,33 +15,27 @@ EXAMPLE = """examples:
   plumbline record replay plumbline-data --calibration record.json --json -"""
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the verb."""
-    replay = verbs.add_parser(
-        "replay",
-        help="compute every result again from the raw samples, and compare it with the recorded one",
-        description="Compute every result again from the raw samples, with the recorded configuration and calibration, and "
-        "compare it with the recorded one: byte for byte with the same software, NumPy and machine, within a stated "
-        "tolerance elsewhere. With another calibration or configuration: a table of what it would have said. Exit code 1: "
-        "something differs.",
-        epilog=EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    add_selection(replay)
-    replay.add_argument("--calibration", type=Path, metavar="RECORD.json", help="another calibration record")
-    replay.add_argument("--config", type=Path, metavar="FILE.toml", help="another configuration")
-    replay.add_argument(
+@command(
+    "replay",
+    "compute every result again from the raw samples, and compare it with the recorded one",
+    "Compute every result again from the raw samples, with the recorded configuration and calibration, and "
+    "compare it with the recorded one: byte for byte with the same software, NumPy and machine, within a stated "
+    "tolerance elsewhere. With another calibration or configuration: a table of what it would have said. Exit code 1: "
+    "something differs.",
+    EXAMPLE,
+    add_selection,
+    option("--calibration", type=Path, metavar="RECORD.json", help="another calibration record"),
+    option("--config", type=Path, metavar="FILE.toml", help="another configuration"),
+    option(
         "--warm-up",
         type=duration_s,
         metavar="D",
         help="begin this long before the part in place of at the start of the gateway's run, which takes long; the results "
         "are then compared within a tolerance",
-    )
-    add_json(replay)
-    replay.set_defaults(run=run)
-
-
-def run(arguments: argparse.Namespace) -> int:
+    ),
+    add_json,
+)
+def run_replay(arguments: argparse.Namespace) -> int:
     """Replay the recordings; return 1 where something differs."""
     from gateway.calibration.input_files import read_record
     from gateway.cli.terminal.output import show

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gateway.cli.command import command, option
 from gateway.cli.options.recording_options import add_paths
 from gateway.cli.options.site_authority import add_ca, refusal_by
 from gateway.cli.terminal.output import add_json
@@ -24,26 +25,24 @@ ANSWERS = {
 }
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the verb."""
-    verify = verbs.add_parser(
-        "verify",
-        help="check that recordings are what the gateway wrote: nothing changed, removed, exchanged or forged",
-        description="Check recordings against the signed statements in them: nothing changed, removed, exchanged, cut off or "
-        "forged, and no clock set back by more than 30 s. Exit code 0: genuine by the key that is given, for which the site's CA "
-        "vouches, or that `remote status` has heard at the first contact. Exit code 1: something differs, and each difference is "
-        "named. Exit code 3: consistent in itself only, because no key is known, or nothing is signed. A folder is expected from "
-        "the first segment on: those that the gateway has deleted, as it has signed, are named and are no difference.",
-        epilog="example: plumbline record verify plumbline-data --key signing-key.pem.pub",
-    )
-    add_paths(verify)
-    verify.add_argument(
+@command(
+    "verify",
+    "check that recordings are what the gateway wrote: nothing changed, removed, exchanged or forged",
+    "Check recordings against the signed statements in them: nothing changed, removed, exchanged, cut off or "
+    "forged, and no clock set back by more than 30 s. Exit code 0: genuine by the key that is given, for which the site's CA "
+    "vouches, or that `remote status` has heard at the first contact. Exit code 1: something differs, and each difference is "
+    "named. Exit code 3: consistent in itself only, because no key is known, or nothing is signed. A folder is expected from "
+    "the first segment on: those that the gateway has deleted, as it has signed, are named and are no difference.",
+    "example: plumbline record verify plumbline-data --key signing-key.pem.pub",
+    add_paths,
+    option(
         "--key",
         metavar="PUBLIC",
-        help="the gateway's public key: 64 hexadecimal digits, or the file signing-key.pem.pub, kept apart from the recordings",
-    )
-    add_ca(verify)
-    verify.add_argument(
+        help="the gateway's public key: 64 hexadecimal digits, or the file signing-key.pem.pub, kept apart from the "
+        "recordings",
+    ),
+    add_ca,
+    option(
         "--heard",
         type=Path,
         action="append",
@@ -51,27 +50,26 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         metavar="FILE",
         help="health messages that somebody kept, as `remote status --json FILE` writes them: what they say of the newest "
         "segment must be there",
-    )
-    verify.add_argument(
+    ),
+    option(
         "--tsa-ca",
         type=Path,
         metavar="FILE",
-        help="certificates, in PEM, of the CA of the time stamp authority that the gateway asks: its time stamps are checked, "
+        help="certificates, in PEM, of the CA of the time stamp authority that the gateway asks: its time stamps are "
+        "checked, "
         "and what they are about must be there",
-    )
-    verify.add_argument(
+    ),
+    option(
         "--time-stamps",
         type=Path,
         action="append",
         default=[],
         metavar="FILE",
         help="time stamps that were kept elsewhere, beside those in the folders: a copy of time-stamps.jsonl",
-    )
-    add_json(verify)
-    verify.set_defaults(run=run)
-
-
-def run(arguments: argparse.Namespace) -> int:
+    ),
+    add_json,
+)
+def run_verify(arguments: argparse.Namespace) -> int:
     """Verify recordings; return the exit code of the answer."""
     from gateway.bus.known_gateways import known_statement, read_statements
     from gateway.cli.terminal.output import show

@@ -5,6 +5,7 @@ import sys
 import time
 from typing import TYPE_CHECKING, Any, TextIO
 
+from gateway.cli.command import command, option
 from gateway.cli.options.alignment_unit import add_unit_arguments, aligning_unit
 from gateway.cli.options.argument_types import above_zero
 from gateway.cli.options.bus_link import add_address, gateway_client
@@ -23,47 +24,41 @@ MAX_QUEUED_TILTS = 64
 SILENCE_TEXT = "no advice: no readings arrive; waiting for the gateway"
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the verb."""
-    verb = verbs.add_parser(
-        "align",
-        help="show live which of the housing's two screws to turn, which way and how far",
-        description="Show pitch and roll of the hanging housing, and which screw to turn until both are within 0.03 deg. "
-        "It gives advice only while the load hangs still, and ends when the housing is aligned.",
-        epilog="example: plumbline remote align --lead-mm 0.5 --lever-mm 40 --reversed roll",
-    )
-    verb.add_argument(
+@command(
+    "align",
+    "show live which of the housing's two screws to turn, which way and how far",
+    "Show pitch and roll of the hanging housing, and which screw to turn until both are within 0.03 deg. "
+    "It gives advice only while the load hangs still, and ends when the housing is aligned.",
+    "example: plumbline remote align --lead-mm 0.5 --lever-mm 40 --reversed roll",
+    option(
         "--lead-mm", type=above_zero, default=0.5, metavar="MM", help="advance of a screw per turn (default 0.5, M3)"
-    )
-    verb.add_argument(
+    ),
+    option(
         "--lever-mm",
         type=above_zero,
         default=40.0,
         metavar="MM",
         help="distance from the hinge to the screw (default 40)",
-    )
-    verb.add_argument(
+    ),
+    option(
         "--reversed",
         action="append",
         choices=("pitch", "roll"),
         default=[],
         help="turning this screw in decreases its angle; may be repeated",
-    )
-    verb.add_argument(
+    ),
+    option(
         "--on-shaft",
         action="store_true",
         help="align the sensor in its housing instead: turn it slowly about a horizontal shaft along one axis; shows the "
         "peak-to-peak of the last turn, its floor, and which aligning screw to turn, until the axis is aligned",
-    )
-    verb.add_argument(
-        "--axis", choices=tuple("xyz"), help="on a shaft: the sensor's axis along it (default: it is found)"
-    )
-    add_unit_arguments(verb)
-    verb.set_defaults(run=_align)
-    add_address(verb)
-
-
-def _align(arguments: argparse.Namespace) -> int:
+    ),
+    option("--axis", choices=tuple("xyz"), help="on a shaft: the sensor's axis along it (default: it is found)"),
+    add_unit_arguments,
+    add_address,
+)
+def run_align(arguments: argparse.Namespace) -> int:
+    """Show advice until the housing, or the sensor on a shaft, is aligned."""
     from gateway.calibration.alignment.assistant import ScrewMechanics
 
     if arguments.on_shaft:

@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gateway.cli.command import AddTo, Command, Run, option
 from gateway.cli.options.bus_link import add_address, gateway_client
 from gateway.cli.remote.remote_session import ask, new_request
 from gateway.errors import ANSWER_IS_NO
@@ -19,52 +20,6 @@ TRIAL_S = 240.0
 60 s."""
 TRIAL_POLL_S = 1.0
 """Time between two questions. Basis: a choice; a trial takes seconds to minutes."""
-
-
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the verb with its actions."""
-    config = verbs.add_parser(
-        "config",
-        help="read, propose and apply the configuration of a gateway",
-        description="Read the configuration of a gateway, propose a change, and apply it. The gateway starts again with the "
-        "change, and puts the configuration before back where it does not become healthy.",
-        epilog="examples: plumbline remote config get --by ann > crane.toml | "
-        "plumbline remote config propose crane.toml --by ann | plumbline remote config apply ID --by ann",
-    )
-    actions = config.add_subparsers(dest="action", metavar="ACTION", required=True)
-    get = _action(
-        actions, "get", "Print the configuration as TOML, without secrets, files and commands.", _get, "--by ann"
-    )
-    propose = _action(
-        actions, "propose", "Check a change and keep it; print what it changes.", _propose, "crane.toml --by ann"
-    )
-    validate = _action(actions, "validate", "Check a change; print what it changes.", _propose, "crane.toml --by ann")
-    apply = _action(
-        actions, "apply", "Put a proposal into force, and wait until it is confirmed.", _apply, "ID --by ann"
-    )
-    for action in (propose, validate):
-        action.add_argument("file", type=Path, metavar="FILE", help="sections that take the place of the present ones")
-        action.add_argument(
-            "--allow-network",
-            action="store_true",
-            help="permit changes of names and listeners, by which the gateway is reached",
-        )
-    apply.add_argument("proposal", metavar="ID", help="id that `propose` printed")
-    for action in (get, propose, validate, apply):
-        action.add_argument("--by", required=True, metavar="NAME", help="your name, for the audit")
-        action.add_argument("--reason", default="", metavar="TEXT", help="reason, for the audit")
-        add_address(action)
-
-
-def _action(
-    actions: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, description: str, run: Any, example: str
-) -> argparse.ArgumentParser:
-    summary = description[0].lower() + description.rstrip(".")[1:]
-    action = actions.add_parser(
-        name, help=summary, description=description, epilog=f"example: plumbline remote config {name} {example}"
-    )
-    action.set_defaults(run=run)
-    return action
 
 
 def _get(arguments: argparse.Namespace) -> int:
@@ -131,3 +86,56 @@ def _ask(arguments: argparse.Namespace, verb: str, more: dict[str, Any]) -> "Rpc
 def _refused(reply: "RpcReply") -> int:
     print(f"refused: {reply.text}", file=sys.stderr)
     return ANSWER_IS_NO
+
+
+def _action(name: str, description: str, run: Run, example: str, *options: AddTo) -> Command:
+    return Command(
+        name=name,
+        help=description[0].lower() + description.rstrip(".")[1:],
+        description=description,
+        epilog=f"example: plumbline remote config {name} {example}",
+        options=[
+            *options,
+            option("--by", required=True, metavar="NAME", help="your name, for the audit"),
+            option("--reason", default="", metavar="TEXT", help="reason, for the audit"),
+            add_address,
+        ],
+        run=run,
+    )
+
+
+CHANGE = (
+    option("file", type=Path, metavar="FILE", help="sections that take the place of the present ones"),
+    option(
+        "--allow-network",
+        action="store_true",
+        help="permit changes of names and listeners, by which the gateway is reached",
+    ),
+)
+config = Command(
+    name="config",
+    help="read, propose and apply the configuration of a gateway",
+    description="Read the configuration of a gateway, propose a change, and apply it. The gateway starts again with the "
+    "change, and puts the configuration before back where it does not become healthy.",
+    epilog="examples: plumbline remote config get --by ann > crane.toml | "
+    "plumbline remote config propose crane.toml --by ann | plumbline remote config apply ID --by ann",
+    part="action",
+    verbs=[
+        _action("get", "Print the configuration as TOML, without secrets, files and commands.", _get, "--by ann"),
+        _action(
+            "propose",
+            "Check a change and keep it; print what it changes.",
+            _propose,
+            "crane.toml --by ann",
+            *CHANGE,
+        ),
+        _action("validate", "Check a change; print what it changes.", _propose, "crane.toml --by ann", *CHANGE),
+        _action(
+            "apply",
+            "Put a proposal into force, and wait until it is confirmed.",
+            _apply,
+            "ID --by ann",
+            option("proposal", metavar="ID", help="id that `propose` printed"),
+        ),
+    ],
+)

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from gateway.cli.command import command, option
 from gateway.cli.options.bus_link import MAX_ANSWER_WAIT_S, add_address, gateway_client
 from gateway.cli.terminal.output import write_text
 from gateway.errors import ANSWER_IS_NO
@@ -21,22 +22,16 @@ if TYPE_CHECKING:
 Answer = TypeVar("Answer", bound="BaseModel")
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the verb."""
-    fetch = verbs.add_parser(
-        "fetch",
-        help="write the calibration records with their certificates, history and audit to files",
-        description="Write the calibration records of a gateway with their certificates, history and audit to files.",
-        epilog="example: plumbline remote fetch --out records/",
-    )
-    fetch.add_argument(
-        "--out", type=Path, default=Path(), metavar="FOLDER", help="an existing folder (default: the present one)"
-    )
-    fetch.set_defaults(run=_fetch)
-    add_address(fetch)
-
-
-def _fetch(arguments: argparse.Namespace) -> int:
+@command(
+    "fetch",
+    "write the calibration records with their certificates, history and audit to files",
+    "Write the calibration records of a gateway with their certificates, history and audit to files.",
+    "example: plumbline remote fetch --out records/",
+    option("--out", type=Path, default=Path(), metavar="FOLDER", help="an existing folder (default: the present one)"),
+    add_address,
+)
+def run_fetch(arguments: argparse.Namespace) -> int:
+    """Write what the gateway has; return 1 where a record is damaged."""
     from gateway.bus.fetched import FetchedAudit, FetchedList
 
     with gateway_client(arguments) as client:

@@ -3,86 +3,42 @@
 import argparse
 import sys
 import uuid
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from gateway.calibration.record import PoseMethod
+from gateway.cli.command import AddTo, Command, command, option
 from gateway.cli.options.bus_link import MAX_ANSWER_WAIT_S, add_address, gateway_client
 from gateway.errors import ANSWER_IS_NO
 
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient, RpcReply
 
-Run = Callable[[argparse.Namespace], int]
-"""What a verb does; it returns the exit code."""
+
+REQUEST = (
+    option("--by", metavar="NAME", help="your name, for the record, its history and the audit; required"),
+    option("--reason", default="", metavar="TEXT", help="reason; required where a record is implausible"),
+    option("--id", metavar="ID", help="id of a request whose answer was lost, so that it is not done twice"),
+)
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the verbs."""
-    recalibrate = _verb(
-        verbs,
-        "recalibrate",
-        "Start a recalibration and follow it until its record is in review.",
-        _recalibrate,
-        "--by ann --housing-off-rope",
-    )
-    recalibrate.add_argument(
+@command(
+    "recalibrate",
+    "start a recalibration and follow it until its record is in review",
+    None,
+    "example: plumbline remote recalibrate --by ann --housing-off-rope",
+    *REQUEST,
+    option(
         "--method",
         choices=[method.value for method in PoseMethod],
         default=PoseMethod.SIX_POSITION.value,
         help="method of the calibration (default %(default)s)",
-    )
-    recalibrate.add_argument(
-        "--housing-off-rope", action="store_true", help="confirm that the housing has been taken off the rope"
-    )
-    recalibrate.add_argument(
-        "--follow", action="store_true", help="start nothing; follow the session that is under way"
-    )
-    _verb(verbs, "zero", "Set the two angles of the mount to zero. The load must hang still.", _request(), "--by ann")
-    commit = _verb(
-        verbs, "commit", "Put the record in review in force.", _request("record"), '--by ann --reason "new sensor"'
-    )
-    commit.add_argument("--record", metavar="ID", help="id of the record (default: the one in review)")
-    rollback = _verb(verbs, "rollback", "Put an earlier record in force again.", _request("to"), "--by ann")
-    rollback.add_argument("--to", metavar="ID", help="id of the record (default: the parent of the present one)")
-    mark = _verb(
-        verbs,
-        "mark",
-        "Write a mark into the recording. The quota deletes the time around it last.",
-        _request("text"),
-        '"sling slipped" --by ann',
-    )
-    mark.add_argument("text", metavar="TEXT", help="one line")
-    acknowledge = _verb(
-        verbs,
-        "acknowledge",
-        "Acknowledge an alert: who knows of it, recorded and sent to everybody. It ends no alert.",
-        _request("incident"),
-        "--by ann",
-    )
-    acknowledge.add_argument(
-        "incident", nargs="?", metavar="INCIDENT", help="id of the incident (default: all that nobody has acknowledged)"
-    )
-    _verb(verbs, "cancel", "End the session; the old record stays in force.", _request(), "--by ann")
-    for name in ("recalibrate", "zero", "commit", "rollback", "mark", "acknowledge", "cancel"):
-        add_address(verbs.choices[name])
-
-
-def _verb(
-    verbs: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, description: str, run: Run, example: str
-) -> argparse.ArgumentParser:
-    summary = description[0].lower() + description.partition(".")[0][1:]
-    verb = verbs.add_parser(
-        name, help=summary, description=description, epilog=f"example: plumbline remote {name} {example}"
-    )
-    verb.add_argument("--by", metavar="NAME", help="your name, for the record, its history and the audit; required")
-    verb.add_argument("--reason", default="", metavar="TEXT", help="reason; required where a record is implausible")
-    verb.add_argument("--id", metavar="ID", help="id of a request whose answer was lost, so that it is not done twice")
-    verb.set_defaults(run=run)
-    return verb
-
-
-def _recalibrate(arguments: argparse.Namespace) -> int:
+    ),
+    option("--housing-off-rope", action="store_true", help="confirm that the housing has been taken off the rope"),
+    option("--follow", action="store_true", help="start nothing; follow the session that is under way"),
+    add_address,
+)
+def run_recalibrate(arguments: argparse.Namespace) -> int:
+    """Start a session and follow it, or follow the one that is under way."""
     from gateway.cli.remote.follow import watch_session
 
     _require_name(arguments)
@@ -97,15 +53,60 @@ def _recalibrate(arguments: argparse.Namespace) -> int:
         return watch_session(client, session_id, sys.stdout)
 
 
-def _request(*fields: str) -> Run:
-    """Return what runs a verb: it sends the fields of its request, which are its arguments of these names."""
+def _request(verb: str, description: str, example: str, field: str | None = None, *options: AddTo) -> Command:
+    """Return a verb that sends the field of its request, which is its argument of this name."""
 
     def run(arguments: argparse.Namespace) -> int:
         _require_name(arguments)
+        more = {} if field is None else {field: getattr(arguments, field)}
         with gateway_client(arguments) as client:
-            return _send(client, arguments.verb, arguments, {name: getattr(arguments, name) for name in fields})[0]
+            return _send(client, verb, arguments, more)[0]
 
-    return run
+    return Command(
+        name=verb,
+        help=description[0].lower() + description.partition(".")[0][1:],
+        description=description,
+        epilog=f"example: plumbline remote {verb} {example}",
+        options=[*REQUEST, *options, add_address],
+        run=run,
+    )
+
+
+zero = _request("zero", "Set the two angles of the mount to zero. The load must hang still.", "--by ann")
+commit = _request(
+    "commit",
+    "Put the record in review in force.",
+    '--by ann --reason "new sensor"',
+    "record",
+    option("--record", metavar="ID", help="id of the record (default: the one in review)"),
+)
+rollback = _request(
+    "rollback",
+    "Put an earlier record in force again.",
+    "--by ann",
+    "to",
+    option("--to", metavar="ID", help="id of the record (default: the parent of the present one)"),
+)
+mark = _request(
+    "mark",
+    "Write a mark into the recording. The quota deletes the time around it last.",
+    '"sling slipped" --by ann',
+    "text",
+    option("text", metavar="TEXT", help="one line"),
+)
+acknowledge = _request(
+    "acknowledge",
+    "Acknowledge an alert: who knows of it, recorded and sent to everybody. It ends no alert.",
+    "--by ann",
+    "incident",
+    option(
+        "incident",
+        nargs="?",
+        metavar="INCIDENT",
+        help="id of the incident (default: all that nobody has acknowledged)",
+    ),
+)
+cancel = _request("cancel", "End the session; the old record stays in force.", "--by ann")
 
 
 def new_request(arguments: argparse.Namespace, more: dict[str, Any]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from contextlib import suppress
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
+from gateway.cli.command import command, option
 from gateway.cli.options.argument_types import key_fingerprint
 from gateway.cli.options.bus_link import add_address, client_credentials, connect_endpoint
 from gateway.cli.terminal.output import output_file
@@ -22,32 +23,28 @@ NOT_VALID = "not known: the drift in the health message has another form; is the
 NO_HEALTH = "not known yet: no health message since this calibration came into force"
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the verb."""
-    verb = verbs.add_parser(
-        "status",
-        help="print how a gateway is: state, swing, alerts, calibration with its drift, device, recording",
-        description="Print how a gateway is: state, swing, alerts, calibration with its drift, device and recording.",
-        epilog="examples: plumbline remote status | plumbline remote status --json -",
-    )
-    verb.add_argument(
+@command(
+    "status",
+    "print how a gateway is: state, swing, alerts, calibration with its drift, device, recording",
+    "Print how a gateway is: state, swing, alerts, calibration with its drift, device and recording.",
+    "examples: plumbline remote status | plumbline remote status --json -",
+    option(
         "--json",
         type=output_file,
         metavar="FILE",
         help="also write the last message of every topic, and the drift, as JSON; -: print it instead of the text",
-    )
-    verb.add_argument(
+    ),
+    option(
         "--accept-key",
         type=key_fingerprint,
         metavar="FINGERPRINT",
         help="take the key with this fingerprint for that of the gateway, in place of one that was pinned; compare it with "
         "what plumbline run prints at the gateway",
-    )
-    verb.set_defaults(run=_status)
-    add_address(verb)
-
-
-def _status(arguments: argparse.Namespace) -> int:
+    ),
+    add_address,
+)
+def run_status(arguments: argparse.Namespace) -> int:
+    """Print the state of every gateway that answers."""
     from gateway.bus.authenticity import Authenticity
     from gateway.bus.client import open_client_session, query_status
     from gateway.cli.terminal.output import show

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gateway.cli.command import command, option
 from gateway.cli.options.bus_link import add_address, client_credentials, connect_endpoint
 from gateway.text import printable
 
@@ -34,35 +35,30 @@ MAX_OUTPUT_WAIT_S = 0.1
 """Longest wait before the output is written. Basis: a choice; ten times a second, as tilts come."""
 
 
-def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the verb."""
-    watch = verbs.add_parser(
-        "watch",
-        help="print messages as they arrive, until Ctrl-C",
-        description="Print messages as they arrive, one JSON object per line, until Ctrl-C. Of the alerts each change is printed "
-        "once and in order, also after the link was lost, and what is known of the gateway when that changes.",
-        epilog="example: plumbline remote watch --topics swing,alert\n"
-        "         plumbline remote watch --topics alert --resume alerts.json",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    watch.set_defaults(run=_watch)
-    watch.add_argument(
+@command(
+    "watch",
+    "print messages as they arrive, until Ctrl-C",
+    "Print messages as they arrive, one JSON object per line, until Ctrl-C. Of the alerts each change is printed "
+    "once and in order, also after the link was lost, and what is known of the gateway when that changes.",
+    "example: plumbline remote watch --topics swing,alert\n"
+    "         plumbline remote watch --topics alert --resume alerts.json",
+    option(
         "--topics", default="swing,condition,alert", metavar="LIST", help="comma-separated topics (default %(default)s)"
-    )
-    watch.add_argument("--count", type=int, metavar="N", help="stop after N lines")
-    watch.add_argument(
+    ),
+    option("--count", type=int, metavar="N", help="stop after N lines"),
+    option(
         "--since",
         type=int,
         metavar="NUMBER",
         help="print also the changes of alerts behind this number, 0: all that the gateway has stored (default: from now on)",
-    )
-    watch.add_argument(
+    ),
+    option(
         "--resume", type=Path, metavar="FILE", help="keep the number of the last alert in FILE, and continue from it"
-    )
-    add_address(watch)
-
-
-def _watch(arguments: argparse.Namespace) -> int:
+    ),
+    add_address,
+)
+def run_watch(arguments: argparse.Namespace) -> int:
+    """Print messages until Ctrl-C, or as many as are wanted."""
     from gateway.bus.alert_receiver import AlertReceiver
     from gateway.bus.authenticity import Authenticity
     from gateway.bus.client import open_client_session, query_status
