@@ -14,8 +14,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gateway.cli.bus_link import add_connect, client_credentials, connect_endpoint
 from gateway.cli.command import command, option
-from gateway.cli.options.bus_link import add_connect, client_credentials, connect_endpoint
 from gateway.extras import require_extra
 
 if TYPE_CHECKING:

@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 Run = Callable[[argparse.Namespace], int]
@@ -27,6 +28,8 @@ class Command:
     run: Run | None = None
     """None: it has verbs."""
     verbs: Sequence["Command"] = ()
+    modules: Sequence[str] = ()
+    """Modules below `gateway.cli` that declare further verbs, in the order of the help; loaded with the parser alone."""
     part: str = "verb"
     """What its verbs are called."""
 
@@ -43,10 +46,16 @@ class Command:
             add(parser)
         if self.run is not None:
             parser.set_defaults(run=self.run)
-        if self.verbs:
-            verbs = parser.add_subparsers(dest=self.part, metavar=self.part.upper(), required=True)
-            for verb in self.verbs:
-                verb.add_to(verbs)
+            return
+        verbs = parser.add_subparsers(dest=self.part, metavar=self.part.upper(), required=True)
+        for verb in (*self.verbs, *(each for module in self.modules for each in declared(module).values())):
+            verb.add_to(verbs)
+
+
+def declared(module: str) -> dict[str, Command]:
+    """Return the commands that a module below `gateway.cli` declares, by name, in order."""
+    content = vars(import_module(f"gateway.cli.{module}")).values()
+    return {each.name: each for each in content if isinstance(each, Command)}
 
 
 def command(name: str, summary: str, description: str | None, epilog: str, *options: AddTo) -> Callable[[Run], Command]:

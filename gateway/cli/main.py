@@ -5,15 +5,13 @@ import os
 import re
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
-from importlib import import_module
 from itertools import pairwise
 from typing import Never
 
 from devices.errors import DeviceError
 from gateway import __version__
-from gateway.cli.command import Command
-from gateway.cli.terminal.output import paint
+from gateway.cli.command import Command, declared
+from gateway.cli.output import paint
 from gateway.errors import BAD_INPUT, PlumblineError
 from gateway.text import printable
 
@@ -29,51 +27,34 @@ class Parser(argparse.ArgumentParser):
         self.exit(BAD_INPUT, f"{self.prog}: error: {message}; see {self.prog} --help\n")
 
 
-@dataclass(frozen=True, slots=True)
-class CommandGroup:
-    """The texts of a command that has verbs, and the modules that declare the verbs, in the order of the help."""
-
-    help: str
-    epilog: str
-    modules: tuple[str, ...]
-    description: str | None = None
-    part: str = "verb"
-
-
-COMMANDS: dict[str, str | CommandGroup] = {
+COMMANDS: dict[str, str | Command] = {
     "run": "machine.run",
-    "measure": "analysis.measure",
-    "calibrate": CommandGroup(
-        "calibrate or align a sensor from recordings",
-        "example: plumbline calibrate six-position faces.csv --device-id adxl355-1d-0042 --json record.json",
-        (
+    "measure": "measure",
+    "calibrate": Command(
+        name="calibrate",
+        help="calibrate or align a sensor from recordings",
+        epilog="example: plumbline calibrate six-position faces.csv --device-id adxl355-1d-0042 --json record.json",
+        modules=(
             "calibrate.calibrate_poses",
-            "calibrate.calibrate_rotation",
             "calibrate.calibrate_single_parameter",
-            "calibrate.calibrate_laser",
             "calibrate.calibrate_thermal",
             "calibrate.calibrate_align",
         ),
-        "Calibrate or align a sensor from recordings, by one of several methods; most of them make a calibration record.",
-        "method",
+        description="Calibrate or align a sensor from recordings, by one of several methods; most of them make "
+        "a calibration record.",
+        part="method",
     ),
-    "record": CommandGroup(
-        "show what is in recordings, and recover incomplete ones",
-        "example: plumbline record info plumbline-data",
-        (
-            "record.record_info",
-            "record.record_verify",
-            "record.record_recover",
-            "record.record_export",
-            "record.record_replay",
-            "record.record_play",
-            "record.record_incident",
-        ),
+    "record": Command(
+        name="record",
+        help="show what is in recordings, and recover incomplete ones",
+        epilog="example: plumbline record info plumbline-data",
+        modules=("record.record_info", "record.record_export", "record.record_replay", "record.record_incident"),
     ),
-    "remote": CommandGroup(
-        "read and control a gateway over the bus: its state, its messages, its recalibration",
-        "example: plumbline remote watch --topics swing,alert",
-        (
+    "remote": Command(
+        name="remote",
+        help="read and control a gateway over the bus: its state, its messages, its recalibration",
+        epilog="example: plumbline remote watch --topics swing,alert",
+        modules=(
             "remote.remote_status",
             "remote.remote_watch",
             "remote.remote_session",
@@ -82,10 +63,11 @@ COMMANDS: dict[str, str | CommandGroup] = {
             "remote.remote_config",
         ),
     ),
-    "fleet": CommandGroup(
-        "many sensors and gateways: their state, which to calibrate next, what several measure together",
-        "example: plumbline fleet status --expect gateways.txt",
-        (
+    "fleet": Command(
+        name="fleet",
+        help="many sensors and gateways: their state, which to calibrate next, what several measure together",
+        epilog="example: plumbline fleet status --expect gateways.txt",
+        modules=(
             "fleet.fleet_status",
             "fleet.fleet_servers",
             "fleet.fleet_router",
@@ -93,62 +75,48 @@ COMMANDS: dict[str, str | CommandGroup] = {
             "fleet.fleet_deflection",
         ),
     ),
-    "bridge": CommandGroup(
-        "give the values of a gateway to a plant by its own protocols",
-        "example: plumbline bridge mqtt --gateway plumbline/v1/yard/crane-1/hook --settings bridge.toml",
-        ("bridge",),
+    "bridge": Command(
+        name="bridge",
+        help="give the values of a gateway to a plant by its own protocols",
+        epilog="example: plumbline bridge mqtt --gateway plumbline/v1/yard/crane-1/hook --settings bridge.toml",
+        modules=("bridge",),
         part="protocol",
     ),
-    "archive": CommandGroup(
-        "many gateways' recordings of years: index them into open tables, ask questions, upload, compute",
-        "example: plumbline archive index /srv/recordings --into /srv/archive",
-        (
+    "archive": Command(
+        name="archive",
+        help="many gateways' recordings of years: index them into open tables, ask questions, upload, compute",
+        epilog="example: plumbline archive index /srv/recordings --into /srv/archive",
+        modules=(
             "archive.archive_index",
-            "archive.archive_query",
             "archive.archive_report",
             "archive.archive_upload",
             "archive.archive_compute",
             "archive.archive_delete",
         ),
     ),
-    "simulate": "analysis.simulate",
-    "reconcile": "analysis.reconcile",
-    "effects": "analysis.effects",
-    "config": CommandGroup(
-        "show, check or describe the configuration",
-        "examples: plumbline config show > my.toml | plumbline config check my.toml | plumbline config schema",
-        ("machine.config",),
-        "Show, check or describe the configuration of the gateway.",
+    "simulate": "simulate",
+    "reconcile": "reconcile",
+    "effects": "simulate",
+    "config": Command(
+        name="config",
+        help="show, check or describe the configuration",
+        epilog="examples: plumbline config show > my.toml | plumbline config check my.toml | plumbline config schema",
+        modules=("machine.config",),
+        description="Show, check or describe the configuration of the gateway.",
     ),
     "setup": "machine.setup",
     "doctor": "machine.doctor",
     "completion": "machine.completion",
-    "keys": CommandGroup(
-        "make, list, renew and revoke the certificates of a site",
-        "example: plumbline keys init --site yard && plumbline keys issue service ann",
-        ("machine.keys",),
-        "Make, list, renew and revoke the certificates of a site (docs/guides/service/security.md). Keep the folder "
+    "keys": Command(
+        name="keys",
+        help="make, list, renew and revoke the certificates of a site",
+        epilog="example: plumbline keys init --site yard && plumbline keys issue service ann",
+        modules=("machine.keys",),
+        description="Make, list, renew and revoke the certificates of a site (docs/guides/service/security.md). Keep the folder "
         "on a machine of your own, not on a gateway: who has it can command every gateway of the site.",
     ),
 }
-"""The commands in the order of the help; of one without verbs, the module below `gateway.cli` that declares it."""
-
-
-def declared(module: str) -> list[Command]:
-    """Return the commands that a module below `gateway.cli` declares, in order."""
-    content = vars(import_module(f"gateway.cli.{module}"))
-    return [each for each in content.values() if isinstance(each, Command)]
-
-
-def load_command(name: str) -> Command:
-    """Return a command with its verbs."""
-    place = COMMANDS[name]
-    if isinstance(place, str):
-        return next(each for each in declared(place) if each.name == name)
-    verbs = [verb for module in place.modules for verb in declared(module)]
-    return Command(
-        name=name, help=place.help, epilog=place.epilog, description=place.description, verbs=verbs, part=place.part
-    )
+"""The commands in the order of the help. Of one without verbs, the module below `gateway.cli` that declares it."""
 
 
 def parser(only: str | None = None) -> argparse.ArgumentParser:
@@ -164,7 +132,9 @@ def parser(only: str | None = None) -> argparse.ArgumentParser:
     top.add_argument("--version", action="version", version=f"plumbline {__version__}")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name in COMMANDS if only is None else [only]:
-        load_command(name).add_to(commands)
+        place = COMMANDS[name]
+        command = place if isinstance(place, Command) else declared(place)[name]
+        command.add_to(commands)
     return top
 
 

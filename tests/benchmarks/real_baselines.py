@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from gateway.cli.options.recording_options import add_interval, add_table_options, interval, table_options
+from gateway.cli.recording_options import add_interval, add_table_options, interval, table_options
 from gateway.errors import InputError
 from gateway.measurement.rig_file import read_rig_of_recording
 from gateway.measurement.source import read_source

@@ -1,24 +1,31 @@
-"""`plumbline archive verify`, `replay`, `measure` and `reconcile`: commands of one machine over all recordings of an archive."""
+"""`plumbline archive verify`, `replay`, `measure` and `reconcile`: commands of one machine over all recordings of an archive.
+
+`replay --against-version` compares what two versions of the program would have shown to an operator.
+"""
 
 import argparse
 import os
+from collections.abc import Iterator
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gateway import __version__
-from gateway.cli.archive.archive_options import add_source, add_table
+from gateway.cli.archive.archive_index import add_source, add_table
+from gateway.cli.argument_types import above_zero, whole_number
 from gateway.cli.command import AddTo, Command, option
-from gateway.cli.options.argument_types import above_zero, whole_number
-from gateway.cli.terminal.output import add_json
+from gateway.cli.output import add_json
 from gateway.errors import ANSWER_IS_NO
 from gateway.extras import require_extra
 
 if TYPE_CHECKING:
+    from gateway.archive.alternatives import OutcomeChange, ReplayChange, VersionComparison
     from gateway.archive.compute import ComputeResult
     from gateway.archive.tables import Archive
     from gateway.archive.tasks import TaskKind
     from gateway.calibration.record import CalibrationRecord
+    from gateway.recording.format.summary_builder import RecordedAlert
 
 AS_RECORDED = ""
 """Of --against-version: compare with what was recorded. Definition: no version is named so."""
@@ -62,6 +69,8 @@ COMPARISON = (
         "replays, or, without a version, than was recorded: alerts missed and added first, then angles",
     ),
 )
+MAX_LISTED = 20
+"""Starts that are printed. Basis: a choice; a screen or two, and the JSON has all."""
 
 
 def _run(kind: "TaskKind", arguments: argparse.Namespace) -> int:
@@ -75,8 +84,8 @@ def _run(kind: "TaskKind", arguments: argparse.Namespace) -> int:
     from gateway.archive.tables import Archive
     from gateway.archive.tasks import TaskLimits
     from gateway.calibration.input_files import read_record
-    from gateway.cli.terminal.output import show
-    from gateway.cli.terminal.progress import ProgressBar
+    from gateway.cli.output import show
+    from gateway.cli.progress import ProgressBar
 
     calibration = None if kind != "replay" or arguments.calibration is None else read_record(arguments.calibration)
     open_source(arguments.source)  # what cannot be read is told before anything is begun
@@ -106,7 +115,7 @@ def _compared(archive: "Archive", against: str, calibration: "CalibrationRecord 
     """Compare what this version has computed, as text and as JSON."""
     from gateway.archive.alternatives import compare_replays
     from gateway.archive.query import open_database
-    from gateway.cli.archive.replay_changes_text import changes_json, changes_text
+    from gateway.cli.archive.archive_compute import changes_json, changes_text
 
     record = None if calibration is None else calibration.id
     with open_database(archive, ("recordings", "results")) as database:
@@ -161,3 +170,49 @@ replay = _task_verb(
 )
 measure = _task_verb("measure", "measure each recording offline", "measure")
 reconcile = _task_verb("reconcile", "fit the simulation to each recording, and name what it lacks", "reconcile")
+
+
+def changes_text(found: "VersionComparison", before: str, after: str) -> str:
+    """Return the starts that differ, those first in which an operator would have noticed most."""
+    return "\n".join(_lines(found, before, after))
+
+
+def _lines(found: "VersionComparison", before: str, after: str) -> Iterator[str]:
+    yield f"{found.compared} starts, {before} and {after}: an operator would have seen {len(found.changes)} otherwise"
+    for change in found.changes[:MAX_LISTED]:
+        yield f"{change.gateway} from {change.utc:%Y-%m-%d %H:%M:%S} UTC ({change.path})"
+        yield from (f"    {line}" for line in _change_lines(change.change))
+    if len(found.changes) > MAX_LISTED:
+        yield f"and {len(found.changes) - MAX_LISTED} with less; --json has all"
+    if found.not_compared:
+        yield f"{found.not_compared} starts have no answer of both; run plumbline archive replay by the other version, too"
+
+
+def _change_lines(change: "OutcomeChange") -> Iterator[str]:
+    yield from (f"missed {_alert(alert)}" for alert in change.missed)
+    yield from (f"added  {_alert(alert)}" for alert in change.added)
+    yield from (f"{after.level} in place of a {_alert(before)}" for before, after in change.other_level)
+    yield "largest angle " + " -> ".join("none" if each is None else f"{each:.3f} deg" for each in change.angle_deg)
+    if change.unknown_s[0] != change.unknown_s[1]:
+        yield "swing unknown " + " -> ".join(f"{each:.1f} s" for each in change.unknown_s)
+
+
+def _alert(alert: "RecordedAlert") -> str:
+    from gateway.recording.reading.interval import iso_utc
+
+    largest = "" if alert.largest_deg is None else f", {alert.largest_deg:.2f} deg at most"
+    return f"{alert.level} of rule {alert.rule} at {iso_utc(alert.from_utc_ns)}{largest}"
+
+
+def changes_json(found: "VersionComparison") -> dict[str, Any]:
+    """Return the comparison as JSON."""
+    return {
+        "compared": found.compared,
+        "not_compared": found.not_compared,
+        "changed": [_change_json(change) for change in found.changes],
+    }
+
+
+def _change_json(change: "ReplayChange") -> dict[str, Any]:
+    content: dict[str, Any] = asdict(change)
+    return {**content.pop("change"), **content, "utc": change.utc.isoformat()}

@@ -4,10 +4,10 @@ import argparse
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from gateway.cli.archive.archive_options import add_source, add_table, day
+from gateway.cli.archive.archive_index import add_source, add_table, day
+from gateway.cli.argument_types import parsed_by
 from gateway.cli.command import command, option
-from gateway.cli.options.argument_types import parsed_by
-from gateway.cli.terminal.output import add_json
+from gateway.cli.output import add_json
 from gateway.extras import require_extra
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def run_delete(arguments: argparse.Namespace) -> int:
     from gateway.archive.deletion import DeletionRule, delete, delete_names, due
     from gateway.archive.source import open_source
     from gateway.archive.tables import Archive
-    from gateway.cli.terminal.output import show
+    from gateway.cli.output import show
 
     source, archive = open_source(arguments.source), Archive(arguments.table)
     rule = DeletionRule(arguments.before, arguments.crane)

@@ -5,10 +5,10 @@ from datetime import UTC, datetime, time, timedelta
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
-from gateway.cli.archive.archive_options import add_table, day
+from gateway.cli.archive.archive_index import add_table, day
+from gateway.cli.argument_types import above_zero, parsed_by
 from gateway.cli.command import command, option
-from gateway.cli.options.argument_types import above_zero, parsed_by
-from gateway.cli.terminal.output import add_json, output_file
+from gateway.cli.output import add_json, output_file
 from gateway.extras import require_extra, require_plots
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def run_report(arguments: argparse.Namespace) -> int:
     from gateway.archive.report import ReportQuestion, make_report
     from gateway.archive.report_page import render_archive_report
     from gateway.archive.tables import Archive
-    from gateway.cli.terminal.output import show, write_text
+    from gateway.cli.output import show, write_text
     from gateway.errors import InputError
 
     now = datetime.now(UTC)

@@ -8,8 +8,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gateway.cli.argument_types import above_zero, parsed_by
 from gateway.cli.command import command, option
-from gateway.cli.options.argument_types import above_zero, parsed_by
 from gateway.errors import ANSWER_IS_NO
 from gateway.extras import require_extra
 

@@ -1,18 +1,60 @@
-"""`plumbline calibrate align`: how well a sensitive axis is aligned, from a recording of turns on a shaft."""
+"""`plumbline calibrate align`: how well an axis is aligned, from turns on a shaft; and the options of the aligning unit."""
 
 import argparse
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gateway.cli.argument_types import above_zero
 from gateway.cli.command import command, option
-from gateway.cli.options.alignment_unit import add_unit_arguments, aligning_unit
-from gateway.cli.options.argument_types import above_zero
-from gateway.cli.options.recording_options import add_table_options, table_options
-from gateway.cli.terminal.output import add_json, output_file
+from gateway.cli.output import add_json, output_file
+from gateway.cli.recording_options import add_table_options, table_options
 
 if TYPE_CHECKING:
     from gateway.bench.align_recording import RecordedTurns
+    from gateway.calibration.alignment.turn_advice import AligningUnit
+
+
+def add_unit_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument(
+        "--unit-lead-mm",
+        type=above_zero,
+        default=0.5,
+        metavar="MM",
+        help="lead of an aligning screw (default 0.5, M3)",
+    )
+    parser.add_argument(
+        "--unit-lever-mm",
+        type=above_zero,
+        default=10.0,
+        metavar="MM",
+        help="distance from the hinge to that screw (default 10)",
+    )
+    parser.add_argument(
+        "--unit-reversed",
+        action="append",
+        choices=tuple("xyz"),
+        default=[],
+        help="turning in the screw about this axis turns the unit in the negative sense; may be repeated",
+    )
+    parser.add_argument(
+        "--own-units",
+        action="store_true",
+        help="each axis has an aligning unit of its own with two screws (default: one unit, three screws)",
+    )
+
+
+def aligning_unit(arguments: argparse.Namespace) -> "AligningUnit":
+    """Return the unit that the options describe."""
+    from gateway.calibration.alignment.turn_advice import OWN_SCREWS, SHARED_SCREWS, AligningUnit
+
+    return AligningUnit(
+        lead_m=arguments.unit_lead_mm / 1000,
+        lever_m=arguments.unit_lever_mm / 1000,
+        reversed_axes=frozenset(arguments.unit_reversed),
+        screws=OWN_SCREWS if arguments.own_units else SHARED_SCREWS,
+    )
 
 
 @command(
@@ -39,7 +81,7 @@ if TYPE_CHECKING:
 def run_align(arguments: argparse.Namespace) -> int:
     """Read the turns, and print the result; return 1 where the last one is not aligned."""
     from gateway.bench.align_recording import read_turns, render_alignment_report
-    from gateway.cli.terminal.output import show, write_text
+    from gateway.cli.output import show, write_text
     from gateway.measurement.recording_files import read_calibration_readings
 
     (file,) = read_calibration_readings([arguments.file], table_options(arguments))

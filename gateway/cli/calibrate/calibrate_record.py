@@ -5,8 +5,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gateway.cli.options.operator import operator, operator_option
-from gateway.cli.terminal.output import output_file
+from gateway.cli.argument_types import operator, operator_option
+from gateway.cli.output import output_file
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -94,7 +94,7 @@ def finish_record(
     """
     from gateway.calibration.acceptance import judge
     from gateway.calibration.calibrate_files import format_report
-    from gateway.cli.terminal.output import show
+    from gateway.cli.output import show
 
     record = write_record(arguments, fit, unit, parent, extra)
     acceptance = judge(fit, parent)
@@ -118,7 +118,7 @@ def write_record(
     from gateway.calibration.acceptance import make_record
     from gateway.certificate.digital_certificate import render_digital_certificate
     from gateway.certificate.page import render_certificate
-    from gateway.cli.terminal.output import write_text
+    from gateway.cli.output import write_text
 
     record = make_record(
         fit,

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gateway.cli.argument_types import above_zero
 from gateway.cli.calibrate.calibrate_record import (
     add_record_arguments,
     finish_record,
@@ -11,8 +12,7 @@ from gateway.cli.calibrate.calibrate_record import (
     use_recorded_device,
 )
 from gateway.cli.command import command, option
-from gateway.cli.options.argument_types import above_zero
-from gateway.cli.options.recording_options import add_table_options, table_options
+from gateway.cli.recording_options import add_table_options, table_options
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -61,7 +61,7 @@ def run_thermal(arguments: argparse.Namespace) -> int:
     """Calibrate against temperature; return 1 where an axis exceeds a limit or the record is not acceptable."""
     from gateway.bench.thermal.output import format_thermal, thermal_figure
     from gateway.bench.thermal.ramp_calibration import calibrate_ramps
-    from gateway.cli.terminal.progress import Progress
+    from gateway.cli.progress import Progress
     from gateway.measurement.recording_files import read_calibration_readings
 
     limits = _limits(arguments)

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
+from gateway.cli.argument_types import above_zero, operator, operator_option, whole_number
 from gateway.cli.command import command, option
-from gateway.cli.options.argument_types import above_zero, whole_number
-from gateway.cli.options.operator import operator, operator_option
+from gateway.cli.output import output_file
 from gateway.cli.remote.remote_align import MAX_QUEUED_TILTS, TILT_SILENCE_S
-from gateway.cli.terminal.output import output_file
 
 if TYPE_CHECKING:
     from gateway.bench.deflection_history import DeflectionSeries, LiveDeflection
@@ -92,7 +91,7 @@ def run_deflection(arguments: argparse.Namespace) -> int:
 def _evaluate(arguments: argparse.Namespace, girder: "Girder", axes: "tuple[InwardAxis, InwardAxis]") -> int:
     from gateway.bench.deflection_history import deflection_series, render_deflection_report
     from gateway.certificate.traceability import LENGTHS_AND_RECORDS, measurement_facts
-    from gateway.cli.terminal.output import show, write_text
+    from gateway.cli.output import show, write_text
     from gateway.measurement.source import read_source
 
     left, right = (read_source([Path(name)]) for name in (arguments.left, arguments.right))
@@ -203,7 +202,7 @@ def show_deflection(
 ) -> int:
     """Show the deflection with each tilt until Ctrl-C, or `count` of them; wait while a link is lost."""
     from gateway.bench.deflection_history import Side
-    from gateway.cli.terminal.output import StatusLine
+    from gateway.cli.output import StatusLine
     from gateway.daemon.runtime.worker import BoundedQueue
     from gateway.topics import adapter
 

@@ -6,9 +6,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gateway.cli.argument_types import above_zero
 from gateway.cli.command import command, option
-from gateway.cli.options.argument_types import above_zero
-from gateway.cli.terminal.output import add_json, output_file
+from gateway.cli.output import add_json, output_file
 
 if TYPE_CHECKING:
     from gateway.calibration.drift.fleet_drift import SensorDrift
@@ -58,7 +58,7 @@ def run_drift(arguments: argparse.Namespace) -> int:
     from gateway.calibration.drift.fleet_drift import fleet_drift
     from gateway.calibration.input_files import read_records
     from gateway.certificate.drift_report import render_drift_report
-    from gateway.cli.terminal.output import show, write_text
+    from gateway.cli.output import show, write_text
 
     now = arguments.on or datetime.now(UTC)
     records, notes = read_records(arguments.records)

@@ -9,8 +9,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from gateway.cli.bus_link import LOCAL_ENDPOINT
 from gateway.cli.command import command, option
-from gateway.cli.options.bus_link import LOCAL_ENDPOINT
 
 if TYPE_CHECKING:
     import zenoh

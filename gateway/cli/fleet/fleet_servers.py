@@ -6,9 +6,9 @@ import time
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
+from gateway.cli.argument_types import parsed_by
+from gateway.cli.bus_link import add_connect, add_expect, expected_gateways, fleet_client
 from gateway.cli.command import AddTo, command, option
-from gateway.cli.options.argument_types import parsed_by
-from gateway.cli.options.bus_link import add_connect, add_expect, expected_gateways, fleet_client
 from gateway.configuration.address import host_and_port, written
 from gateway.extras import require_extra
 from gateway.languages import LANGUAGES

@@ -11,10 +11,10 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, TextIO
 
+from gateway.cli.argument_types import above_zero, parsed_by, whole_number
+from gateway.cli.bus_link import add_connect, add_expect, expected_gateways, fleet_client
 from gateway.cli.command import command, option
-from gateway.cli.options.argument_types import above_zero, parsed_by, whole_number
-from gateway.cli.options.bus_link import add_connect, add_expect, expected_gateways, fleet_client
-from gateway.cli.terminal.output import add_json
+from gateway.cli.output import add_json
 
 if TYPE_CHECKING:
     from gateway.bus.fleet_client import FleetClient
@@ -111,7 +111,7 @@ def _parse_levels(text: str) -> "frozenset[Level]":
 def run_status(arguments: argparse.Namespace) -> int:
     """Print the list, or go on; return 1 where a gateway is not well."""
     from gateway.cli.fleet.fleet_status import watch_fleet
-    from gateway.cli.terminal.output import show
+    from gateway.cli.output import show
     from gateway.fleet.fleet_state import FleetState
     from gateway.fleet.report import FleetQuery
     from gateway.fleet.selection import ListFilter, NamePatterns

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gateway.cli.command import command, option
-from gateway.cli.terminal.output import Style, output_file, paint
+from gateway.cli.output import Style, output_file, paint
 
 if TYPE_CHECKING:
     from gateway.configuration.model import Configuration
@@ -49,7 +49,7 @@ MARKS = {"good": "ok  ", "note": "note", "bad": "BAD "}
 )
 def run_doctor(arguments: argparse.Namespace) -> int:
     """Print the result of each check; return 1 if one failed."""
-    from gateway.cli.terminal.output import STANDARD_OUTPUT, print_json, write_json
+    from gateway.cli.output import STANDARD_OUTPUT, print_json, write_json
     from gateway.configuration.loading import SETTINGS, is_installed, load, load_installed
     from gateway.daemon.doctor.check_result import CheckResult
     from gateway.daemon.doctor.checks import examine, examine_sensor_as_user
@@ -74,7 +74,7 @@ def run_doctor(arguments: argparse.Namespace) -> int:
     elif arguments.json is not None:
         write_json(arguments.json, _record(results))
     if arguments.bundle is not None:
-        from gateway.cli.terminal.output import write_bytes
+        from gateway.cli.output import write_bytes
         from gateway.daemon.doctor.diagnostic_bundle import make_bundle
 
         write_bytes(arguments.bundle, make_bundle(configuration, results))

@@ -6,8 +6,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gateway.cli.argument_types import day_count
 from gateway.cli.command import AddTo, command, option
-from gateway.cli.options.argument_types import day_count
 
 if TYPE_CHECKING:
     from gateway.pki.site_folder import SiteFolder

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from devices.errors import DeviceError
+from gateway.cli.argument_types import above_zero, at_least_zero
 from gateway.cli.command import command, option
-from gateway.cli.options.argument_types import above_zero, at_least_zero
-from gateway.cli.options.recording_options import add_table_options
+from gateway.cli.recording_options import add_table_options
 from gateway.errors import ANSWER_IS_NO, WITH_LOSSES, PlumblineError
 
 if TYPE_CHECKING:

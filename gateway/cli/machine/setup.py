@@ -76,7 +76,7 @@ def _read_answers(path: Path) -> "Answers":
 
 def _write(path: Path, text: str) -> None:
     """Write a configuration in one step; the former one is kept beside it. Raises `InputError`."""
-    from gateway.cli.terminal.output import write_text
+    from gateway.cli.output import write_text
 
     if path.exists():
         kept = path.with_name(f"{path.name}.until-{datetime.now(UTC):%Y%m%dT%H%M%SZ}")

@@ -1,22 +1,48 @@
-"""`plumbline record export`: recordings as CSV, Parquet, or MCAP for viewers."""
+"""`plumbline record recover` and `export`: a complete recording from an incomplete one; CSV, Parquet, or MCAP for viewers."""
 
 import argparse
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.cli.command import command, one_of, option
-from gateway.cli.options.recording_options import add_selection, interval
-from gateway.cli.terminal.output import output_file
+from gateway.cli.output import output_file
+from gateway.cli.recording_options import add_selection, interval
 from gateway.errors import WITH_LOSSES
 
 if TYPE_CHECKING:
     from gateway.recording.reading.recording_file import Selection
     from gateway.recording.reading.timeline import ReportProgress, Timeline
 
-EXAMPLE = """examples:
+EXPORT_EXAMPLE = """examples:
   plumbline record export plumbline-data --csv samples.csv --last 10:00
   plumbline record export plumbline-data --csv motion.csv --topic motion
   plumbline record export plumbline-data/*.mcap --mcap full_rate.mcap --from 07:30:00 --to 07:35:00"""
+
+
+@command(
+    "recover",
+    "write a complete recording from an incomplete one",
+    "Write a complete recording from an incomplete one, beside it as NAME.recovered.mcap unless --out names "
+    "another file. Exit code 3: something of it could not be read.",
+    "example: plumbline record recover incomplete.mcap",
+    option("log", type=Path, metavar="LOG", help=".mcap written by the gateway"),
+    option("--out", type=output_file, metavar="FILE", help="the new recording (default: NAME.recovered.mcap)"),
+)
+def run_recover(arguments: argparse.Namespace) -> int:
+    """Recover a recording; return 3 where something of it could not be read."""
+    from gateway.recording.format.salvage import describe_losses
+    from gateway.recording.segments.copying import NothingRecordedError, recover, recovered_path
+
+    out = arguments.out or recovered_path(arguments.log)
+    try:
+        recovered = recover(arguments.log, out)
+    except NothingRecordedError as nothing:
+        print(nothing)
+        return 0
+    losses = recovered.losses
+    print(f"{out}: {', '.join([f'{recovered.messages} messages recovered', *describe_losses(losses)])}")
+    return WITH_LOSSES if losses.torn_bytes or losses.damaged_records or losses.unreadable_messages else 0
 
 
 @command(
@@ -24,7 +50,7 @@ EXAMPLE = """examples:
     "write calibrated acceleration at full rate, or a topic, as CSV, Parquet or MCAP",
     "Write the calibrated specific force at full rate, in g in the housing frame, or the messages of a topic. "
     "Each part of the recording is calibrated by the record that was in force. Exit code 3: something could not be read.",
-    EXAMPLE,
+    EXPORT_EXAMPLE,
     add_selection,
     one_of(
         option(
@@ -52,7 +78,7 @@ EXAMPLE = """examples:
 )
 def run_export(arguments: argparse.Namespace) -> int:
     """Export the recordings; return 3 where something of them could not be read."""
-    from gateway.cli.terminal.progress import ProgressBar
+    from gateway.cli.progress import ProgressBar
     from gateway.errors import InputError
     from gateway.recording.reading.timeline import open_timeline
 

@@ -8,10 +8,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gateway.cli.argument_types import above_zero, recording_time, whole_number
 from gateway.cli.command import command, one_of, option
-from gateway.cli.options.argument_types import above_zero, recording_time, whole_number
-from gateway.cli.options.recording_options import add_paths
-from gateway.cli.terminal.output import add_json
+from gateway.cli.output import add_json
+from gateway.cli.recording_options import add_paths
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -77,7 +77,7 @@ REPORT = "cause.html"
 )
 def run_incident(arguments: argparse.Namespace) -> int:
     """Write the report, or list the incidents."""
-    from gateway.cli.terminal.progress import ProgressBar
+    from gateway.cli.progress import ProgressBar
     from gateway.extras import require_extra, require_plots
     from gateway.incident.incident_selection import choose_window, read_incidents
     from gateway.recording.reading.timeline import open_timeline
@@ -96,7 +96,7 @@ def run_incident(arguments: argparse.Namespace) -> int:
 
 
 def _choice(arguments: argparse.Namespace) -> "IncidentChoice":
-    from gateway.cli.options.recording_options import in_zone
+    from gateway.cli.recording_options import in_zone
     from gateway.errors import InputError
     from gateway.incident.incident_selection import IncidentChoice
     from gateway.recording.reading.interval import RecordingInterval
@@ -112,7 +112,7 @@ def _choice(arguments: argparse.Namespace) -> "IncidentChoice":
 
 def _list(arguments: argparse.Namespace, timeline: "Timeline", incidents: "Sequence[AlertIncident]") -> int:
     """Print the incidents with their numbers."""
-    from gateway.cli.terminal.output import show
+    from gateway.cli.output import show
     from gateway.recording.reading.interval import iso_utc
 
     offset_ns = timeline.span().wall_offset_ns
@@ -138,8 +138,8 @@ def _list(arguments: argparse.Namespace, timeline: "Timeline", incidents: "Seque
 
 def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "IncidentWindow") -> int:
     from gateway import __version__
-    from gateway.cli.terminal.output import show
-    from gateway.cli.terminal.progress import ProgressBar
+    from gateway.cli.output import show
+    from gateway.cli.progress import ProgressBar
     from gateway.incident.evidence import judge_recordings
     from gateway.incident.incident_report import PAGE_FILE, write_report
     from gateway.pki.signing_key import read_public_key
@@ -172,7 +172,7 @@ def analyse_cause(recording: Path) -> "CauseAnalysis":
     Raises `InputError` and `RecordingError` where the recording does not describe the crane.
     """
     from gateway import __version__
-    from gateway.cli.terminal.progress import Progress
+    from gateway.cli.progress import Progress
     from gateway.documents.format import as_sentence
     from gateway.incident.incident_report import CauseAnalysis
     from gateway.measurement.source import read_source

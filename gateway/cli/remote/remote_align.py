@@ -5,16 +5,16 @@ import sys
 import time
 from typing import TYPE_CHECKING, Any, TextIO
 
+from gateway.cli.argument_types import above_zero
+from gateway.cli.bus_link import add_address, gateway_client
+from gateway.cli.calibrate.calibrate_align import add_unit_arguments, aligning_unit
 from gateway.cli.command import command, option
-from gateway.cli.options.alignment_unit import add_unit_arguments, aligning_unit
-from gateway.cli.options.argument_types import above_zero
-from gateway.cli.options.bus_link import add_address, gateway_client
 
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient
     from gateway.calibration.alignment.assistant import AlignmentReadout, ScrewAdvice, ScrewMechanics
     from gateway.calibration.alignment.turn_assistant import TurnAssistant
-    from gateway.cli.terminal.output import StatusLine
+    from gateway.cli.output import StatusLine
     from gateway.messages import Tilt
 
 TILT_SILENCE_S = 1.5
@@ -84,7 +84,7 @@ def _align_on_shaft(arguments: argparse.Namespace) -> int:
 def show_turns(client: "GatewayClient", assistant: "TurnAssistant", out: TextIO) -> int:
     """Show the read-out of the turns until the axis is aligned, or as far as its screws reach; wait if the link is lost."""
     from gateway.calibration.alignment.turn_assistant import format_errors, format_turn
-    from gateway.cli.terminal.output import StatusLine
+    from gateway.cli.output import StatusLine
 
     in_force = ((client.status() or {}).get("calibration") or {}).get("in_force") or {}
     assistant.set_gain(in_force.get("gain_g_per_unit"))
@@ -108,7 +108,7 @@ def show_turns(client: "GatewayClient", assistant: "TurnAssistant", out: TextIO)
 def show_advice(client: "GatewayClient", screws: "ScrewMechanics", out: TextIO) -> int:
     """Show advice for each tilt until the housing is aligned; wait if the link is lost."""
     from gateway.calibration.alignment.assistant import AlignmentAssistant
-    from gateway.cli.terminal.output import StatusLine
+    from gateway.cli.output import StatusLine
 
     line, assistant = StatusLine(out), AlignmentAssistant(screws)
     tilts = TiltFeed(client, line)

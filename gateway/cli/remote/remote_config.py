@@ -6,8 +6,8 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gateway.cli.bus_link import add_address, gateway_client
 from gateway.cli.command import AddTo, Command, Run, option
-from gateway.cli.options.bus_link import add_address, gateway_client
 from gateway.cli.remote.remote_session import ask, new_request
 from gateway.errors import ANSWER_IS_NO
 

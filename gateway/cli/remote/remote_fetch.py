@@ -6,9 +6,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from gateway.cli.bus_link import MAX_ANSWER_WAIT_S, add_address, gateway_client
 from gateway.cli.command import command, option
-from gateway.cli.options.bus_link import MAX_ANSWER_WAIT_S, add_address, gateway_client
-from gateway.cli.terminal.output import write_text
+from gateway.cli.output import write_text
 from gateway.errors import ANSWER_IS_NO
 from gateway.text import printable
 

@@ -7,10 +7,10 @@ from contextlib import suppress
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
+from gateway.cli.argument_types import key_fingerprint
+from gateway.cli.bus_link import add_address, client_credentials, connect_endpoint
 from gateway.cli.command import command, option
-from gateway.cli.options.argument_types import key_fingerprint
-from gateway.cli.options.bus_link import add_address, client_credentials, connect_endpoint
-from gateway.cli.terminal.output import output_file
+from gateway.cli.output import output_file
 from gateway.text import printable
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def run_status(arguments: argparse.Namespace) -> int:
     """Print the state of every gateway that answers."""
     from gateway.bus.authenticity import Authenticity
     from gateway.bus.client import open_client_session, query_status
-    from gateway.cli.terminal.output import show
+    from gateway.cli.output import show
     from gateway.errors import InputError
     from gateway.fleet.status_text import judge_answer, status_lines
 

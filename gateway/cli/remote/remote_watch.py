@@ -9,8 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gateway.cli.bus_link import add_address, client_credentials, connect_endpoint
 from gateway.cli.command import command, option
-from gateway.cli.options.bus_link import add_address, client_credentials, connect_endpoint
 from gateway.text import printable
 
 if TYPE_CHECKING:

@@ -2,7 +2,7 @@ import argparse
 
 import pytest
 
-from gateway.cli.options.argument_types import above_zero, key_fingerprint, recording_time, whole_number
+from gateway.cli.argument_types import above_zero, key_fingerprint, recording_time, whole_number
 
 
 def test_a_number_above_zero_is_accepted() -> None:

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from gateway.bus.client import GatewayClient
-from gateway.cli.remote import follow as following
-from gateway.cli.remote.follow import watch_session
+from gateway.cli.remote import remote_session as following
+from gateway.cli.remote.remote_session import watch_session
 from tests.gateway.cli.terminal import TerminalText
 
 COLLECTING: dict[str, Any] = {

@@ -61,7 +61,7 @@ def test_the_gateway_starts_without_the_modules_of_other_commands() -> None:
     code = "import sys; from gateway.cli.main import main; sys.argv[1:] = ['run', '--help']; main()"
     loaded = subprocess.run([sys.executable, "-v", "-c", code], capture_output=True, text=True, check=True).stderr
     assert "import 'gateway.cli.machine.run'" in loaded
-    assert "import 'gateway.cli.record" not in loaded
+    assert "import 'gateway.cli.record'" not in loaded
 
 
 def test_an_error_of_usage_is_one_line_that_names_the_help(capsys: pytest.CaptureFixture[str]) -> None:

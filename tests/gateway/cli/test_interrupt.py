@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from gateway.cli.terminal.progress import DeferredInterrupt, Progress
+from gateway.cli.progress import DeferredInterrupt, Progress
 from tests.gateway.cli.terminal import TerminalText
 
 

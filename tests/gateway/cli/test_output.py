@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from gateway.cli.main import main
-from gateway.cli.terminal.output import paint
-from gateway.cli.terminal.progress import Progress
+from gateway.cli.output import paint
+from gateway.cli.progress import Progress
 from tests.gateway.cli.terminal import TerminalText
 
 SESSION = Path(__file__).parents[2] / "data" / "calibration" / "six_faces_session.csv"

@@ -7,7 +7,7 @@ import pytest
 
 from gateway.cli.calibrate.calibrate_record import new_record
 from gateway.cli.main import main
-from gateway.cli.terminal.output import output_file
+from gateway.cli.output import output_file
 from tests.gateway.cli.test_help import COMMANDS
 
 WRITES = re.compile(r"^(also )?write ")

@@ -1,10 +1,13 @@
-"""Types of option values, with messages that state what is allowed."""
+"""Types of option values, with messages that state what is allowed, and the option with the name of a person."""
 
 import argparse
+import getpass
 import math
 import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
+
+from gateway.cli.command import AddTo, option
 
 if TYPE_CHECKING:
     from gateway.recording.reading.interval import RecordingTime
@@ -90,3 +93,16 @@ def parsed_by(parse: Callable[[str], Value]) -> Callable[[str], Value]:
             raise argparse.ArgumentTypeError(str(error)) from None
 
     return read
+
+
+def operator_option(task: str) -> AddTo:
+    """Return the option with the name of the person; `task` says what that person does."""
+    return option("--by", metavar="NAME", help=f"person who {task} (default: the current user)")
+
+
+def operator(arguments: argparse.Namespace) -> str:
+    """Return the person that is named, or the current user."""
+    try:
+        return str(arguments.by or getpass.getuser())
+    except (KeyError, OSError):
+        return "unknown"

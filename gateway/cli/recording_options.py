@@ -1,20 +1,21 @@
-"""The options of commands on recordings: which recordings, which interval, which time zone, and how tables are to be read.
+"""The options of commands on recordings: which, in which interval and time zone, how tables are to be read, and who vouches.
 
-Tables are the recordings of other programs, with columns, unit, time, axes and rate.
+Tables are the recordings of other programs, with columns, unit, time, axes and rate. The site's CA vouches for the keys of
+gateways.
 """
 
 import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.cli.options.argument_types import above_zero, duration_s, recording_time
+from gateway.cli.argument_types import above_zero, duration_s, recording_time
+from gateway.extras import require_extra
 
 if TYPE_CHECKING:
     from devices.axes_map import AxesMap
     from devices.tables.foreign import TableOptions
+    from gateway.bus.known_gateways import RefuseKey
     from gateway.recording.reading.interval import RecordingInterval, RecordingTime
-
-EXAMPLE = "--columns accX,accY,accZ --unit m/s2 --time timestamp:ms --axes y,-x,z"
 
 
 def add_interval(command: argparse.ArgumentParser) -> None:
@@ -73,7 +74,7 @@ def add_paths(verb: argparse.ArgumentParser) -> None:
 
 
 def add_selection(verb: argparse.ArgumentParser) -> None:
-    """Add the recordings and the interval of them; `gateway.cli.options.recording_options.interval` returns it."""
+    """Add the recordings and the interval of them; `gateway.cli.recording_options.interval` returns it."""
     add_paths(verb)
     add_interval(verb)
     add_local(verb)
@@ -151,3 +152,29 @@ def _axes(text: str) -> "AxesMap":
         return parse_axes_map(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def add_ca(verb: argparse.ArgumentParser) -> None:
+    """Add the option."""
+    verb.add_argument(
+        "--ca",
+        type=Path,
+        metavar="FILE",
+        help="ca.pem of the site: its CA must vouch today for the key, by the certificate of the gateway in the recordings; a "
+        "revoked.pem beside it counts",
+    )
+
+
+def refusal_by(ca: Path) -> "RefuseKey":
+    """Return what says why a CA does not vouch for a key. Raises `InputError` where the file has none."""
+    require_extra("security")
+    from gateway.bus.site_authority import SiteAuthority
+    from gateway.errors import InputError
+    from gateway.pki.inspect import CertificateError, parse_authorities
+
+    try:
+        parse_authorities(ca.read_bytes())
+    except (OSError, CertificateError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise InputError(f"--ca {ca}: {reason}; give the ca.pem that plumbline keys has made") from error
+    return SiteAuthority(ca, ca.with_name("revoked.pem")).refuse

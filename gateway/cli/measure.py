@@ -6,8 +6,8 @@ from functools import partial
 from pathlib import Path
 
 from gateway.cli.command import command, option
-from gateway.cli.options.recording_options import add_interval, add_table_options, interval, table_options
-from gateway.cli.terminal.output import add_json, output_file
+from gateway.cli.output import add_json, output_file
+from gateway.cli.recording_options import add_interval, add_table_options, interval, table_options
 
 EXAMPLE = """examples:
   plumbline measure log.csv --rig rig.toml --json result.json
@@ -48,7 +48,7 @@ EXAMPLE = """examples:
 )
 def run_measure(arguments: argparse.Namespace) -> int:
     """Measure a recording and print the result."""
-    from gateway.cli.terminal.output import show, write_text
+    from gateway.cli.output import show, write_text
     from gateway.errors import InputError
     from gateway.measurement.measure import measure
     from gateway.measurement.motion import motion_table

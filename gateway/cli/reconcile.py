@@ -1,26 +1,29 @@
 """`plumbline reconcile`: where simulation and measurement disagree, and which effects are missing.
 
-With `--plan`: the experiment that separates effects.
+No output file takes the place of another, and all are made before one is written. With `--plan`: the experiment that separates
+effects.
 """
 
 import argparse
 import sys
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.cli.analysis.effects import add_effects_from, load_user_effects
-from gateway.cli.analysis.reconcile_files import check_outputs, output_texts
+from gateway.cli.argument_types import duration_s, whole_number
 from gateway.cli.command import command, option
-from gateway.cli.options.argument_types import duration_s, whole_number
-from gateway.cli.options.recording_options import add_interval, add_table_options, interval, table_options
-from gateway.cli.terminal.output import add_json, output_file
+from gateway.cli.output import STANDARD_OUTPUT, add_json, output_file
+from gateway.cli.recording_options import add_interval, add_table_options, interval, table_options
+from gateway.cli.simulate import add_effects_from, load_user_effects
+from gateway.errors import InputError
 
 if TYPE_CHECKING:
     from gateway.measurement.source import Source
     from gateway.twin.model import TwinRig
     from gateway.twin.reconcile.data.crane_inputs import CraneInputs
     from gateway.twin.reconcile.data.data_checks import CheckedRecording
+    from gateway.twin.reconcile.output.result import Curves, Reconciliation
 
 EXAMPLE = """examples:
   plumbline reconcile log.csv --rig rig.toml --held-out second.csv --json result.json --report report.html
@@ -64,8 +67,8 @@ def run_plan(arguments: argparse.Namespace) -> int:
     from gateway.extras import require_extra
 
     require_extra("twin")
-    from gateway.cli.terminal.output import show
-    from gateway.cli.terminal.progress import Progress
+    from gateway.cli.output import show
+    from gateway.cli.progress import Progress
     from gateway.measurement.rig_file import read_rig
     from gateway.twin.experiment_design.hypotheses import parse_hypotheses
     from gateway.twin.experiment_design.plan import plan
@@ -146,8 +149,8 @@ def run_reconcile(arguments: argparse.Namespace) -> int:
     require_extra("twin")
     import time
 
-    from gateway.cli.terminal.output import show, write_text
-    from gateway.cli.terminal.progress import Progress
+    from gateway.cli.output import show, write_text
+    from gateway.cli.progress import Progress
     from gateway.measurement.rig_file import read_rig_of_recording
     from gateway.measurement.source import read_source
     from gateway.measurement.swing import cut_to_free_swing
@@ -235,4 +238,57 @@ def _check_files(arguments: argparse.Namespace) -> None:
             "--held-out": arguments.held_out,
             **{f"--effects-from {path}": path for path in arguments.effects_from},
         },
+    )
+
+
+def check_outputs(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path | None]) -> None:
+    """Raise `InputError` if an output would replace an input or another output."""
+    used = {path.resolve(): name for name, path in inputs.items() if path is not None}
+    for name, path in outputs.items():
+        if path is None or path == STANDARD_OUTPUT:
+            continue
+        other = used.setdefault(path.resolve(), name)
+        if other != name:
+            raise InputError(f"{name} {path}: is {other} as well; choose another name")
+
+
+def output_texts(
+    arguments: argparse.Namespace, result: "Reconciliation", runtime_s: float, predicted: "Source"
+) -> dict[Path, str]:
+    """Return the texts of the requested outputs (prediction, model, report) by their paths."""
+    from gateway.twin.reconcile.output.serialisation import format_model_toml
+
+    found = {}
+    if arguments.prediction is not None:
+        found[arguments.prediction] = _prediction(result, predicted, of_second=arguments.held_out is not None)
+    if arguments.write_model is not None:
+        found[arguments.write_model] = format_model_toml(result)
+    if arguments.report is not None:
+        found[arguments.report] = _report(arguments, result, runtime_s)
+    return found
+
+
+def _prediction(result: "Reconciliation", source: "Source", *, of_second: bool) -> str:
+    """Return the prediction of the held-out recording, or of both parts of the log."""
+    from gateway.twin.reconcile.output.result import AVERAGED
+    from gateway.twin.reconcile.output.serialisation import format_prediction_csv
+
+    curves: list[Curves | None] = [result.held_out] if of_second else [result.log, result.held_out]
+    predicted = [each for each in curves if each is not None]
+    row_times_s = source.recording.time_s if AVERAGED in result.counts else None
+    return format_prediction_csv(predicted, source.held_rows if predicted else None, row_times_s)
+
+
+def _report(arguments: argparse.Namespace, result: "Reconciliation", runtime_s: float) -> str:
+    from gateway import __version__
+    from gateway.twin.report.page import render_report
+
+    computed = {"recording": str(arguments.log)}
+    computed["rig"] = "from the recording" if arguments.rig is None else str(arguments.rig)
+    computed["held out"] = "the recording’s last third" if arguments.held_out is None else str(arguments.held_out)
+    if arguments.effects_from:
+        computed["effects of the user"] = ", ".join(map(str, arguments.effects_from))
+    computed |= {"seed": str(arguments.seed), "time": f"{runtime_s:.1f} s"}
+    return render_report(
+        result, title=f"Reconciliation of {arguments.log.name}", software=f"plumbline {__version__}", computed=computed
     )
