@@ -4,7 +4,7 @@ import argparse
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -88,22 +88,16 @@ def gateway_client(arguments: argparse.Namespace) -> "Iterator[GatewayClient]":
     """Join the bus that `--connect` names as a client of `--gateway`, and leave it at the end."""
     from gateway.bus.client import GatewayClient
 
-    client = GatewayClient(connect_endpoint(arguments), arguments.gateway, client_credentials(arguments))
-    try:
+    with closing(
+        GatewayClient(connect_endpoint(arguments), arguments.gateway, client_credentials(arguments))
+    ) as client:
         yield client
         if client.doubt is not None:
             print(f"plumbline: {client.key}: {printable(str(client.doubt))}", file=sys.stderr)
-    finally:
-        client.close()
 
 
-@contextmanager
-def fleet_client(arguments: argparse.Namespace, key_pattern: str) -> "Iterator[FleetClient]":
+def fleet_client(arguments: argparse.Namespace, key_pattern: str) -> "closing[FleetClient]":
     """Join the bus that `--connect` names, and leave it at the end; `key_pattern`: the gateways to listen to."""
     from gateway.bus.fleet_client import FleetClient
 
-    client = FleetClient(connect_endpoint(arguments), key_pattern, client_credentials(arguments))
-    try:
-        yield client
-    finally:
-        client.close()
+    return closing(FleetClient(connect_endpoint(arguments), key_pattern, client_credentials(arguments)))

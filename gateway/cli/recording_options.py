@@ -8,7 +8,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.cli.argument_types import above_zero, duration_s, recording_time
+from gateway.cli.argument_types import above_zero, duration_s, parsed_by, recording_time
 from gateway.extras import require_extra
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def add_table_options(command: argparse.ArgumentParser, *, planar: bool = False)
     )
     table.add_argument(
         "--axes",
-        type=_axes,
+        type=parsed_by(_axes),
         metavar="MAP",
         help="axes of the file that are x, y and z (on a hanging housing +z points up), such as '-y,x,z'",
     )
@@ -148,10 +148,7 @@ def _columns_or_plane(text: str) -> tuple[str, ...]:
 def _axes(text: str) -> "AxesMap":
     from devices.axes_map import parse_axes_map
 
-    try:
-        return parse_axes_map(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from error
+    return parse_axes_map(text)
 
 
 def add_ca(verb: argparse.ArgumentParser) -> None:

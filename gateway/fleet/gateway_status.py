@@ -107,12 +107,6 @@ class GatewayStatus:
         return self.key.removeprefix("plumbline/v1/")
 
     @property
-    def place(self) -> tuple[str, str, str]:
-        """Site, crane and sensor."""
-        site, crane, sensor = self.name.split("/")
-        return site, crane, sensor
-
-    @property
     def label(self) -> str:
         """The state as people read it, marked where it is not authenticated, and where no sensor takes the samples."""
         mark = "" if self.authenticated or self.state == "NOT AUTHENTICATED" else STATE_LABELS["NOT AUTHENTICATED"]

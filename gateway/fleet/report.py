@@ -13,6 +13,7 @@ from gateway.documents.format import printable_text
 from gateway.fleet.gateway_status import STATE_LABELS, FleetWord, GatewayStatus
 from gateway.fleet.selection import SORTS, ListFilter, NamePatterns, not_well
 from gateway.messages import SCHEMA_VERSION
+from gateway.page.channel import place_of
 from gateway.units import DAY_S, HOUR_S, MINUTE_S
 
 TABLE_HEADER = ("gateway", "state", "level", "swing", "battery", "signal", "calibrated", "seen", "software", "why")
@@ -137,10 +138,7 @@ class FleetReport:
             "not_well": [status.key for status in self.failing],
             "unexpected": [status.key for status in self.unexpected],
             "invalid": self.invalid,
-            "gateways": [
-                {**dict(zip(("site", "crane", "sensor"), status.place, strict=True)), **asdict(status)}
-                for status in self.listed
-            ],
+            "gateways": [{**place_of(status.key), **asdict(status)} for status in self.listed],
         }
 
 

@@ -70,6 +70,11 @@ def receive_frame(channel: socket.socket) -> Frame | None:
     return decode_frame(packet)
 
 
+def place_of(key: str) -> dict[str, str]:
+    """Return site, crane and sensor of a key, `plumbline/v1/<site>/<crane>/<sensor>`, by these names."""
+    return dict(zip(("site", "crane", "sensor"), key.split("/")[2:], strict=True))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CraneDirections:
     """The crane's own words for the directions of the housing's axes."""
@@ -109,7 +114,7 @@ class Parameters:
     @property
     def place(self) -> dict[str, str]:
         """Site, crane and sensor of the key."""
-        return dict(zip(("site", "crane", "sensor"), self.key.split("/")[2:], strict=True))
+        return place_of(self.key)
 
 
 _PARAMETERS = TypeAdapter(Parameters)

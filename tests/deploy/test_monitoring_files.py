@@ -10,7 +10,7 @@ from typing import Any, get_args
 
 import pytest
 
-from gateway.fleet.fleet_metrics import format_fleet
+from gateway.fleet.fleet_servers import format_fleet
 from gateway.fleet.gateway_status import missing_gateway
 from gateway.messages import CalibrationStatus, Level
 from gateway.page.metrics import Counters, format_exposition

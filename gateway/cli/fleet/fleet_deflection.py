@@ -3,6 +3,7 @@
 import argparse
 import sys
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -175,17 +176,13 @@ def _show_live(arguments: argparse.Namespace, girder: "Girder", axes: "tuple[Inw
     from gateway.bus.client import GatewayClient
 
     endpoints = arguments.connect or ["tcp/127.0.0.1:7447"]
-    left = GatewayClient(endpoints[0], arguments.left)
-    try:
-        right = GatewayClient(endpoints[-1], arguments.right)
-        try:
-            u_relative = (_relative_u(left, axes[0][0]), _relative_u(right, axes[1][0]))
-            live = LiveDeflection(girder, axes, u_relative, arguments.zero_s)
-            return show_deflection((left, right), live, sys.stdout, arguments.count)
-        finally:
-            right.close()
-    finally:
-        left.close()
+    with (
+        closing(GatewayClient(endpoints[0], arguments.left)) as left,
+        closing(GatewayClient(endpoints[-1], arguments.right)) as right,
+    ):
+        u_relative = (_relative_u(left, axes[0][0]), _relative_u(right, axes[1][0]))
+        live = LiveDeflection(girder, axes, u_relative, arguments.zero_s)
+        return show_deflection((left, right), live, sys.stdout, arguments.count)
 
 
 def _relative_u(client: "GatewayClient", inward: int) -> float:

@@ -2,9 +2,6 @@
 
 import argparse
 import socket
-import time
-from datetime import UTC, datetime
-from typing import TYPE_CHECKING
 
 from gateway.cli.argument_types import parsed_by
 from gateway.cli.bus_link import add_connect, add_expect, expected_gateways, fleet_client
@@ -13,12 +10,6 @@ from gateway.configuration.address import host_and_port, written
 from gateway.extras import require_extra
 from gateway.languages import LANGUAGES
 from gateway.page.channel import listen_at
-
-if TYPE_CHECKING:
-    from starlette.applications import Starlette
-
-    from gateway.bus.fleet_client import FleetClient
-    from gateway.fleet.fleet_state import FleetState
 
 FLEET_PAGE_LISTEN = "127.0.0.1:8322"
 METRICS_LISTEN = "127.0.0.1:9321"
@@ -75,7 +66,7 @@ def run_page(arguments: argparse.Namespace) -> int:
     """Serve the page until Ctrl-C."""
     require_extra("page")
     from gateway.cli.fleet.fleet_status import LiveFleet
-    from gateway.fleet.fleet_page import FleetPage
+    from gateway.fleet.fleet_servers import FleetPage
     from gateway.fleet.fleet_state import FleetState
     from gateway.fleet.report import FleetQuery
     from gateway.fleet.selection import NamePatterns
@@ -105,6 +96,7 @@ def run_metrics(arguments: argparse.Namespace) -> int:
     require_extra("page")
     import uvicorn
 
+    from gateway.fleet.fleet_servers import make_exporter
     from gateway.fleet.fleet_state import FleetState
     from gateway.fleet.selection import NamePatterns
 
@@ -125,30 +117,3 @@ def run_metrics(arguments: argparse.Namespace) -> int:
         print(f"serving the metrics of all gateways at http://{written(host, port)}/metrics", flush=True)
         server.run(sockets=[listener])
     return 0
-
-
-def make_exporter(client: "FleetClient", state: "FleetState", hosts: list[str]) -> "Starlette":
-    """Make the routes; `hosts` are the names under which the exporter may be asked."""
-    from starlette.applications import Starlette
-    from starlette.middleware import Middleware
-    from starlette.middleware.trustedhost import TrustedHostMiddleware
-    from starlette.requests import Request
-    from starlette.responses import Response
-    from starlette.routing import Route
-
-    from gateway.fleet.fleet_metrics import format_fleet
-    from gateway.page.metrics import CONTENT_TYPE
-
-    async def metrics(_request: Request) -> Response:
-        state.receive(client.receive())
-        now_s = time.monotonic()
-        text = format_fleet(
-            state.evidence(now_s),
-            state.statuses(now_s, datetime.now(UTC)),
-            connected=client.connected,
-            invalid=state.invalid + client.inbox.refused,
-        )
-        return Response(text, media_type=CONTENT_TYPE)
-
-    guard = Middleware(TrustedHostMiddleware, allowed_hosts=hosts)
-    return Starlette(routes=[Route("/metrics", metrics)], middleware=[guard])

@@ -49,7 +49,7 @@ MARKS = {"good": "ok  ", "note": "note", "bad": "BAD "}
 )
 def run_doctor(arguments: argparse.Namespace) -> int:
     """Print the result of each check; return 1 if one failed."""
-    from gateway.cli.output import STANDARD_OUTPUT, print_json, write_json
+    from gateway.cli.output import STANDARD_OUTPUT, show
     from gateway.configuration.loading import SETTINGS, is_installed, load, load_installed
     from gateway.daemon.doctor.check_result import CheckResult
     from gateway.daemon.doctor.checks import examine, examine_sensor_as_user
@@ -67,12 +67,7 @@ def run_doctor(arguments: argparse.Namespace) -> int:
         if not quiet:
             print_result(result)
         results.append(result)
-    if not quiet:
-        print(_summary(results))
-    if quiet:
-        print_json(_record(results))
-    elif arguments.json is not None:
-        write_json(arguments.json, _record(results))
+    show(_summary(results), _record(results), arguments.json)
     if arguments.bundle is not None:
         from gateway.cli.output import write_bytes
         from gateway.daemon.doctor.diagnostic_bundle import make_bundle

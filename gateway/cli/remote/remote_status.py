@@ -3,7 +3,7 @@
 import argparse
 import sys
 import time
-from contextlib import suppress
+from contextlib import closing, suppress
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
@@ -133,11 +133,8 @@ def _forecast_text(connect: str, key: str, credentials: "Credentials") -> str:
     from gateway.errors import InputError
 
     try:
-        client = GatewayClient(connect, key, credentials)
-        try:
+        with closing(GatewayClient(connect, key, credentials)) as client:
             return describe_forecast(client)
-        finally:
-            client.close()
     except (InputError, BusError) as error:  # including `CalibrationError` for too few records
         return f"not known: {error}"
 

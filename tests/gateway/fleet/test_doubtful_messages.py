@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 
 from gateway.bus.authenticity import DOUBT_S, OLD, UNSIGNED, Doubt
 from gateway.bus.fleet_inbox import FleetInbox
-from gateway.fleet.fleet_metrics import format_fleet
-from gateway.fleet.fleet_page import _card
+from gateway.fleet.fleet_servers import _card, format_fleet
 from gateway.fleet.fleet_state import FleetState
 from gateway.fleet.gateway_status import GatewayStatus
 from gateway.messages import Level

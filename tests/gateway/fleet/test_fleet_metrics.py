@@ -3,7 +3,7 @@
 import re
 from dataclasses import replace
 
-from gateway.fleet.fleet_metrics import format_fleet
+from gateway.fleet.fleet_servers import format_fleet
 from gateway.fleet.gateway_status import missing_gateway
 from gateway.messages import ActiveAlert, Message
 from gateway.page.metrics import Counters, format_exposition, gauge, labelled_gauge, render, with_labels

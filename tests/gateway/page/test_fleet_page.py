@@ -22,7 +22,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from gateway.authorization.message_signature import MessageSigner, Question
 from gateway.bus.authenticity import CHALLENGE
-from gateway.fleet.fleet_page import CARD_STYLES
+from gateway.fleet.fleet_servers import CARD_STYLES
 from gateway.fleet.gateway_status import STATE_LABELS
 from gateway.languages import LANGUAGES, read_texts
 from gateway.messages import Health

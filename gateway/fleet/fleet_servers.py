@@ -1,26 +1,45 @@
-"""The page of a site: one card for each gateway, what asks for action first."""
+"""The cranes of a site over HTTP: a page with one card for each gateway, what asks for action first, and the metrics of all.
+
+The metrics are for gateways that a monitoring system cannot reach itself."""
 
 import asyncio
 import signal
 import socket
 import time
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
+from datetime import UTC, datetime
 from typing import Any, get_args
 
 from pydantic_core import to_json
 from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
-from gateway.fleet.gateway_status import FleetWord, GatewayStatus
+from gateway.bus.fleet_client import FleetClient
+from gateway.fleet.fleet_state import FleetState
+from gateway.fleet.gateway_status import STATE_LABELS, FleetWord, GatewayStatus
 from gateway.fleet.report import FleetReport
 from gateway.messages import SCHEMA_VERSION
+from gateway.page.channel import place_of
 from gateway.page.guard import AllowedHosts, Guard
 from gateway.page.http_server import HttpServer, static_routes
 from gateway.page.hub import EventStream, event
-from gateway.page.verdict import STYLES, VerdictStyle, Word
+from gateway.page.metrics import (
+    CONTENT_TYPE,
+    Family,
+    counter,
+    gateway_families,
+    gauge,
+    labelled_gauge,
+    render,
+    with_labels,
+)
+from gateway.page.verdict import STYLES, PageEvidence, VerdictStyle, Word
 
 PUSH_S = 0.5
 """Interval between two pushes. Basis: a choice; a person overlooks a fleet, and states come once per second."""
@@ -95,12 +114,9 @@ class FleetPage:
 def _card(status: GatewayStatus) -> dict[str, Any]:
     """Return what the card of a gateway shows."""
     style = CARD_STYLES[status.state]
-    site, crane, sensor = status.place
     return {
         "key": status.key,
-        "site": site,
-        "crane": crane,
-        "sensor": sensor,
+        **place_of(status.key),
         "word": status.state,
         "colour": style.colour,
         "shape": style.shape,
@@ -114,3 +130,45 @@ def _card(status: GatewayStatus) -> dict[str, Any]:
         "seen_s": status.seen_s,
         "page": status.page,
     }
+
+
+def format_fleet(
+    evidence: Mapping[str, PageEvidence], statuses: Sequence[GatewayStatus], *, connected: bool, invalid: int
+) -> str:
+    """Return the metrics of every gateway with site, crane and sensor as labels, and those of the fleet."""
+    return render([*_gateways(evidence), *_fleet(statuses, connected=connected, invalid=invalid)])
+
+
+def _gateways(evidence: Mapping[str, PageEvidence]) -> Iterator[Family]:
+    for key, each in evidence.items():
+        yield from with_labels(gateway_families(each), place_of(key))
+
+
+def _fleet(statuses: Sequence[GatewayStatus], *, connected: bool, invalid: int) -> Iterator[Family]:
+    counts = Counter(status.state for status in statuses)
+    by_state = {label: counts[word] for word, label in STATE_LABELS.items()}
+    yield labelled_gauge("fleet_gateways", "state", "Gateways by state.", by_state)
+    for status in statuses:
+        if status.state == "MISSING":
+            missing = gauge("fleet_gateway_missing", "1 for an expected gateway that was never seen.", 1)
+            yield from with_labels([missing], place_of(status.key))
+    yield gauge("fleet_router_connected", "1 while the router is connected.", connected)
+    yield counter("fleet_invalid_messages", "Messages that were dropped because they were invalid.", invalid)
+
+
+def make_exporter(client: FleetClient, state: FleetState, hosts: list[str]) -> Starlette:
+    """Make the routes of the metrics; `hosts` are the names under which the exporter may be asked."""
+
+    async def metrics(_request: Request) -> Response:
+        state.receive(client.receive())
+        now_s = time.monotonic()
+        text = format_fleet(
+            state.evidence(now_s),
+            state.statuses(now_s, datetime.now(UTC)),
+            connected=client.connected,
+            invalid=state.invalid + client.inbox.refused,
+        )
+        return Response(text, media_type=CONTENT_TYPE)
+
+    guard = Middleware(TrustedHostMiddleware, allowed_hosts=hosts)
+    return Starlette(routes=[Route("/metrics", metrics)], middleware=[guard])
