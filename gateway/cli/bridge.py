@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gateway.cli.bus_link import add_connect, client_credentials, connect_endpoint
+from gateway.cli.bus_link import CONNECT_OPTIONS, client_credentials, connect_endpoint
 from gateway.cli.command import command, option
 from gateway.extras import require_extra
 
@@ -29,7 +29,7 @@ Serve = Callable[["BridgeSettings", "GatewayReader", Callable[[], None]], Corout
 """Serves with settings and a reader until cancelled, and says when it has begun."""
 
 
-OPTIONS = [
+BRIDGE_OPTIONS = [
     option(
         "--settings",
         type=Path,
@@ -41,7 +41,7 @@ OPTIONS = [
         metavar="KEY",
         help="plumbline/v1/<site>/<crane>/<sensor> (default: the gateway that is installed on this machine)",
     ),
-    add_connect,
+    *CONNECT_OPTIONS,
 ]
 
 
@@ -51,7 +51,7 @@ OPTIONS = [
     "Publish the values of one gateway as retained states to an MQTT broker, and each change of an alert once "
     "and in order, until Ctrl-C.",
     "example: plumbline bridge mqtt --gateway plumbline/v1/yard/crane-1/hook --settings bridge.toml",
-    *OPTIONS,
+    *BRIDGE_OPTIONS,
 )
 def run_mqtt(arguments: argparse.Namespace) -> int:
     """Publish to an MQTT broker."""
@@ -83,7 +83,7 @@ async def _serve_mqtt(settings: "BridgeSettings", reader: "GatewayReader", start
     "Serve the values of one gateway as input registers of Modbus TCP, read-only, until Ctrl-C. "
     "docs/reference/plant_values.md has the register map.",
     "example: plumbline bridge modbus --gateway plumbline/v1/yard/crane-1/hook --settings bridge.toml",
-    *OPTIONS,
+    *BRIDGE_OPTIONS,
 )
 def run_modbus(arguments: argparse.Namespace) -> int:
     """Serve by Modbus TCP."""
@@ -102,7 +102,7 @@ async def _serve_modbus(settings: "BridgeSettings", reader: "GatewayReader", sta
     "Serve the values of one gateway as nodes of OPC UA, and its alerts as events, until Ctrl-C. Links are "
     "encrypted, and nobody is served without a name.",
     "example: plumbline bridge opcua --gateway plumbline/v1/yard/crane-1/hook --settings bridge.toml",
-    *OPTIONS,
+    *BRIDGE_OPTIONS,
 )
 def run_opcua(arguments: argparse.Namespace) -> int:
     """Serve by OPC UA."""
@@ -125,7 +125,7 @@ async def _serve_opcua(settings: "BridgeSettings", reader: "GatewayReader", star
     "Serve the live topics of one gateway, with the names and schemas of its recordings, to Foxglove, Lichtblick "
     "and other viewers on this machine, until Ctrl-C.",
     "example: plumbline bridge foxglove --gateway plumbline/v1/yard/crane-1/hook",
-    *OPTIONS,
+    *BRIDGE_OPTIONS,
 )
 def run_foxglove(arguments: argparse.Namespace) -> int:
     """Serve viewers."""

@@ -8,6 +8,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gateway.cli.command import option
 from gateway.text import printable
 
 if TYPE_CHECKING:
@@ -20,40 +21,35 @@ LOCAL_ENDPOINT = "tcp/127.0.0.1:7447"
 MAX_ANSWER_WAIT_S = 30.0
 """Longest wait for an answer. Basis: a choice; three times the step that hangs (`commands.worker.PATIENCE_S`), and what a person
 waits."""
-
-
-def add_address(verb: argparse.ArgumentParser) -> None:
-    """Add `--gateway`, `--connect` and `--credentials`."""
-    verb.add_argument(
-        "--gateway",
-        default="plumbline/v1/*/*/*",
-        metavar="KEY",
-        help="plumbline/v1/<site>/<crane>/<sensor> (default: every gateway on the bus)",
-    )
-    add_connect(verb)
-
-
-def add_connect(verb: argparse.ArgumentParser) -> None:
-    """Add `--connect` and `--credentials`."""
-    verb.add_argument(
+CONNECT_OPTIONS = (
+    option(
         "--connect",
         metavar="ENDPOINT",
         help=f"address of the gateway or router (default: ${CONNECT_VARIABLE}, the installed configuration, or {LOCAL_ENDPOINT})",
-    )
-    verb.add_argument(
+    ),
+    option(
         "--credentials",
         type=Path,
         metavar="FOLDER",
         help="folder that plumbline keys issue has made, or the data folder of a gateway with its command-token "
         "(default: $PLUMBLINE_CREDENTIALS, or a gateway of this machine)",
-    )
-
-
-def add_expect(verb: argparse.ArgumentParser) -> None:
-    """Add `--expect`."""
-    verb.add_argument(
-        "--expect", type=Path, metavar="FILE", help="gateways that must be there, one <site>/<crane>/<sensor> a line"
-    )
+    ),
+)
+"""`--connect` and `--credentials`."""
+ADDRESS_OPTIONS = (
+    option(
+        "--gateway",
+        default="plumbline/v1/*/*/*",
+        metavar="KEY",
+        help="plumbline/v1/<site>/<crane>/<sensor> (default: every gateway on the bus)",
+    ),
+    *CONNECT_OPTIONS,
+)
+"""`--gateway`, and the link to it."""
+EXPECT_OPTION = option(
+    "--expect", type=Path, metavar="FILE", help="gateways that must be there, one <site>/<crane>/<sensor> a line"
+)
+"""The gateways that must be there; `expected_gateways` returns them."""
 
 
 def client_credentials(arguments: argparse.Namespace) -> "Credentials":

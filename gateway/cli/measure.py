@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from gateway.cli.command import command, option
-from gateway.cli.output import add_json, output_file
+from gateway.cli.output import JSON_OPTION, output_file
 from gateway.cli.recording_options import add_interval, add_table_options, interval, table_options
 
 EXAMPLE = """examples:
@@ -37,7 +37,7 @@ EXAMPLE = """examples:
         metavar="RIG",
         help="rig.toml with housing position and rope length, which may be left out (default: those in the gateway's .mcap)",
     ),
-    add_json,
+    JSON_OPTION,
     option(
         "--motion",
         type=output_file,

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Literal, TextIO
 
 from gateway.atomic_io import replace_file
+from gateway.cli.command import option
 from gateway.errors import InputError
 from gateway.text import printable
 
@@ -21,16 +22,6 @@ Style = Literal["good", "note", "warning", "bad"]
 CODES: dict[Style, str] = {"good": "32", "note": "36", "warning": "33", "bad": "1;31"}
 MAX_LINE_CHARACTERS = 118
 """Characters of a line. Basis: a choice; a terminal of 120 columns less the ends."""
-
-
-def add_json(verb: argparse.ArgumentParser) -> None:
-    """Add the option `--json`; `show` obeys it."""
-    verb.add_argument(
-        "--json",
-        type=output_file,
-        metavar="FILE",
-        help="also write the result as JSON; -: print it instead of the text",
-    )
 
 
 def output_file(text: str) -> Path:
@@ -50,31 +41,24 @@ def _fault_of_output(path: Path) -> str:
     return "" if os.access(path.parent, os.W_OK) else f"no permission in {path.parent}"
 
 
+JSON_OPTION = option(
+    "--json", type=output_file, metavar="FILE", help="also write the result as JSON; -: print it instead of the text"
+)
+"""The option `--json`; `show` obeys it."""
+
+
 def show(text: str, content: object, json_path: Path | None) -> None:
     """Print a result as text, and write it as JSON too where a path is given; `-`: print it as JSON in place of the text.
 
     Raises `InputError` where the file cannot be written.
     """
-    if json_path == STANDARD_OUTPUT:
-        print_json(content)
-        return
     if json_path is not None:
-        write_json(json_path, content)
+        encoded = json.dumps(content, indent=1, allow_nan=False) + "\n"
+        if json_path == STANDARD_OUTPUT:
+            print(encoded, end="")
+            return
+        write_text(json_path, encoded)
     print("\n".join(map(printable, text.split("\n"))))  # a file may contain what steers a terminal
-
-
-def write_json(path: Path, content: object) -> None:
-    """Write a JSON file in one step. Raises `InputError` where it cannot be written."""
-    write_text(path, _encode(content))
-
-
-def print_json(content: object) -> None:
-    """Print JSON to the standard output."""
-    print(_encode(content), end="")
-
-
-def _encode(content: object) -> str:
-    return json.dumps(content, indent=1, allow_nan=False) + "\n"
 
 
 def write_text(path: Path, text: str) -> None:

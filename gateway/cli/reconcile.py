@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 from gateway.cli.argument_types import duration_s, whole_number
 from gateway.cli.command import command, option
-from gateway.cli.output import STANDARD_OUTPUT, add_json, output_file
+from gateway.cli.output import JSON_OPTION, STANDARD_OUTPUT, output_file
 from gateway.cli.recording_options import add_interval, add_table_options, interval, table_options
-from gateway.cli.simulate import add_effects_from, load_user_effects
+from gateway.cli.simulate import EFFECTS_FROM_OPTION, load_user_effects
 from gateway.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,22 +31,6 @@ EXAMPLE = """examples:
   plumbline reconcile work.csv --rig rig.toml --inputs estimated
   plumbline reconcile log.csv --rig rig.toml --effects-from my_effects.py
   plumbline reconcile --plan rig.toml --effects steady_wind,axis_offset"""
-
-
-def add_plan_arguments(command: argparse.ArgumentParser) -> None:
-    """Add the options of a plan; `--json` is an option of the command itself."""
-    command.add_argument(
-        "--plan",
-        type=Path,
-        metavar="RIG",
-        help="without LOG: propose the experiment that separates effects on this rig",
-    )
-    command.add_argument(
-        "--effects",
-        metavar="A,B,...",
-        help="with --plan: the effects to separate, such as steady_wind,axis_offset[x+y]; "
-        "without it the ambiguity groups of the rig",
-    )
 
 
 def wants_plan(arguments: argparse.Namespace) -> bool:
@@ -104,7 +88,7 @@ def run_plan(arguments: argparse.Namespace) -> int:
         metavar="LOG2",
         help="a second recording to test the model on; without it the end of LOG",
     ),
-    add_json,
+    JSON_OPTION,
     option("--report", type=output_file, metavar="FILE.html", help="write a report with figures"),
     option(
         "--prediction", type=output_file, metavar="FILE.csv", help="write the prediction of LOG2 (of LOG without one)"
@@ -136,8 +120,19 @@ def run_plan(arguments: argparse.Namespace) -> int:
         "(1:00:00); Ctrl-C asks for it at once, a second one stops without an answer",
     ),
     option("--seed", type=whole_number, default=0, metavar="N", help="seed of the block bootstrap (0)"),
-    add_effects_from,
-    add_plan_arguments,
+    EFFECTS_FROM_OPTION,
+    option(
+        "--plan",
+        type=Path,
+        metavar="RIG",
+        help="without LOG: propose the experiment that separates effects on this rig",
+    ),
+    option(
+        "--effects",
+        metavar="A,B,...",
+        help="with --plan: the effects to separate, such as steady_wind,axis_offset[x+y]; "
+        "without it the ambiguity groups of the rig",
+    ),
     partial(add_table_options, planar=True),
 )
 def run_reconcile(arguments: argparse.Namespace) -> int:

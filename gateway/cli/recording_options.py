@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.cli.argument_types import above_zero, duration_s, parsed_by, recording_time
+from gateway.cli.command import option
 from gateway.extras import require_extra
 
 if TYPE_CHECKING:
@@ -41,13 +42,12 @@ def add_interval(command: argparse.ArgumentParser) -> None:
     )
 
 
-def add_local(command: argparse.ArgumentParser) -> None:
-    """Add the option for times of this computer's time zone."""
-    command.add_argument(
-        "--local",
-        action="store_true",
-        help="print times in this computer's time zone in place of UTC, and read those of --from and --to so",
-    )
+LOCAL_OPTION = option(
+    "--local",
+    action="store_true",
+    help="print times in this computer's time zone in place of UTC, and read those of --from and --to so",
+)
+"""Times of this computer's time zone."""
 
 
 def interval(arguments: argparse.Namespace) -> "RecordingInterval":
@@ -66,18 +66,16 @@ def in_zone(time: "RecordingTime | None", is_local: bool) -> "RecordingTime | No
     return None if time is None else parse_recording_time(time.text, is_local=is_local)
 
 
-def add_paths(verb: argparse.ArgumentParser) -> None:
-    """Add the recordings, as `paths`."""
-    verb.add_argument(
-        "paths", type=Path, nargs="+", metavar="PATH", help=".mcap files written by the gateway, and folders of them"
-    )
-
-
-def add_selection(verb: argparse.ArgumentParser) -> None:
-    """Add the recordings and the interval of them; `gateway.cli.recording_options.interval` returns it."""
-    add_paths(verb)
-    add_interval(verb)
-    add_local(verb)
+PATHS_OPTION = option(
+    "paths", type=Path, nargs="+", metavar="PATH", help=".mcap files written by the gateway, and folders of them"
+)
+"""The recordings, as `paths`."""
+SELECTION_OPTIONS = (
+    PATHS_OPTION,
+    add_interval,
+    LOCAL_OPTION,
+)
+"""The recordings and the interval of them, which `interval` returns."""
 
 
 def add_table_options(command: argparse.ArgumentParser, *, planar: bool = False) -> None:
@@ -151,15 +149,14 @@ def _axes(text: str) -> "AxesMap":
     return parse_axes_map(text)
 
 
-def add_ca(verb: argparse.ArgumentParser) -> None:
-    """Add the option."""
-    verb.add_argument(
-        "--ca",
-        type=Path,
-        metavar="FILE",
-        help="ca.pem of the site: its CA must vouch today for the key, by the certificate of the gateway in the recordings; a "
-        "revoked.pem beside it counts",
-    )
+CA_OPTION = option(
+    "--ca",
+    type=Path,
+    metavar="FILE",
+    help="ca.pem of the site: its CA must vouch today for the key, by the certificate of the gateway in the recordings; a "
+    "revoked.pem beside it counts",
+)
+"""The CA that vouches for the keys of gateways."""
 
 
 def refusal_by(ca: Path) -> "RefuseKey":

@@ -19,18 +19,15 @@ EXAMPLE = """examples:
   plumbline simulate rig.toml --out log.csv --initial tilt_x_deg=8 rate_y_deg_s=1
   plumbline simulate rig.toml --out log.csv --effects-from my_effects.py --effect my_effect"""
 FORMATS = (".csv", ".mcap")
-
-
-def add_effects_from(command: argparse.ArgumentParser) -> None:
-    """Add the option to a command."""
-    command.add_argument(
-        "--effects-from",
-        action="append",
-        default=[],
-        type=Path,
-        metavar="FILE.py",
-        help="add effects of your own; the file is executed; several times for several files",
-    )
+EFFECTS_FROM_OPTION = option(
+    "--effects-from",
+    action="append",
+    default=[],
+    type=Path,
+    metavar="FILE.py",
+    help="add effects of your own; the file is executed; several times for several files",
+)
+"""Effects of the user; `load_user_effects` adds them."""
 
 
 @command(
@@ -39,7 +36,7 @@ def add_effects_from(command: argparse.ArgumentParser) -> None:
     "List the effects, or describe one: equation, parameters, and how to separate it from others.",
     "examples: plumbline effects | plumbline effects wind_gust",
     option("name", nargs="?", metavar="NAME", help="describe this effect"),
-    add_effects_from,
+    EFFECTS_FROM_OPTION,
 )
 def run_effects(arguments: argparse.Namespace) -> int:
     """Print the list, or one description."""
@@ -101,7 +98,7 @@ def load_user_effects(arguments: argparse.Namespace) -> None:
         metavar="NAME[:PARAMETER=VALUE]...",
         help="add an effect, with typical values of the parameters that are not given; may be repeated",
     ),
-    add_effects_from,
+    EFFECTS_FROM_OPTION,
     option("--duration", type=above_zero, default=120.0, metavar="S", help="length of the recording in s (120)"),
     option("--seed", type=whole_number, default=1, metavar="N", help="seed of the noise and of the initial state (1)"),
     option(

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gateway import __version__
-from gateway.cli.archive.archive_index import add_source, add_table
+from gateway.cli.archive.archive_index import SOURCE_OPTION, table_option
 from gateway.cli.argument_types import above_zero, whole_number
 from gateway.cli.command import AddTo, Command, option
-from gateway.cli.output import add_json
+from gateway.cli.output import JSON_OPTION
 from gateway.errors import ANSWER_IS_NO
 from gateway.extras import require_extra
 
@@ -31,11 +31,9 @@ AS_RECORDED = ""
 """Of --against-version: compare with what was recorded. Definition: no version is named so."""
 MEMORY_MB, TIME_MINUTES = 4096, 60.0
 """Limits of a task. Basis: a choice; numerical libraries reserve a gigabyte, and a day of one crane is replayed in 40 minutes."""
-
-
-OPTIONS = (
-    add_source,
-    add_table,
+TASK_OPTIONS = (
+    SOURCE_OPTION,
+    table_option(),
     option("--processes", type=whole_number, metavar="N", help="tasks at once on this machine (default: its cores)"),
     option(
         "--cluster",
@@ -52,7 +50,7 @@ OPTIONS = (
     option("--minutes", type=above_zero, default=TIME_MINUTES, metavar="MIN", help="time of a task (%(default)g)"),
     option("--again", action="store_true", help="also what failed before"),
 )
-COMPARISON = (
+COMPARISON_OPTIONS = (
     option(
         "--calibration",
         type=Path,
@@ -154,7 +152,7 @@ def _task_verb(kind: "TaskKind", what: str, program: str, *options: AddTo) -> Co
         "processes of this machine or of a cluster, and put the answers into the table results. What has an answer is not "
         "done again. Exit code 1: a task has failed, with the reason.",
         epilog=f"example: plumbline archive {kind} /srv/recordings --table /srv/archive --processes 4",
-        options=[*OPTIONS, *options, add_json],
+        options=[*TASK_OPTIONS, *options, JSON_OPTION],
         run=partial(_run, kind),
     )
 
@@ -166,7 +164,7 @@ replay = _task_verb(
     "replay",
     "compute every start of each gateway again, and compare it with what was recorded",
     "record replay",
-    *COMPARISON,
+    *COMPARISON_OPTIONS,
 )
 measure = _task_verb("measure", "measure each recording offline", "measure")
 reconcile = _task_verb("reconcile", "fit the simulation to each recording, and name what it lacks", "reconcile")

@@ -4,10 +4,10 @@ import argparse
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from gateway.cli.archive.archive_index import add_source, add_table, day
+from gateway.cli.archive.archive_index import SOURCE_OPTION, day, table_option
 from gateway.cli.argument_types import parsed_by
 from gateway.cli.command import command, option
-from gateway.cli.output import add_json
+from gateway.cli.output import JSON_OPTION
 from gateway.extras import require_extra
 
 if TYPE_CHECKING:
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     "deleted is not indexed again. Without --yes nothing is deleted, and what would be is said.",
     "example: plumbline archive delete /srv/recordings --table /srv/archive --before 2025-01-01 --by ann "
     "--because 'kept for a year' --yes",
-    add_source,
-    add_table,
+    SOURCE_OPTION,
+    table_option(),
     option(
         "--before", type=parsed_by(day), required=True, metavar="DAY", help="recordings that ended before this day, UTC"
     ),
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
         "results.content",
     ),
     option("--yes", action="store_true", help="delete; without it, say what would be deleted"),
-    add_json,
+    JSON_OPTION,
 )
 def run_delete(arguments: argparse.Namespace) -> int:
     """Delete what the rule names."""

@@ -6,13 +6,12 @@ The options of source, table and keys are those of the other verbs as well.
 import argparse
 import hashlib
 from datetime import UTC, date, datetime
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gateway.cli.command import command, option
-from gateway.cli.output import add_json
-from gateway.cli.recording_options import add_ca, refusal_by
+from gateway.cli.command import Option, command, option
+from gateway.cli.output import JSON_OPTION
+from gateway.cli.recording_options import CA_OPTION, refusal_by
 from gateway.errors import WITH_LOSSES
 from gateway.extras import require_extra
 
@@ -23,21 +22,18 @@ if TYPE_CHECKING:
     from gateway.archive.rows import IndexedFile
 
 NOT_VERIFIED = "*"
+SOURCE_OPTION = option(
+    "source",
+    metavar="SOURCE",
+    help="folder with recordings of any gateways, at any depth, or an object store: s3://bucket/prefix",
+)
+"""The source of the recordings."""
 
 
-def add_source(verb: argparse.ArgumentParser) -> None:
-    """Add the source of the recordings."""
-    verb.add_argument(
-        "source",
-        metavar="SOURCE",
-        help="folder with recordings of any gateways, at any depth, or an object store: s3://bucket/prefix",
-    )
-
-
-def add_table(verb: argparse.ArgumentParser, option: str = "--table") -> None:
-    """Add the place of the tables."""
-    verb.add_argument(
-        option,
+def table_option(name: str = "--table") -> Option:
+    """Return the place of the tables."""
+    return option(
+        name,
         dest="table",
         required=True,
         metavar="TABLE",
@@ -45,16 +41,17 @@ def add_table(verb: argparse.ArgumentParser, option: str = "--table") -> None:
     )
 
 
-def add_keys(verb: argparse.ArgumentParser) -> None:
-    """Add the public keys of the gateways, and the CA that vouches for others."""
-    verb.add_argument(
+KEYS_OPTIONS = (
+    option(
         "--keys",
         type=Path,
         metavar="FILE",
         help="public keys of the gateways: lines <site>/<crane>/<sensor> <64 digits, or a .pub file>; without one those that "
         "plumbline remote status has heard at the first contact",
-    )
-    add_ca(verb)
+    ),
+    CA_OPTION,
+)
+"""The public keys of the gateways, and the CA that vouches for others."""
 
 
 def authority_of(arguments: argparse.Namespace) -> "Authority | None":
@@ -91,13 +88,13 @@ def day(text: str) -> datetime:
     "read again, and nothing counts twice: the command may be repeated, interrupted, and run several times at once. Exit "
     "code 3: a file was refused, with the reason.",
     "example: plumbline archive index /srv/recordings --into /srv/archive --keys keys.txt",
-    add_source,
-    partial(add_table, option="--into"),
-    add_keys,
+    SOURCE_OPTION,
+    table_option("--into"),
+    *KEYS_OPTIONS,
     option(
         "--compact", action="store_true", help="then join the small files that many runs have made; once a day will do"
     ),
-    add_json,
+    JSON_OPTION,
 )
 def run_index(arguments: argparse.Namespace) -> int:
     """Index the recordings; return 3 where a file was refused."""
@@ -156,9 +153,9 @@ def _file_json(file: "IndexedFile") -> dict[str, Any]:
     "recordings that are not verified is marked *.",
     "example: plumbline archive query 'SELECT crane, max(phi_max_deg) FROM swings GROUP BY 1' --table /srv/archive",
     option("sql", metavar="SQL", help="one SELECT, in the dialect of DuckDB"),
-    add_table,
+    table_option(),
     option("--verified", action="store_true", help="leave out recordings that are not verified"),
-    add_json,
+    JSON_OPTION,
 )
 def run_query(arguments: argparse.Namespace) -> int:
     """Print the answer."""

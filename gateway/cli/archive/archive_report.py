@@ -5,10 +5,10 @@ from datetime import UTC, datetime, time, timedelta
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
-from gateway.cli.archive.archive_index import add_table, day
+from gateway.cli.archive.archive_index import day, table_option
 from gateway.cli.argument_types import above_zero, parsed_by
 from gateway.cli.command import command, option
-from gateway.cli.output import add_json, output_file
+from gateway.cli.output import JSON_OPTION, output_file
 from gateway.extras import require_extra, require_plots
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def _zone(text: str) -> str:
     "command that opens each, age and drift of the calibrations, availability and why the swing was not known, and what "
     "other limits would have cost in false alarms.",
     "example: plumbline archive report --table /srv/archive --from 2026-10-01 --to 2026-11-01 --html october.html",
-    add_table,
+    table_option(),
     option("--html", type=output_file, required=True, metavar="FILE", help="the page"),
     option(
         "--from",
@@ -64,7 +64,7 @@ def _zone(text: str) -> str:
         metavar="SOURCE",
         help="where the recordings are, for the commands that open the worst swings",
     ),
-    add_json,
+    JSON_OPTION,
 )
 def run_report(arguments: argparse.Namespace) -> int:
     """Write the page."""

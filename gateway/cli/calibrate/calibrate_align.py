@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from gateway.cli.argument_types import above_zero
 from gateway.cli.command import command, option
-from gateway.cli.output import add_json, output_file
+from gateway.cli.output import JSON_OPTION, output_file
 from gateway.cli.recording_options import add_table_options, table_options
 
 if TYPE_CHECKING:
@@ -15,34 +15,31 @@ if TYPE_CHECKING:
     from gateway.calibration.alignment.turn_advice import AligningUnit
 
 
-def add_unit_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options."""
-    parser.add_argument(
-        "--unit-lead-mm",
-        type=above_zero,
-        default=0.5,
-        metavar="MM",
-        help="lead of an aligning screw (default 0.5, M3)",
-    )
-    parser.add_argument(
+UNIT_OPTIONS = (
+    option(
+        "--unit-lead-mm", type=above_zero, default=0.5, metavar="MM", help="lead of an aligning screw (default 0.5, M3)"
+    ),
+    option(
         "--unit-lever-mm",
         type=above_zero,
         default=10.0,
         metavar="MM",
         help="distance from the hinge to that screw (default 10)",
-    )
-    parser.add_argument(
+    ),
+    option(
         "--unit-reversed",
         action="append",
         choices=tuple("xyz"),
         default=[],
         help="turning in the screw about this axis turns the unit in the negative sense; may be repeated",
-    )
-    parser.add_argument(
+    ),
+    option(
         "--own-units",
         action="store_true",
         help="each axis has an aligning unit of its own with two screws (default: one unit, three screws)",
-    )
+    ),
+)
+"""The screws of the aligning unit in a housing; `aligning_unit` returns it."""
 
 
 def aligning_unit(arguments: argparse.Namespace) -> "AligningUnit":
@@ -66,7 +63,7 @@ def aligning_unit(arguments: argparse.Namespace) -> "AligningUnit":
     "example: plumbline calibrate align turns_x.csv --axis x --html alignment.html",
     option("file", type=Path, metavar="FILE", help="recording of slow turns: .csv, .mcap of the gateway, or a folder"),
     option("--axis", choices=tuple("xyz"), help="axis along the shaft (default: the one that changes least)"),
-    add_unit_arguments,
+    *UNIT_OPTIONS,
     option(
         "--perpendicularity-deg",
         type=above_zero,
@@ -74,7 +71,7 @@ def aligning_unit(arguments: argparse.Namespace) -> "AligningUnit":
         metavar="DEG",
         help="deviation of perpendicularity of the housing, DP (default %(default)s)",
     ),
-    add_json,
+    JSON_OPTION,
     option("--html", type=output_file, metavar="FILE", help="write a report with a figure"),
     add_table_options,
 )

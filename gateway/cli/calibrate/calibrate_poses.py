@@ -6,7 +6,7 @@ from pathlib import Path
 from gateway.calibration.record import ROTATION, PoseMethod
 from gateway.cli.argument_types import above_zero
 from gateway.cli.calibrate.calibrate_record import (
-    add_record_arguments,
+    RECORD_OPTIONS,
     finish_record,
     read_parent_record,
     use_recorded_device,
@@ -14,18 +14,18 @@ from gateway.cli.calibrate.calibrate_record import (
 from gateway.cli.command import command, option
 from gateway.cli.recording_options import add_table_options, table_options
 
-
-def _add_pose_arguments(method: argparse.ArgumentParser) -> None:
-    """Add the recordings, their columns and units, and the arguments of the record."""
-    method.add_argument(
+POSE_OPTIONS = (
+    option(
         "files",
         type=Path,
         nargs="+",
         metavar="FILE",
         help="recordings of a whole session or of one pose each: .csv, or the .mcap files of one gateway, or a folder of them",
-    )
-    add_record_arguments(method)
-    add_table_options(method)
+    ),
+    *RECORD_OPTIONS,
+    add_table_options,
+)
+"""The recordings, their columns and units, and the record."""
 
 
 @command(
@@ -33,7 +33,7 @@ def _add_pose_arguments(method: argparse.ArgumentParser) -> None:
     "six faces up in turn, on a levelled surface, in any order",
     "Determine offset, scale factor and misalignment from the six faces, in any order. Repeats are averaged.",
     "example: plumbline calibrate six-position faces.csv --device-id part-7 --json record.json",
-    _add_pose_arguments,
+    *POSE_OPTIONS,
     option(
         "--placement-deg",
         type=above_zero,
@@ -52,7 +52,7 @@ def run_six_position(arguments: argparse.Namespace) -> int:
     "Determine offset, scale factor and non-orthogonality from |m| = 1 g in nine or more attitudes in all "
     "directions. Twelve are better, because the additional poses check the fit.",
     "example: plumbline calibrate norm-fit session.csv --unit counts --rate 100 --json record.json",
-    _add_pose_arguments,
+    *POSE_OPTIONS,
     option(
         "--frame-deg",
         type=above_zero,
@@ -91,7 +91,7 @@ def _calibrate(arguments: argparse.Namespace, **stated: float | None) -> int:
     "ax_g,ay_g,az_g (or _v, _counts), optionally count (readings averaged in the row) and temperature_c.",
     "example: plumbline calibrate rotation about_y.csv about_x.csv --device-id part-7 --json record.json",
     option("files", type=Path, nargs="+", metavar="FILE", help="CSV: one file per turn"),
-    add_record_arguments,
+    *RECORD_OPTIONS,
     option(
         "--mounting-deg",
         type=above_zero,

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gateway.cli.argument_types import operator, operator_option
+from gateway.cli.command import option
 from gateway.cli.output import output_file
 
 if TYPE_CHECKING:
@@ -18,41 +19,42 @@ if TYPE_CHECKING:
 UNIDENTIFIED = "unidentified"
 
 
-def add_record_arguments(method: argparse.ArgumentParser) -> None:
-    """Add where the record goes, whose it is, who made it, and its parent."""
-    method.add_argument(
-        "--json", type=new_record, metavar="FILE", help="write the record to FILE; -: print it in place of the report"
-    )
-    method.add_argument(
-        "--html", type=output_file, metavar="FILE", help="write the certificate to FILE; it prints on one sheet of A4"
-    )
-    method.add_argument(
-        "--dcc",
-        type=output_file,
-        metavar="FILE",
-        help="write the certificate to FILE as a digital calibration certificate: XML by PTB's schema",
-    )
-    method.add_argument(
-        "--device-id",
-        default=UNIDENTIFIED,
-        metavar="ID",
-        help="identity of the sensor (default: the one in an .mcap); the record is valid for no other sensor",
-    )
-    operator_option("calibrates")(method)
-    method.add_argument(
-        "--parent",
-        type=Path,
-        metavar="FILE",
-        help="the record in force: the change since then is judged, and a norm fit keeps its frame",
-    )
-
-
 def new_record(text: str) -> Path:
     """Parse the name of a calibration record to write: one that exists is never changed."""
     path = output_file(text)
     if path.is_file():
         raise argparse.ArgumentTypeError(f"{text}: exists, and a record is never changed; choose another name")
     return path
+
+
+RECORD_OPTIONS = (
+    option(
+        "--json", type=new_record, metavar="FILE", help="write the record to FILE; -: print it in place of the report"
+    ),
+    option(
+        "--html", type=output_file, metavar="FILE", help="write the certificate to FILE; it prints on one sheet of A4"
+    ),
+    option(
+        "--dcc",
+        type=output_file,
+        metavar="FILE",
+        help="write the certificate to FILE as a digital calibration certificate: XML by PTB's schema",
+    ),
+    option(
+        "--device-id",
+        default=UNIDENTIFIED,
+        metavar="ID",
+        help="identity of the sensor (default: the one in an .mcap); the record is valid for no other sensor",
+    ),
+    operator_option("calibrates"),
+    option(
+        "--parent",
+        type=Path,
+        metavar="FILE",
+        help="the record in force: the change since then is judged, and a norm fit keeps its frame",
+    ),
+)
+"""Where the record goes, whose it is, who made it, and its parent."""
 
 
 def use_recorded_device(arguments: argparse.Namespace, files: "Sequence[FileReadings]") -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from gateway.calibration.record import SINGLE_PARAMETER
 from gateway.cli.argument_types import above_zero, operator, operator_option
-from gateway.cli.calibrate.calibrate_record import add_record_arguments, identity_note, read_parent_record, write_record
+from gateway.cli.calibrate.calibrate_record import RECORD_OPTIONS, identity_note, read_parent_record, write_record
 from gateway.cli.command import command, option
 from gateway.cli.output import output_file
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     "columns displacement_mm and raw_angle_deg, optionally u_displacement_mm, all counted from the session's zero.",
     "example: plumbline calibrate single-parameter pairs.csv --distance-mm 3897 --device-id part-7 --json record.json",
     option("files", type=Path, nargs="+", metavar="FILE", help="CSV: one file per session"),
-    add_record_arguments,
+    *RECORD_OPTIONS,
     option("--distance-mm", type=above_zero, required=True, metavar="MM", help="from the rotation axis to the board"),
     option(
         "--u-distance-mm", type=above_zero, default=1.5, metavar="MM", help="its standard uncertainty (default 1.5)"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from gateway.cli.argument_types import above_zero
 from gateway.cli.calibrate.calibrate_record import (
-    add_record_arguments,
+    RECORD_OPTIONS,
     finish_record,
     read_parent_record,
     use_recorded_device,
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
         metavar="FILE",
         help="recordings of one ramp each: .csv, or .mcap of the gateway; the sensor rests on one face throughout",
     ),
-    add_record_arguments,
+    *RECORD_OPTIONS,
     add_table_options,
     option(
         "--reference-c",

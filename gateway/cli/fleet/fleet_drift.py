@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from gateway.cli.argument_types import above_zero
 from gateway.cli.command import command, option
-from gateway.cli.output import add_json, output_file
+from gateway.cli.output import JSON_OPTION, output_file
 
 if TYPE_CHECKING:
     from gateway.calibration.drift.fleet_drift import SensorDrift
@@ -50,7 +50,7 @@ def _date(text: str) -> datetime:
         help="longest time between two calibrations, whatever the records show (default %(default)s)",
     ),
     option("--on", type=_date, metavar="DATE", help="judge on this day, such as 2026-11-22 (default: today)"),
-    add_json,
+    JSON_OPTION,
     option("--html", type=output_file, metavar="FILE", help="write a report with tables and figures"),
 )
 def run_drift(arguments: argparse.Namespace) -> int:

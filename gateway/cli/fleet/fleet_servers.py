@@ -4,7 +4,7 @@ import argparse
 import socket
 
 from gateway.cli.argument_types import parsed_by
-from gateway.cli.bus_link import add_connect, add_expect, expected_gateways, fleet_client
+from gateway.cli.bus_link import CONNECT_OPTIONS, EXPECT_OPTION, expected_gateways, fleet_client
 from gateway.cli.command import AddTo, command, option
 from gateway.configuration.address import host_and_port, written
 from gateway.extras import require_extra
@@ -59,8 +59,8 @@ def _open_listener(arguments: argparse.Namespace) -> socket.socket:
     option(
         "--language", choices=LANGUAGES, default="en", metavar="CODE", help="language, such as de (default %(default)s)"
     ),
-    add_expect,
-    add_connect,
+    EXPECT_OPTION,
+    *CONNECT_OPTIONS,
 )
 def run_page(arguments: argparse.Namespace) -> int:
     """Serve the page until Ctrl-C."""
@@ -88,8 +88,8 @@ def run_page(arguments: argparse.Namespace) -> int:
     "Serve the metrics of all gateways on a router at /metrics, in the Prometheus text format, until Ctrl-C.",
     "example: plumbline fleet metrics --connect tcp/10.0.0.2:7447 --expect gateways.txt",
     _listen(METRICS_LISTEN),
-    add_expect,
-    add_connect,
+    EXPECT_OPTION,
+    *CONNECT_OPTIONS,
 )
 def run_metrics(arguments: argparse.Namespace) -> int:
     """Serve the metrics until Ctrl-C."""

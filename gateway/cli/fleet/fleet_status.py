@@ -12,9 +12,9 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, TextIO
 
 from gateway.cli.argument_types import above_zero, parsed_by, whole_number
-from gateway.cli.bus_link import add_connect, add_expect, expected_gateways, fleet_client
+from gateway.cli.bus_link import CONNECT_OPTIONS, EXPECT_OPTION, expected_gateways, fleet_client
 from gateway.cli.command import command, option
-from gateway.cli.output import add_json
+from gateway.cli.output import JSON_OPTION
 
 if TYPE_CHECKING:
     from gateway.bus.fleet_client import FleetClient
@@ -90,8 +90,8 @@ def _parse_levels(text: str) -> "frozenset[Level]":
         metavar="LIST",
         help="states beside ok that are no fault, such as disturbed, which occurs while cranes work",
     ),
-    add_expect,
-    add_json,
+    EXPECT_OPTION,
+    JSON_OPTION,
     option(
         "--wait-s",
         type=above_zero,
@@ -106,7 +106,7 @@ def _parse_levels(text: str) -> "frozenset[Level]":
     ),
     option("--interval-s", type=above_zero, default=1.0, metavar="S", help="interval of --watch (default %(default)g)"),
     option("--count", type=whole_number, metavar="N", help="end --watch after N intervals"),
-    add_connect,
+    *CONNECT_OPTIONS,
 )
 def run_status(arguments: argparse.Namespace) -> int:
     """Print the list, or go on; return 1 where a gateway is not well."""

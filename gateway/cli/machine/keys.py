@@ -19,16 +19,14 @@ visits."""
 SOON_DAYS = 60
 """Basis: a choice; time for a visit at every crane."""
 HOLDERS = ("gateway", "router", "operator", "service")
-
-
-FOLDER = option(
+FOLDER_OPTION = option(
     "--folder",
     type=Path,
     default=Path("plumbline-keys"),
     metavar="FOLDER",
     help="folder of the CA (default %(default)s)",
 )
-HOLDER_NAME = option("name", metavar="NAME", help="of the gateway or person")
+HOLDER_OPTION = option("name", metavar="NAME", help="of the gateway or person")
 
 
 def _validity(default: int) -> AddTo:
@@ -40,7 +38,7 @@ def _validity(default: int) -> AddTo:
     "make the CA of a site",
     None,
     "example: plumbline keys init --site yard",
-    FOLDER,
+    FOLDER_OPTION,
     option("--site", required=True, metavar="NAME", help="name of the site"),
     _validity(CA_DAYS),
 )
@@ -62,7 +60,7 @@ def run_init(arguments: argparse.Namespace) -> int:
     "issue a certificate",
     None,
     "example: plumbline keys issue gateway crane-1 --host 10.0.0.5",
-    FOLDER,
+    FOLDER_OPTION,
     option(
         "holder",
         choices=HOLDERS,
@@ -95,8 +93,8 @@ def run_issue(arguments: argparse.Namespace) -> int:
     "issue a new key and certificate for a name",
     None,
     "example: plumbline keys renew crane-1",
-    FOLDER,
-    HOLDER_NAME,
+    FOLDER_OPTION,
+    HOLDER_OPTION,
     _validity(HOLDER_DAYS),
 )
 def run_renew(arguments: argparse.Namespace) -> int:
@@ -115,8 +113,8 @@ def run_renew(arguments: argparse.Namespace) -> int:
     "put the certificates of a name on the revocation list",
     None,
     "example: plumbline keys revoke ann",
-    FOLDER,
-    HOLDER_NAME,
+    FOLDER_OPTION,
+    HOLDER_OPTION,
     option("--keep-newest", action="store_true", help="revoke those before the newest, after a renewal"),
 )
 def run_revoke(arguments: argparse.Namespace) -> int:
@@ -137,7 +135,7 @@ def run_revoke(arguments: argparse.Namespace) -> int:
     "list the certificates with their expiry",
     None,
     "example: plumbline keys list --folder plumbline-keys",
-    FOLDER,
+    FOLDER_OPTION,
 )
 def run_list(arguments: argparse.Namespace) -> int:
     """Print the certificates."""

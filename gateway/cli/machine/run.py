@@ -27,17 +27,6 @@ OUTPUT_S = 0.3
 milliseconds, and a reader that hangs holds no end up."""
 
 
-def add_replay_options(command: argparse.ArgumentParser) -> None:
-    """Add the recording, its speed, and the options of tables."""
-    command.add_argument(
-        "--replay", type=Path, metavar="LOG", help="play a recording in place of the device: .mcap, or a table"
-    )
-    command.add_argument(
-        "--speed", type=at_least_zero, metavar="N", help="of --replay: multiple of real time; 0: as fast as possible"
-    )
-    add_table_options(command)
-
-
 @command(
     "run",
     "run the gateway: sample, evaluate, record, publish, display",
@@ -46,11 +35,15 @@ def add_replay_options(command: argparse.ArgumentParser) -> None:
     "plumbline run --replay phone.csv --axes y,-x,z --speed 0",
     option("--config", type=Path, metavar="FILE", help="configuration (TOML); plumbline config show prints one"),
     option("--duration", type=above_zero, metavar="S", help="stop cleanly after this many seconds"),
-    add_replay_options,
+    option("--replay", type=Path, metavar="LOG", help="play a recording in place of the device: .mcap, or a table"),
+    option(
+        "--speed", type=at_least_zero, metavar="N", help="of --replay: multiple of real time; 0: as fast as possible"
+    ),
+    add_table_options,
     option("--quiet", action="store_true", help="print warnings and errors only"),
     option("--service", action="store_true", help="require a sensor: refuse a simulated crane and a recording"),
 )
-def run_run(arguments: argparse.Namespace) -> int:
+def run_gateway(arguments: argparse.Namespace) -> int:
     """Run the gateway."""
     from gateway.daemon.runtime.logs import LineWriter, start_logging
 

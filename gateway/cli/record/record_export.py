@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from gateway.cli.command import command, one_of, option
 from gateway.cli.output import output_file
-from gateway.cli.recording_options import add_selection, interval
+from gateway.cli.recording_options import SELECTION_OPTIONS, interval
 from gateway.errors import WITH_LOSSES
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def run_recover(arguments: argparse.Namespace) -> int:
     "Write the calibrated specific force at full rate, in g in the housing frame, or the messages of a topic. "
     "Each part of the recording is calibrated by the record that was in force. Exit code 3: something could not be read.",
     EXPORT_EXAMPLE,
-    add_selection,
+    *SELECTION_OPTIONS,
     one_of(
         option(
             "--csv",

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 from gateway.cli.argument_types import above_zero, recording_time, whole_number
 from gateway.cli.command import command, one_of, option
-from gateway.cli.output import add_json
-from gateway.cli.recording_options import add_paths
+from gateway.cli.output import JSON_OPTION
+from gateway.cli.recording_options import PATHS_OPTION
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,7 +31,7 @@ REPORT = "cause.html"
     "Write a report of an incident into a new folder: a page with a summary, a timeline and figures, and the "
     "part of the recordings that it is made from. Without a choice, of the last incident.",
     "example: plumbline record incident plumbline-data --last --out crane-1-trip",
-    add_paths,
+    PATHS_OPTION,
     one_of(
         option(
             "--around",
@@ -73,7 +73,7 @@ REPORT = "cause.html"
         metavar="PUBLIC",
         help="the gateway's public key, for the verification: 64 hexadecimal digits, or the file signing-key.pem.pub",
     ),
-    add_json,
+    JSON_OPTION,
 )
 def run_incident(arguments: argparse.Namespace) -> int:
     """Write the report, or list the incidents."""

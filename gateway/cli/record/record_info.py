@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.cli.command import command, option
-from gateway.cli.output import add_json
-from gateway.cli.recording_options import add_ca, add_paths, add_selection, interval, refusal_by
+from gateway.cli.output import JSON_OPTION
+from gateway.cli.recording_options import CA_OPTION, PATHS_OPTION, SELECTION_OPTIONS, interval, refusal_by
 from gateway.errors import ANSWER_IS_NO, WITH_LOSSES
 
 if TYPE_CHECKING:
@@ -34,8 +34,8 @@ ANSWERS = {
     "Print what is in recordings: times, alerts from raised to cleared, changes of calibration and clock, gaps, "
     "faults, losses and topics. The segments of a gateway are one timeline; several gateways are printed one by one.",
     INFO_EXAMPLE,
-    add_selection,
-    add_json,
+    *SELECTION_OPTIONS,
+    JSON_OPTION,
 )
 def run_info(arguments: argparse.Namespace) -> int:
     """Print the content of the recordings."""
@@ -65,14 +65,14 @@ def run_info(arguments: argparse.Namespace) -> int:
     "named. Exit code 3: consistent in itself only, because no key is known, or nothing is signed. A folder is expected from "
     "the first segment on: those that the gateway has deleted, as it has signed, are named and are no difference.",
     "example: plumbline record verify plumbline-data --key signing-key.pem.pub",
-    add_paths,
+    PATHS_OPTION,
     option(
         "--key",
         metavar="PUBLIC",
         help="the gateway's public key: 64 hexadecimal digits, or the file signing-key.pem.pub, kept apart from the "
         "recordings",
     ),
-    add_ca,
+    CA_OPTION,
     option(
         "--heard",
         type=Path,
@@ -98,7 +98,7 @@ def run_info(arguments: argparse.Namespace) -> int:
         metavar="FILE",
         help="time stamps that were kept elsewhere, beside those in the folders: a copy of time-stamps.jsonl",
     ),
-    add_json,
+    JSON_OPTION,
 )
 def run_verify(arguments: argparse.Namespace) -> int:
     """Verify recordings; return the exit code of the answer."""

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from gateway.cli.argument_types import above_zero, duration_s
 from gateway.cli.bus_link import LOCAL_ENDPOINT
 from gateway.cli.command import command, one_of, option
-from gateway.cli.output import add_json
-from gateway.cli.recording_options import add_selection, interval
+from gateway.cli.output import JSON_OPTION
+from gateway.cli.recording_options import SELECTION_OPTIONS, interval
 from gateway.errors import ANSWER_IS_NO
 from gateway.extras import require_extra
 
@@ -42,7 +42,7 @@ PLAY_EXAMPLE = """examples:
     "tolerance elsewhere. With another calibration or configuration: a table of what it would have said. Exit code 1: "
     "something differs.",
     REPLAY_EXAMPLE,
-    add_selection,
+    *SELECTION_OPTIONS,
     option("--calibration", type=Path, metavar="RECORD.json", help="another calibration record"),
     option("--config", type=Path, metavar="FILE.toml", help="another configuration"),
     option(
@@ -52,7 +52,7 @@ PLAY_EXAMPLE = """examples:
         help="begin this long before the part in place of at the start of the gateway's run, which takes long; the results "
         "are then compared within a tolerance",
     ),
-    add_json,
+    JSON_OPTION,
 )
 def run_replay(arguments: argparse.Namespace) -> int:
     """Replay the recordings; return 1 where something differs."""
@@ -82,7 +82,7 @@ def run_replay(arguments: argparse.Namespace) -> int:
     "With --foxglove serve them to Foxglove, Lichtblick and other viewers on this machine instead, as they are recorded, "
     "from when a viewer has asked for its topics until the last viewer leaves.",
     PLAY_EXAMPLE,
-    add_selection,
+    *SELECTION_OPTIONS,
     option(
         "--speed", type=above_zero, default=1.0, metavar="X", help="recorded seconds per second (default %(default)g)"
     ),

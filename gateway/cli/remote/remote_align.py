@@ -6,8 +6,8 @@ import time
 from typing import TYPE_CHECKING, Any, TextIO
 
 from gateway.cli.argument_types import above_zero
-from gateway.cli.bus_link import add_address, gateway_client
-from gateway.cli.calibrate.calibrate_align import add_unit_arguments, aligning_unit
+from gateway.cli.bus_link import ADDRESS_OPTIONS, gateway_client
+from gateway.cli.calibrate.calibrate_align import UNIT_OPTIONS, aligning_unit
 from gateway.cli.command import command, option
 
 if TYPE_CHECKING:
@@ -54,8 +54,8 @@ SILENCE_TEXT = "no advice: no readings arrive; waiting for the gateway"
         "peak-to-peak of the last turn, its floor, and which aligning screw to turn, until the axis is aligned",
     ),
     option("--axis", choices=tuple("xyz"), help="on a shaft: the sensor's axis along it (default: it is found)"),
-    add_unit_arguments,
-    add_address,
+    *UNIT_OPTIONS,
+    *ADDRESS_OPTIONS,
 )
 def run_align(arguments: argparse.Namespace) -> int:
     """Show advice until the housing, or the sensor on a shaft, is aligned."""

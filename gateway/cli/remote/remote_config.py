@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gateway.cli.bus_link import add_address, gateway_client
+from gateway.cli.bus_link import ADDRESS_OPTIONS, gateway_client
 from gateway.cli.command import AddTo, Command, Run, option
 from gateway.cli.remote.remote_session import ask, new_request
 from gateway.errors import ANSWER_IS_NO
@@ -98,13 +98,13 @@ def _action(name: str, description: str, run: Run, example: str, *options: AddTo
             *options,
             option("--by", required=True, metavar="NAME", help="your name, for the audit"),
             option("--reason", default="", metavar="TEXT", help="reason, for the audit"),
-            add_address,
+            *ADDRESS_OPTIONS,
         ],
         run=run,
     )
 
 
-CHANGE = (
+CHANGE_OPTIONS = (
     option("file", type=Path, metavar="FILE", help="sections that take the place of the present ones"),
     option(
         "--allow-network",
@@ -127,9 +127,9 @@ config = Command(
             "Check a change and keep it; print what it changes.",
             _propose,
             "crane.toml --by ann",
-            *CHANGE,
+            *CHANGE_OPTIONS,
         ),
-        _action("validate", "Check a change; print what it changes.", _propose, "crane.toml --by ann", *CHANGE),
+        _action("validate", "Check a change; print what it changes.", _propose, "crane.toml --by ann", *CHANGE_OPTIONS),
         _action(
             "apply",
             "Put a proposal into force, and wait until it is confirmed.",

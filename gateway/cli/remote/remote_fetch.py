@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from gateway.cli.bus_link import MAX_ANSWER_WAIT_S, add_address, gateway_client
+from gateway.cli.bus_link import ADDRESS_OPTIONS, MAX_ANSWER_WAIT_S, gateway_client
 from gateway.cli.command import command, option
 from gateway.cli.output import write_text
 from gateway.errors import ANSWER_IS_NO
@@ -28,7 +28,7 @@ Answer = TypeVar("Answer", bound="BaseModel")
     "Write the calibration records of a gateway with their certificates, history and audit to files.",
     "example: plumbline remote fetch --out records/",
     option("--out", type=Path, default=Path(), metavar="FOLDER", help="an existing folder (default: the present one)"),
-    add_address,
+    *ADDRESS_OPTIONS,
 )
 def run_fetch(arguments: argparse.Namespace) -> int:
     """Write what the gateway has; return 1 where a record is damaged."""

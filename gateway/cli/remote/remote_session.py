@@ -10,7 +10,7 @@ import uuid
 from typing import TYPE_CHECKING, Any, TextIO
 
 from gateway.calibration.record import PoseMethod
-from gateway.cli.bus_link import MAX_ANSWER_WAIT_S, add_address, gateway_client
+from gateway.cli.bus_link import ADDRESS_OPTIONS, MAX_ANSWER_WAIT_S, gateway_client
 from gateway.cli.command import AddTo, Command, command, option
 from gateway.cli.output import StatusLine
 from gateway.errors import ANSWER_IS_NO
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient, RpcReply
     from gateway.daemon.runtime.worker import BoundedQueue
 
-REQUEST = (
+REQUEST_OPTIONS = (
     option("--by", metavar="NAME", help="your name, for the record, its history and the audit; required"),
     option("--reason", default="", metavar="TEXT", help="reason; required where a record is implausible"),
     option("--id", metavar="ID", help="id of a request whose answer was lost, so that it is not done twice"),
@@ -43,7 +43,7 @@ CONTINUES = "the session continues: plumbline remote recalibrate --follow shows 
     "start a recalibration and follow it until its record is in review",
     None,
     "example: plumbline remote recalibrate --by ann --housing-off-rope",
-    *REQUEST,
+    *REQUEST_OPTIONS,
     option(
         "--method",
         choices=[method.value for method in PoseMethod],
@@ -52,7 +52,7 @@ CONTINUES = "the session continues: plumbline remote recalibrate --follow shows 
     ),
     option("--housing-off-rope", action="store_true", help="confirm that the housing has been taken off the rope"),
     option("--follow", action="store_true", help="start nothing; follow the session that is under way"),
-    add_address,
+    *ADDRESS_OPTIONS,
 )
 def run_recalibrate(arguments: argparse.Namespace) -> int:
     """Start a session and follow it, or follow the one that is under way."""
@@ -84,7 +84,7 @@ def _request(verb: str, description: str, example: str, field: str | None = None
         help=description[0].lower() + description.partition(".")[0][1:],
         description=description,
         epilog=f"example: plumbline remote {verb} {example}",
-        options=[*REQUEST, *options, add_address],
+        options=[*REQUEST_OPTIONS, *options, *ADDRESS_OPTIONS],
         run=run,
     )
 

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from gateway.cli.argument_types import key_fingerprint
-from gateway.cli.bus_link import add_address, client_credentials, connect_endpoint
+from gateway.cli.bus_link import ADDRESS_OPTIONS, client_credentials, connect_endpoint
 from gateway.cli.command import command, option
 from gateway.cli.output import output_file
 from gateway.text import printable
@@ -41,7 +41,7 @@ NO_HEALTH = "not known yet: no health message since this calibration came into f
         help="take the key with this fingerprint for that of the gateway, in place of one that was pinned; compare it with "
         "what plumbline run prints at the gateway",
     ),
-    add_address,
+    *ADDRESS_OPTIONS,
 )
 def run_status(arguments: argparse.Namespace) -> int:
     """Print the state of every gateway that answers."""

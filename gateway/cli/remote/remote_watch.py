@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gateway.cli.bus_link import add_address, client_credentials, connect_endpoint
+from gateway.cli.bus_link import ADDRESS_OPTIONS, client_credentials, connect_endpoint
 from gateway.cli.command import command, option
 from gateway.text import printable
 
@@ -55,7 +55,7 @@ MAX_OUTPUT_WAIT_S = 0.1
     option(
         "--resume", type=Path, metavar="FILE", help="keep the number of the last alert in FILE, and continue from it"
     ),
-    add_address,
+    *ADDRESS_OPTIONS,
 )
 def run_watch(arguments: argparse.Namespace) -> int:
     """Print messages until Ctrl-C, or as many as are wanted."""
