@@ -39,7 +39,7 @@ UNIT_OPTIONS = (
         help="each axis has an aligning unit of its own with two screws (default: one unit, three screws)",
     ),
 )
-"""The screws of the aligning unit in a housing; `aligning_unit` returns it."""
+"""The screws of the aligning unit in a housing; `aligning_unit` returns it. Basis: of the defaults, an M3 screw."""
 
 
 def aligning_unit(arguments: argparse.Namespace) -> "AligningUnit":
