@@ -1,11 +1,13 @@
-"""What a bridge knows of its gateway: a value is stated while it holds, and never after."""
+"""What a bridge knows of its gateway: a value is stated while it holds, and never after; OPC UA has a bad status for it then."""
 
 from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import Any
 
 import pytest
+from asyncua import ua
 
+from gateway.bridge.opcua_values import data_value
 from gateway.bridge.plant_snapshot import (
     LEVEL_CODES,
     LONGEST_AGE_MS,
@@ -266,3 +268,14 @@ def test_the_table_names_what_a_snapshot_has_and_each_once() -> None:
 def test_a_clock_that_is_out_of_range_costs_the_sample_time_alone() -> None:
     snapshot = replace(PlantSnapshot(state=PlantState.FINE), sample_time_ns=10**30)
     assert snapshot.sample_time is None
+
+
+@pytest.mark.parametrize("state", PlantState)
+def test_what_is_not_known_is_bad_in_every_state(state: PlantState) -> None:
+    snapshot = PlantSnapshot(state=state)
+    for value in PLANT_VALUES:
+        if value.number(snapshot) is None:
+            shown = data_value(value, snapshot)
+            assert shown.StatusCode is not None
+            assert shown.StatusCode.is_bad()
+            assert shown.Value == ua.Variant()

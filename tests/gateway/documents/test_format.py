@@ -1,10 +1,11 @@
-"""Numbers as a document prints them."""
+"""Numbers, names and sentences as a document prints them."""
 
 import math
 
 import pytest
 
 from gateway.documents.format import (
+    as_sentence,
     format_decade,
     format_number,
     format_p_value,
@@ -13,6 +14,9 @@ from gateway.documents.format import (
     format_time_span,
     format_with_interval,
     format_with_uncertainty,
+    human_name,
+    join_names,
+    printable_text,
 )
 
 
@@ -87,3 +91,22 @@ def test_percentages_probabilities_times_and_decades() -> None:
     assert (format_time_span(3.0, 3.01), format_time_span(3.0, 4.0)) == ("at 3.0 s", "3.0 s to 4.0 s")
     decades = [format_decade(value) for value in (0.01, 1000.0, 1e6, 1e-6, 0.0)]
     assert decades == ["0.01", "1000", "10⁶", "10⁻⁶", ""]
+
+
+def test_names_are_joined_as_words() -> None:
+    assert human_name("wind_gust") == "wind gust"
+    assert join_names([]) == "nothing"
+    assert join_names(["wind_gust"]) == "wind gust"
+    assert join_names(["wind_gust", "impact", "hoisting"], "or") == "wind gust, impact or hoisting"
+
+
+def test_sentences_start_with_a_capital_and_end_with_a_stop() -> None:
+    assert as_sentence("too short; record more") == "Too short; record more."
+    assert as_sentence("  Really?") == "Really?"
+    assert as_sentence("") == ""
+
+
+def test_text_of_unknown_origin_is_printable_and_bounded() -> None:
+    assert printable_text("a\x00b\u202ec", 10) == "a\ufffdb\ufffdc"
+    assert printable_text("abcdef", 4) == "abc…"
+    assert printable_text("abcd", 4) == "abcd"

@@ -113,11 +113,6 @@ def test_metrics_omit_stale_and_unknown_values(scene: Scene) -> None:
     assert _samples(nothing)['plumbline_up{site="north-yard",crane="crane-3",sensor="hook"}'] == 0
 
 
-def test_metrics_escape_label_values(scene: Scene) -> None:
-    text = format_exposition(_evidence(scene), COUNTERS, {"site": 'a"b\\c\nd'})
-    assert 'plumbline_up{site="a\\"b\\\\c\\nd"} 1' in text.splitlines()
-
-
 def test_start_parameters_are_encoded_and_parsed() -> None:
     parameters = replace(PARAMETERS, title="Crane 3", lean_trip_deg=3.0)
     assert parse_parameters(encode_parameters(parameters)) == parameters
