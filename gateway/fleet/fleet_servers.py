@@ -12,7 +12,6 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import Any, get_args
 
-from pydantic_core import to_json
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
@@ -27,7 +26,7 @@ from gateway.fleet.report import FleetReport
 from gateway.messages import SCHEMA_VERSION
 from gateway.page.channel import place_of
 from gateway.page.guard import AllowedHosts, Guard
-from gateway.page.http_server import HttpServer, static_routes
+from gateway.page.http_server import HttpServer, json_response, static_routes
 from gateway.page.hub import EventStream, event
 from gateway.page.metrics import (
     CONTENT_TYPE,
@@ -100,10 +99,10 @@ class FleetPage:
 
     async def _healthz(self, _request: Request) -> Response:
         connected = self._look().connected
-        return Response(to_json({"ok": connected}), 200 if connected else 503, media_type="application/json")
+        return json_response({"ok": connected}, 200 if connected else 503)
 
     async def _fleet(self, _request: Request) -> Response:
-        return Response(to_json(self._content()), media_type="application/json")
+        return json_response(self._content())
 
     async def _events(self, request: Request) -> Response:
         address = request.client.host if request.client else ""

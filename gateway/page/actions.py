@@ -17,6 +17,7 @@ from starlette.routing import Route
 
 from gateway.page.channel import REPORT, REQUEST, Frame, encode_frame
 from gateway.page.guard import BodyError, read_body
+from gateway.page.http_server import json_response
 from gateway.page.sign_in import EXPIRY_S, PinState, SignedInPerson, SignIn, SignInReport, read_pin, replace_pin
 from gateway.page.state import PageState
 
@@ -206,7 +207,7 @@ async def _read(request: Request, model: type[Content]) -> Content | Response:
 
 
 def _answer(status: int, **content: object) -> Response:
-    return Response(to_json(content), status, media_type="application/json")
+    return json_response(content, status)
 
 
 class SignInReporter:

@@ -14,6 +14,7 @@ from importlib import resources
 from typing import Any
 
 import uvicorn
+from pydantic_core import to_json
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
@@ -234,6 +235,11 @@ def static_routes(page: str, language: str) -> list[Route]:
             path = "/" if is_page else f"/{file.name}"
             routes.append(Route(path, partial(_serve_file, file.read_bytes(), media_type)))
     return routes
+
+
+def json_response(content: object, status: int = 200) -> Response:
+    """Return a response in JSON; a number that is not finite becomes null, which every browser can read."""
+    return Response(to_json(content, inf_nan_mode="null"), status, media_type="application/json")
 
 
 async def _serve_file(content: bytes, media_type: str, _request: Request) -> Response:

@@ -10,7 +10,6 @@ import socket
 import sys
 import time
 
-from pydantic_core import to_json
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
@@ -20,7 +19,7 @@ from gateway.page import metrics
 from gateway.page.actions import Actions, GatewayRequests
 from gateway.page.channel import ANSWER, PARAMETERS, Frame, Parameters, parse_parameters, receive_frame
 from gateway.page.guard import AllowedHosts, Guard
-from gateway.page.http_server import HttpServer, log_to_stderr, static_routes
+from gateway.page.http_server import HttpServer, json_response, log_to_stderr, static_routes
 from gateway.page.hub import EventStream, event
 from gateway.page.state import PageState
 
@@ -43,10 +42,10 @@ def make_application(state: PageState, hub: EventStream, actions: Actions, hosts
     async def healthz(_request: Request) -> Response:
         judged = state.verdict(time.monotonic())
         well = judged.word not in ("NO DATA", "STALE")
-        return _json({"ok": well, "verdict": judged.word, "reasons": judged.reasons}, 200 if well else 503)
+        return json_response({"ok": well, "verdict": judged.word, "reasons": judged.reasons}, 200 if well else 503)
 
     async def api_state(_request: Request) -> Response:
-        return _json(state.snapshot(time.monotonic()))
+        return json_response(state.snapshot(time.monotonic()))
 
     async def api_events(request: Request) -> Response:
         address = request.client.host if request.client else ""
@@ -70,10 +69,6 @@ def make_application(state: PageState, hub: EventStream, actions: Actions, hosts
     changing = actions.changing_routes()
     routes = [*static_routes("index.html", state.parameters.language), *reading, *actions.reading_routes(), *changing]
     return Guard(Starlette(routes=routes), hosts, {route.path for route in changing})
-
-
-def _json(content: object, status: int = 200) -> Response:
-    return Response(to_json(content, inf_nan_mode="null"), status, media_type="application/json")
 
 
 def main() -> int:

@@ -168,7 +168,10 @@ def run_laser(arguments: argparse.Namespace) -> int:
             f"--dot-mm {arguments.dot_mm:g} leaves no white between dots of --pitch-mm {arguments.pitch_mm:g}"
         )
     if arguments.board is not None:
-        _write_board(arguments)
+        from gateway.bench.laser.board import board_pdf
+        from gateway.cli.output import write_bytes
+
+        write_bytes(arguments.board, board_pdf(_board(arguments)))
         if not arguments.files:
             return 0
     if len(arguments.files) < 2:
@@ -211,13 +214,6 @@ def _write_overlays(folder: Path, found: "Measured") -> None:
     for number, (measured, displacement) in enumerate(found, start=1):
         name = f"{number:02d}-{measured.photograph.path.stem}.png"
         write_bytes(folder / name, draw_overlay(measured, found[0][0], displacement))
-
-
-def _write_board(arguments: argparse.Namespace) -> None:
-    from gateway.bench.laser.board import board_pdf
-    from gateway.cli.output import write_bytes
-
-    write_bytes(arguments.board, board_pdf(_board(arguments)))
 
 
 def _board(arguments: argparse.Namespace) -> "DotBoard":

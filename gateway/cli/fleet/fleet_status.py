@@ -110,7 +110,6 @@ def _parse_levels(text: str) -> "frozenset[Level]":
 )
 def run_status(arguments: argparse.Namespace) -> int:
     """Print the list, or go on; return 1 where a gateway is not well."""
-    from gateway.cli.fleet.fleet_status import watch_fleet
     from gateway.cli.output import show
     from gateway.fleet.fleet_state import FleetState
     from gateway.fleet.report import FleetQuery

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from gateway.cli.command import command, option
 
 if TYPE_CHECKING:
-    from gateway.configuration.answers import Answers
     from gateway.configuration.model import Configuration
 
 NOT_DONE = 1
@@ -39,7 +38,7 @@ def run_setup(arguments: argparse.Namespace) -> int:
     """Ask, write and check."""
     from gateway.cli.machine.setup_dialogue import ask_all, confirm
     from gateway.configuration.answers import Answers
-    from gateway.configuration.loading import SETTINGS, load_text, require_sensor
+    from gateway.configuration.loading import SETTINGS, load_text, read_table, require_sensor
     from gateway.errors import InputError
 
     path = arguments.out or SETTINGS
@@ -49,7 +48,7 @@ def run_setup(arguments: argparse.Namespace) -> int:
         raise InputError(f"{path} exists and stays; --replace replaces it, and keeps the former one beside it")
     if not os.access(path.parent, os.W_OK):
         raise InputError(f"{path.parent}: cannot be written; as root for the service, or name another place with --out")
-    answers = Answers() if asking else _read_answers(arguments.answers)
+    answers = Answers() if asking else Answers(read_table(arguments.answers))
     if asking:
         ask_all(answers)
     where = str(path if asking else arguments.answers)
@@ -64,14 +63,6 @@ def run_setup(arguments: argparse.Namespace) -> int:
             return NOT_DONE
     _write(path, text)
     return 0 if arguments.no_check else _check(path, configuration)
-
-
-def _read_answers(path: Path) -> "Answers":
-    """Return the answers of a file. Raises `ConfigurationError`."""
-    from gateway.configuration.answers import Answers
-    from gateway.configuration.loading import read_table
-
-    return Answers(read_table(path))
 
 
 def _write(path: Path, text: str) -> None:
