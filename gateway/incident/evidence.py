@@ -192,11 +192,15 @@ class RecordVerdict:
     sentences: tuple[str, ...]
 
 
-def judge_recordings(paths: Sequence[Path], key: str | None) -> RecordVerdict:
-    """Verify the files of a report; `key`: the gateway's public key, None: not given.
+def judge_recordings(
+    paths: Sequence[Path], key: str | None, *, said_by: str = "", refusal: str | None = None
+) -> RecordVerdict:
+    """Verify the files of a report.
 
-    Files that are not given cannot be missed: only `record verify` of the whole folder states that none was removed. Raises
-    `RecordingError` where a file cannot be read.
+    `key`: the gateway's public key, None: not known; `said_by`: who says that it is the gateway's, as a sentence, empty: who
+    gave it; `refusal`: why the site's CA does not vouch for it, None: it does, or was not asked. Files that are not given cannot
+    be missed: only `record verify` of the whole folder states that none was removed. Raises `RecordingError` where a file cannot
+    be read.
     """
     try:
         chain = verify_chain([verify_file(path, key) for path in paths], (), key)
@@ -207,18 +211,21 @@ def judge_recordings(paths: Sequence[Path], key: str | None) -> RecordVerdict:
             "open", "not signed", ("The recordings have no signatures: no change of them can be detected.",)
         )
     remarks = (*chain.remarks, *(f"{file.path.name}: {text}" for file in chain.files for text in file.remarks))
-    if chain.answer == "differs":
-        return RecordVerdict("differs", "THEY DIFFER FROM WHAT THE GATEWAY SIGNED", (*_problems(chain), *remarks))
+    if chain.answer == "differs" or refusal is not None:
+        differ = "THEY DIFFER FROM WHAT THE GATEWAY SIGNED"
+        label = differ if chain.answer == "differs" else "THE SITE’S CA DOES NOT VOUCH FOR THEM"
+        return RecordVerdict("differs", label, (*_problems(chain), *([refusal] if refusal else []), *remarks))
     if not chain.public_keys:
         return RecordVerdict("open", "chained by hashes, not signed", remarks)
     signer = fingerprint(chain.public_keys[0])
     if key is None:
         compare = (
             f"Whoever wrote the recordings may have signed them: their key {signer} stands in them alone. "
-            "Compare it with the gateway’s, or give that with --key."
+            "Compare it with the gateway’s, or give that with --key, or the site’s CA with --ca."
         )
         return RecordVerdict("open", "consistent in themselves only", (compare, *remarks))
-    return RecordVerdict("genuine", f"genuine, nothing differs from what the gateway signed (key {signer})", remarks)
+    sentences = (said_by, *remarks) if said_by else remarks
+    return RecordVerdict("genuine", f"genuine, nothing differs from what the gateway signed (key {signer})", sentences)
 
 
 def _problems(chain: ChainVerification) -> tuple[str, ...]:

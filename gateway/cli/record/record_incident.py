@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 from gateway.cli.argument_types import above_zero, recording_time, whole_number
 from gateway.cli.command import command, one_of, option
 from gateway.cli.output import JSON_OPTION
-from gateway.cli.recording_options import PATHS_OPTION
+from gateway.cli.record.known_key import KEY_OPTION, known_key
+from gateway.cli.recording_options import CA_OPTION, PATHS_OPTION
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -68,11 +69,8 @@ REPORT = "cause.html"
         action="store_true",
         help="also fit a simulation of the crane, which names what moved the load; takes minutes",
     ),
-    option(
-        "--key",
-        metavar="PUBLIC",
-        help="the gateway's public key, for the verification: 64 hexadecimal digits, or the file signing-key.pem.pub",
-    ),
+    KEY_OPTION,
+    CA_OPTION,
     JSON_OPTION,
 )
 def run_incident(arguments: argparse.Namespace) -> int:
@@ -142,9 +140,9 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
     from gateway.cli.progress import ProgressBar
     from gateway.incident.evidence import judge_recordings
     from gateway.incident.incident_report import PAGE_FILE, write_report
-    from gateway.pki.signing_key import read_public_key
 
-    key = None if arguments.key is None else read_public_key(arguments.key)
+    known = known_key(arguments.key, arguments.ca, [segment.path for segment in timeline.segments])
+    refusal = None if known.vouched is None else known.vouched.refusal
     made = datetime.now(tz=UTC)
     origin = datetime.fromtimestamp((window.origin_ns + timeline.span().wall_offset_ns) / 1e9, tz=UTC)
     folder = arguments.out or Path(f"incident-{origin:%Y%m%dT%H%M%SZ}")
@@ -153,7 +151,7 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
             timeline,
             window,
             folder,
-            verify=lambda paths: judge_recordings(paths, key),
+            verify=lambda paths: judge_recordings(paths, known.public_key, said_by=known.said_by, refusal=refusal),
             computed={
                 "Made by": f"plumbline {__version__}",
                 "Made at": f"{made:%Y-%m-%d %H:%M:%S} UTC",

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from gateway.cli.command import command, option
 from gateway.cli.output import JSON_OPTION
-from gateway.cli.recording_options import CA_OPTION, PATHS_OPTION, SELECTION_OPTIONS, interval, refusal_by
+from gateway.cli.record.known_key import KEY_OPTION, known_key
+from gateway.cli.recording_options import CA_OPTION, PATHS_OPTION, SELECTION_OPTIONS, interval
 from gateway.errors import ANSWER_IS_NO, WITH_LOSSES
 
 if TYPE_CHECKING:
@@ -66,12 +67,7 @@ def run_info(arguments: argparse.Namespace) -> int:
     "the first segment on: those that the gateway has deleted, as it has signed, are named and are no difference.",
     "example: plumbline record verify plumbline-data --key signing-key.pem.pub",
     PATHS_OPTION,
-    option(
-        "--key",
-        metavar="PUBLIC",
-        help="the gateway's public key: 64 hexadecimal digits, or the file signing-key.pem.pub, kept apart from the "
-        "recordings",
-    ),
+    KEY_OPTION,
     CA_OPTION,
     option(
         "--heard",
@@ -102,23 +98,20 @@ def run_info(arguments: argparse.Namespace) -> int:
 )
 def run_verify(arguments: argparse.Namespace) -> int:
     """Verify recordings; return the exit code of the answer."""
-    from gateway.bus.known_gateways import known_statement, read_statements
+    from gateway.bus.known_gateways import read_statements
     from gateway.cli.output import show
     from gateway.cli.progress import ProgressBar
-    from gateway.pki.signing_key import fingerprint, read_public_key
-    from gateway.recording.chain.chain_verification import find_vouched_key, verify_chain
+    from gateway.pki.signing_key import fingerprint
+    from gateway.recording.chain.chain_verification import verify_chain
     from gateway.recording.chain.file_verification import verify_file
     from gateway.recording.chain.time_stamps import describe_proven, list_time_stamp_files, load_verifier, prove_all
     from gateway.recording.reading.timeline import list_recordings
 
     paths = list_recordings(arguments.paths)
-    known = known_statement(_gateway_of(paths[0]))
+    known = known_key(arguments.key, arguments.ca, paths)
+    key, vouched = known.public_key, known.vouched
     heard = [statement for path in arguments.heard for statement in read_statements(path)]
-    pinned = None if known is None else known.public_key
-    vouched = None if arguments.ca is None else find_vouched_key(paths, refusal_by(arguments.ca))
-    key = pinned or (vouched.public_key if vouched is not None else None)
-    key = key if arguments.key is None else read_public_key(arguments.key)
-    heard += [] if known is None or known.public_key != key else [known]
+    heard += [] if known.heard is None or known.heard.public_key != key else [known.heard]
     folders = [path for path in arguments.paths if path.is_dir()]
     stamp_files = [*arguments.time_stamps, *(file for folder in folders for file in list_time_stamp_files(folder))]
     verifier = None if arguments.tsa_ca is None else load_verifier(arguments.tsa_ca)
@@ -140,18 +133,8 @@ def run_verify(arguments: argparse.Namespace) -> int:
     stamps = [{"segment": each.statement.segment, "time_utc": each.at.isoformat()} for each in proven]
     content = {**chain.as_json(), "time_stamps": stamps, "time_stamp_remarks": remarks}
     content["vouched_key"] = None if vouched is None else vouched.public_key
-    is_pinned = arguments.key is None and pinned is not None
-    show(_text(chain, key, said, is_pinned=is_pinned), content, arguments.json)
+    show(_text(chain, key, said, is_pinned=known.is_pinned), content, arguments.json)
     return EXIT_CODES[chain.answer]
-
-
-def _gateway_of(path: Path) -> str:
-    """Return the gateway that a statement in a file names; its signature is checked later."""
-    from gateway.recording.chain.statements import SIGNATURE, parse_statement
-    from gateway.recording.reading.recording_file import read_index
-
-    statement = parse_statement(read_index(path).metadata.get(SIGNATURE, {}).get("statement", ""))
-    return "" if statement is None else statement.gateway
 
 
 def _text(chain: "ChainVerification", key: str | None, said: list[str], *, is_pinned: bool) -> str:

@@ -14,6 +14,8 @@ from mcap.reader import make_reader
 
 from gateway.bus.known_gateways import known_statement, remember_statement
 from gateway.cli.main import main
+from gateway.cli.record.known_key import known_key
+from gateway.incident.evidence import judge_recordings
 from gateway.messages import NewestStatement
 from gateway.pki.issue import Holder
 from gateway.pki.signing_key import fingerprint, load_or_create_key
@@ -137,6 +139,30 @@ def test_a_key_that_is_given_must_be_right_beside_the_ca(
     record(START_NS, segments=1)
     assert verify(site, data, "--key", vouching.key.public_hex) == 0
     assert verify(site, data, "--key", "ab" * 32) == 1
+
+
+def test_a_report_of_an_incident_judges_by_the_same_keys(
+    site: Site, vouching: Vouching, record: Record, data: Path
+) -> None:
+    vouching.by(site.issue("crane-2", Holder.GATEWAY))
+    paths = record(START_NS, segments=1)
+
+    def judged(ca: Path | None) -> tuple[str, str]:
+        known = known_key(None, ca, paths)
+        refusal = None if known.vouched is None else known.vouched.refusal
+        verdict = judge_recordings(paths, known.public_key, said_by=known.said_by, refusal=refusal)
+        return verdict.kind, verdict.sentences[0]
+
+    ca = site.folder.path / "ca.pem"
+    assert judged(None)[0] == "open"
+    assert judged(ca) == ("genuine", f"The site’s CA vouches for the key of {GATEWAY}.")
+    site.folder.revoke("crane-2", utc_now())
+    kind, why = judged(ca)
+    assert kind == "differs"
+    assert "revoked" in why
+    heard = NewestStatement(gateway=GATEWAY, segment=1, sha256="0" * 64, public_key=vouching.key.public_hex)
+    assert remember_statement(heard) is None
+    assert judged(None) == ("genuine", "Who made this report heard the key from the gateway at the first contact.")
 
 
 def test_a_file_that_is_no_ca_is_named(

@@ -1,0 +1,75 @@
+"""By which key recordings are judged: the one that is given, that this user has heard, or for which the site's CA vouches."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gateway.cli.command import option
+from gateway.cli.recording_options import refusal_by
+
+if TYPE_CHECKING:
+    from gateway.messages import NewestStatement
+    from gateway.recording.chain.chain_verification import VouchedKey
+
+KEY_OPTION = option(
+    "--key",
+    metavar="PUBLIC",
+    help="the gateway's public key: 64 hexadecimal digits, or the file signing-key.pem.pub, kept apart from the recordings",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class KnownKey:
+    """The key, and who says that it is the gateway's."""
+
+    given: str | None
+    heard: "NewestStatement | None"
+    """What this user has heard of the gateway, its key at the first contact."""
+    vouched: "VouchedKey | None"
+    """What the CA says; None: it is not to be asked."""
+
+    @property
+    def public_key(self) -> str | None:
+        """The key; None: none is known."""
+        pinned = None if self.heard is None else self.heard.public_key
+        return self.given or pinned or (None if self.vouched is None else self.vouched.public_key)
+
+    @property
+    def is_pinned(self) -> bool:
+        """Whether the first contact alone says that it is the gateway's."""
+        return self.given is None and self.heard is not None
+
+    @property
+    def said_by(self) -> str:
+        """Who says that it is the gateway's, as a sentence; empty where it was given or none is known."""
+        if self.is_pinned:
+            return "Who made this report heard the key from the gateway at the first contact."
+        if self.given is None and self.vouched is not None and self.vouched.public_key is not None:
+            return f"The site’s CA vouches for the key of {self.vouched.gateway}."
+        return ""
+
+
+def known_key(given: str | None, ca: Path | None, paths: Sequence[Path]) -> KnownKey:
+    """Return the key for recordings in order of time, one at least.
+
+    Raises `InputError` and `KeyFileError` for an option that cannot be read, `RecordingError` for a recording.
+    """
+    from gateway.bus.known_gateways import known_statement
+    from gateway.pki.signing_key import read_public_key
+    from gateway.recording.chain.chain_verification import find_vouched_key
+
+    return KnownKey(
+        given=None if given is None else read_public_key(given),
+        heard=known_statement(_gateway_of(paths[0])),
+        vouched=None if ca is None else find_vouched_key(paths, refusal_by(ca)),
+    )
+
+
+def _gateway_of(path: Path) -> str:
+    """Return the gateway that a statement in a file names; its signature is checked later."""
+    from gateway.recording.chain.statements import SIGNATURE, parse_statement
+    from gateway.recording.reading.recording_file import read_index
+
+    statement = parse_statement(read_index(path).metadata.get(SIGNATURE, {}).get("statement", ""))
+    return "" if statement is None else statement.gateway
