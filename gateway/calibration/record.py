@@ -92,7 +92,7 @@ class CalibrationRecord(BaseModel):
     poses: list[dict[str, Any]] = []
     """Poses, each as of `Pose.as_json`."""
     misalignment_deg: dict[str, list[Number]] | None = None
-    """Two angles of each axis (Łuczak et al. 2022, eq. 13 to 18), in the order of `misalignment.PAIR_ORDER`."""
+    """Two angles of each axis (Łuczak et al. 2022, eq. 13 to 18), in the order of `calibration_fit.PAIR_ORDER`."""
     residual_rms_g: Number | None = None
     condition_number: Number | None = None
     budget: list[BudgetEntry] = []

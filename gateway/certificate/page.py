@@ -8,7 +8,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.calibration.record import BudgetEntry, CalibrationRecord
 from gateway.certificate.comparison import changes_since, differs_from_named
@@ -23,10 +22,10 @@ from gateway.documents.format import (
     power_of_ten,
     printable_text,
 )
+from gateway.numerics.array import Array
 
 MAX_FIELD_CHARACTERS = 40
 """Characters of a field. Basis: a choice; one line of its column."""
-Array = NDArray[np.float64]
 MAX_EXPONENT = 300
 """Basis: a larger power of ten is no float of 64 bits."""
 MAX_BUDGET_ROWS = 7
