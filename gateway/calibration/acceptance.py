@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict
 from gateway.calibration.calibration_fit import CalibrationFit, WarningKind
 from gateway.calibration.drift.change import SensorChange, sensor_change
 from gateway.calibration.methods.experiment_design import MAX_CONDITION_NUMBER
-from gateway.calibration.methods.six_position import PLACEMENT_U_DEG, find_changed_readings
+from gateway.calibration.methods.six_position import find_changed_readings
 from gateway.calibration.record import CalibrationRecord, PoseMethod, content_hash
 from gateway.calibration.thermal_model import correction_at, holds_at_c
 from gateway.numerics.array import Array
@@ -63,7 +63,7 @@ def judge(fit: CalibrationFit, parent: CalibrationRecord | None) -> Acceptance:
         implausible += _implausible_changes(change, parent.id)
         if fit.method != PoseMethod.NORM_FIT.value:  # its poses are held near a face, not laid on it
             poses = tuple(pose.as_json() for pose in fit.poses)
-            changed = find_changed_readings(poses, tuple(parent.poses), PLACEMENT_U_DEG)
+            changed = find_changed_readings(poses, tuple(parent.poses))
             implausible += [warning.as_record_text() for warning in changed]
         notes.append(_describe_change(change, parent.id))
     return Acceptance(refused=tuple(_refusals(fit)), implausible=tuple(implausible), notes=tuple(notes))

@@ -64,7 +64,7 @@ def find_outliers(poses: tuple[Pose, ...], residual_g: Array, u_g: Array) -> lis
     ]
 
 
-def find_changed_readings(new: RecordPoses, old: RecordPoses, placement_u_deg: float) -> list[FitWarning]:
+def find_changed_readings(new: RecordPoses, old: RecordPoses) -> list[FitWarning]:
     """Return the readings that changed between two sessions by more than two placements explain, the common drift removed.
 
     Within one session two opposite faces share their residual; the comparison with an earlier session shows which one is wrong.
@@ -77,7 +77,7 @@ def find_changed_readings(new: RecordPoses, old: RecordPoses, placement_u_deg: f
     change = readings - np.array([before[face] for face in faces])
     scale = np.ptp(readings, axis=0) / 2
     change_g = (change - np.median(change, axis=0)) / scale
-    limit_g = K_OUTLIER * np.sqrt(2) * np.sin(np.radians(placement_u_deg))
+    limit_g = K_OUTLIER * np.sqrt(2) * np.sin(np.radians(PLACEMENT_U_DEG))
     return [
         FitWarning(
             WarningKind.OUTLIER,

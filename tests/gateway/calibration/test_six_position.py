@@ -10,7 +10,6 @@ import pytest
 from gateway.calibration.calibration_fit import FitWarning, WarningKind
 from gateway.calibration.methods.non_linearity import find_non_linearity
 from gateway.calibration.methods.six_position import (
-    PLACEMENT_U_DEG,
     apply_extremes,
     find_changed_readings,
     find_extremes,
@@ -113,10 +112,10 @@ def test_only_the_outlier_of_table_3_is_flagged() -> None:
 def test_an_earlier_session_decides_which_position_is_the_outlier() -> None:
     as_json = {number: tuple(pose.as_json() for pose in table(number)) for number in range(1, 6)}
     for old in (1, 2, 4, 5):
-        (warning,) = find_changed_readings(as_json[3], as_json[old], PLACEMENT_U_DEG)
+        (warning,) = find_changed_readings(as_json[3], as_json[old])
         assert "U_x with +y up" in warning.text
         for new in (1, 2, 4, 5):
-            assert find_changed_readings(as_json[new], as_json[old], PLACEMENT_U_DEG) == []
+            assert find_changed_readings(as_json[new], as_json[old]) == []
 
 
 def test_injected_errors_are_recovered_exactly() -> None:
