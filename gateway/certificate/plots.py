@@ -149,9 +149,15 @@ def _point(x: float, value: float, u: float, scale: Scale, title: str) -> Figure
 
 
 @dataclass(frozen=True, slots=True)
-class ResidualPlot:
-    """All coordinates of the plot."""
+class PoseResiduals:
+    """The residuals of the poses together, and all coordinates of their plot."""
 
+    rms_g: float | None
+    """Of the poses that the fit used; None where it used none that can be shown."""
+    used: int
+    beyond_3u: int
+    hidden: int
+    """Poses that cannot be shown."""
     ticks: tuple[Tick, ...]
     pose_labels: tuple[Tick, ...]
     poses: tuple[tuple[PoseResidual, FigurePoint], ...]
@@ -162,40 +168,22 @@ class ResidualPlot:
     area: PlotArea = AREA
 
 
-@dataclass(frozen=True, slots=True)
-class PoseResiduals:
-    """The residuals of the poses together, with their plot."""
-
-    plot: ResidualPlot
-    rms_g: float | None
-    """Of the poses that the fit used; None where it used none that can be shown."""
-    used: int
-    beyond_3u: int
-    hidden: int
-    """Poses that cannot be shown."""
-
-
 def pose_residuals(record: CalibrationRecord) -> PoseResiduals | None:
     """Return the residuals of a record; None where it holds no pose that can be shown."""
     found = residuals(record)[:MAX_SHOWN_POSES]
     if not found:
         return None
     used = [residual for residual in found if residual.used]
-    return PoseResiduals(
-        plot=_residual_plot(found, 1000 * float(record.prediction_interval_g)),
-        rms_g=math.sqrt(sum(r.residual_g**2 for r in used) / len(used)) if used else None,
-        used=len(used),
-        beyond_3u=sum(residual.ratio > BEYOND_U for residual in used),
-        hidden=len(record.poses) - len(found),
-    )
-
-
-def _residual_plot(found: tuple[PoseResidual, ...], dm_mg: float) -> ResidualPlot:
+    dm_mg = 1000 * float(record.prediction_interval_g)
     reach_mg = max(1000 * (abs(residual.residual_g) + 2 * residual.u_g) for residual in found) or dm_mg
     band_shown = dm_mg <= BAND_SHOWN * reach_mg
     half_mg = 1.12 * (max(reach_mg, dm_mg) if band_shown else reach_mg)
     scale = Scale(0.0, half_mg, AREA.bottom, AREA.top)
-    return ResidualPlot(
+    return PoseResiduals(
+        rms_g=math.sqrt(sum(r.residual_g**2 for r in used) / len(used)) if used else None,
+        used=len(used),
+        beyond_3u=sum(residual.ratio > BEYOND_U for residual in used),
+        hidden=len(record.poses) - len(found),
         ticks=scale.ticks(),
         pose_labels=_pose_labels(found),
         poses=tuple((one, _pose_point(one, _x(place, len(found)), scale)) for place, one in enumerate(found)),
