@@ -1,4 +1,7 @@
-"""Acceptance of a fit: its limits, findings that require a reason, and its record: fields, hash and id, other origins."""
+"""Acceptance of a fit: its limits, findings that require a reason, and its record: fields, hash and id, other origins.
+
+The prediction interval, which is one of the limits, is tested against its closed form (Łuczak n.d., eq. 14).
+"""
 
 import json
 from dataclasses import replace
@@ -9,7 +12,7 @@ import pytest
 
 from devices.simulated.accelerometer import Accelerometer, factory_calibration, no_errors
 from gateway.calibration.acceptance import change_since, judge, make_record
-from gateway.calibration.calibration_fit import CalibrationFit, FitWarning, WarningKind
+from gateway.calibration.calibration_fit import CalibrationFit, FitWarning, WarningKind, prediction_interval_g
 from gateway.calibration.methods.six_position import fit_six_positions
 from gateway.calibration.poses.pose import FACE_DIRECTIONS, Pose
 from gateway.calibration.record import CalibrationRecord
@@ -19,6 +22,7 @@ FIELDS = {
     *("correction_matrix", "covariance", "prediction_interval_g", "temperature_c", "thermal", "poses"),
     *("misalignment_deg", "residual_rms_g", "condition_number", "budget", "warnings", "sha256"),
 }
+VOLTS_PER_G = 0.42
 WHO: dict[str, Any] = {"device_id": "part-7", "unit": "counts", "software": "0.1.0", "by": "bench", "parent": None}
 
 
@@ -149,3 +153,17 @@ def test_a_record_without_the_newer_fields_stays_as_it_is() -> None:
 def test_the_budget_contains_the_range_of_temperature() -> None:
     (row,) = [row for row in six_faces().budget if row["source"] == "temperature spread"]
     assert row["u_g"] == pytest.approx(0.5e-3 * 5 / np.sqrt(12))
+
+
+def interval_g(u_scale: float, u_offset_g: float, noise_g: float) -> float:
+    covariance = np.zeros((12, 12))
+    covariance[0, 0] = (u_scale / VOLTS_PER_G) ** 2  # of the first entry of the matrix alone
+    covariance[9:, 9:] = (u_offset_g * VOLTS_PER_G) ** 2 * np.eye(3)
+    return prediction_interval_g(np.eye(3) / VOLTS_PER_G, covariance, noise_g)
+
+
+def test_the_prediction_interval_is_three_standard_deviations_of_noise_offset_and_scale_together() -> None:
+    assert interval_g(0.0, 0.0, 0.002) == pytest.approx(0.006)
+    assert interval_g(0.0, 0.003, 0.0) == pytest.approx(0.009)
+    assert interval_g(0.004, 0.0, 0.0) == pytest.approx(0.012)
+    assert interval_g(0.004, 0.003, 0.012) == pytest.approx(3 * 0.013)

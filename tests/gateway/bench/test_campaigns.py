@@ -1,11 +1,15 @@
-"""One session of every blunder, and of every method done well, through the command line."""
+"""The campaigns of the bench methods, shortened: blunders through the command line, and intervals over planted sessions."""
 
+import numpy as np
 import pytest
 
 from tests.gateway.bench.blunders.campaign import BLUNDERS, SOUND, Blunder, run
+from tests.gateway.bench.intervals.__main__ import KINDS
 
 SHOWN_NOWHERE = {"the camera turned by a quarter", "a reflection beside the spot", "one ramp in °F"}
 """Blunders that some sessions do not show, by `docs/evidence/blunders.md`."""
+SESSIONS = {"at rest": 8, "laser": 4, "single": 60, "girder": 60, "alignment": 60}
+"""Sessions by the beginning of a kind's name; 15 of the others."""
 
 
 @pytest.mark.slow
@@ -24,3 +28,12 @@ def test_a_good_session_is_neither_refused_nor_flagged(name: str) -> None:
 
 def test_there_are_sixty_blunders_or_more() -> None:
     assert len({(blunder.method, blunder.text) for blunder in BLUNDERS}) == len(BLUNDERS) >= 60
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_95_of_100_intervals_hold(kind: str) -> None:
+    """Fewer than 95 % less four standard deviations of a share are no chance."""
+    count = next((number for name, number in SESSIONS.items() if kind.startswith(name)), 15)
+    hits = np.array([KINDS[kind](seed) for seed in range(1000, 1000 + count)], dtype=float)
+    assert hits.mean() >= 0.95 - 4 * np.sqrt(0.95 * 0.05 / hits.size)
