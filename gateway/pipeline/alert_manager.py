@@ -7,10 +7,18 @@ from dataclasses import dataclass, replace
 from gateway.configuration.model import AlertsSection
 from gateway.messages import CALIBRATION_RULE, ActiveAlert, AlertEventKind, CalibrationStatus, Level, Validity
 from gateway.pipeline.alert_rules import ALERT_RULES, AlertRule
-from gateway.pipeline.alert_text import acknowledged_text, change_text, limits_text, reading_text, refuted_text
-from gateway.pipeline.incidents import Acknowledgement, Incident, IncidentRegister
+from gateway.pipeline.incidents import (
+    Acknowledgement,
+    Incident,
+    IncidentRegister,
+    acknowledged_text,
+    change_text,
+    limits_text,
+    reading_text,
+    refuted_text,
+)
 from gateway.stages.alerts import Reading, RuleState, ends_in_s, event_between, judge, judge_alarm, overall_level
-from gateway.stages.conditions.verdict import ConditionResult
+from gateway.stages.condition import ConditionResult
 from gateway.units import degrees
 
 URGENT: tuple[Validity, ...] = ("no_samples", "suspended", "uncalibrated")

@@ -28,7 +28,7 @@ from gateway.numerics.stats import NORMAL_975
 from gateway.pipeline.alert_manager import AlertChange
 from gateway.pipeline.incidents import IncidentRegister
 from gateway.pipeline.outgoing_message import Header
-from gateway.stages.conditions.verdict import ConditionResult
+from gateway.stages.condition import ConditionResult
 from gateway.stages.tilt import axial_tilt, axial_tilt_uncertainty, fused_tilt, lean_direction
 from gateway.swing.estimate import FormulaAngles
 from gateway.units import degrees, finite

@@ -11,7 +11,7 @@ from gateway.daemon.runtime.wall_clock import WallClockMonitor
 from gateway.daemon.storage.calibration_provider import CalibrationProvider
 from gateway.messages import CalibrationSession, Verdict
 from gateway.pipeline.drift_monitor import DriftMonitor
-from gateway.pipeline.rate_limiter import RateLimiter
+from gateway.pipeline.outgoing_message import RateLimiter
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.requests import Fetch, LoadSignal, Request
 from gateway.recalibration.session import Session, Timestamp, make_session_message

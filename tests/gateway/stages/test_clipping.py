@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.stages.clipping import find_clipped
+from gateway.pipeline.force_stage import find_clipped
 
 
 @pytest.mark.parametrize(("kind", "full_scale"), [(np.int32, 512_000), (np.float64, 2.0)])
