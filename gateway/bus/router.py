@@ -10,9 +10,20 @@ from typing import Any
 
 import zenoh
 
-from gateway.bus.access_control import EVERY_GATEWAY, READ, WRITE, access_rule, deny_all_but
 from gateway.bus.fleet_inbox import LARGEST_STATE_BYTES
-from gateway.bus.session import ACCEPT_MS, LARGEST_ANSWER, LEASE_MS, LONGEST_BLOCKED_US, MOST_PENDING, TlsFiles
+from gateway.bus.session import (
+    ACCEPT_MS,
+    EVERY_GATEWAY,
+    LARGEST_ANSWER,
+    LEASE_MS,
+    LONGEST_BLOCKED_US,
+    MOST_PENDING,
+    READ,
+    WRITE,
+    TlsFiles,
+    access_rule,
+    deny_all_but,
+)
 from gateway.bus.untrusted import GATEWAY_KEY, MOST_GATEWAYS, read_attachment
 from gateway.topics import STATE_TOPICS
 

@@ -45,7 +45,7 @@ from gateway.daemon.storage.compaction_worker import CompactionWorker
 from gateway.daemon.storage.outbox_writer import OutboxWriter
 from gateway.daemon.storage.recording_worker import RecordingWorker, make_recorder
 from gateway.daemon.storage.time_stamper import TimeStamper, make_time_stamper
-from gateway.outbox.outbox import FOLDER as OUTBOX_FOLDER
+from gateway.outbox import FOLDER as OUTBOX_FOLDER
 from gateway.page.sign_in import PIN_NAME
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recalibration.recalibration import Recalibration

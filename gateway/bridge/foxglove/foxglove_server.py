@@ -14,7 +14,7 @@ from foxglove.websocket import Capability, ChannelView, Client, ServerListener, 
 from gateway.bridge.plant_snapshot import PlantSnapshot
 from gateway.bridge.plant_state import STATE_CODES, UNHEARD, PlantState
 from gateway.bridge.settings import FoxgloveSection
-from gateway.configuration.address import host_and_port
+from gateway.configuration.section import host_and_port
 from gateway.errors import InputError
 from gateway.topics import TOPICS
 

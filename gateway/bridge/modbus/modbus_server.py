@@ -10,7 +10,7 @@ from gateway.bridge.modbus.modbus_frames import HEADER, answer, request_length
 from gateway.bridge.modbus.registers import encode_registers
 from gateway.bridge.plant_snapshot import PlantSnapshot
 from gateway.bridge.settings import ModbusSection
-from gateway.configuration.address import host_and_port
+from gateway.configuration.section import host_and_port
 from gateway.errors import InputError
 
 log = logging.getLogger("plumbline.modbus")

@@ -18,7 +18,7 @@ from gateway.bridge.plant_values import PLANT_VALUES, PlantValue
 from gateway.bridge.settings import OpcuaSection, read_password
 from gateway.bus.alert_receiver import AlertReceiver
 from gateway.bus.alert_sequence import AlertEvent
-from gateway.configuration.address import host_and_port, written
+from gateway.configuration.section import host_and_port, written
 from gateway.errors import InputError
 
 STEP_S = 0.1

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from gateway.cli.options.argument_types import parsed_by
 from gateway.cli.options.bus_link import add_connect, add_expect, expected_gateways, fleet_client
-from gateway.configuration.address import host_and_port, written
+from gateway.configuration.section import host_and_port, written
 from gateway.extras import require_extra
 from gateway.languages import LANGUAGES
 from gateway.page.listener import listen_at

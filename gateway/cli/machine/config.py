@@ -45,17 +45,16 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
 
 
 def _show(arguments: argparse.Namespace) -> int:
-    from gateway.configuration.loading import load
-    from gateway.configuration.render import to_toml
+    from gateway.configuration.loading import load, to_toml
 
     sys.stdout.write(to_toml(load(arguments.file)))
     return 0
 
 
 def _check(arguments: argparse.Namespace) -> int:
+    from gateway.configuration.bus_section import find_problems
     from gateway.configuration.loading import ConfigurationError, load, missing_files, require_sensor
     from gateway.errors import InputError
-    from gateway.pki.check_files import find_problems
 
     configuration = load(arguments.file)
     if problems := list(find_problems(configuration.bus.tls.files)):

@@ -93,7 +93,7 @@ def _init(arguments: argparse.Namespace) -> int:
 
 def _issue(arguments: argparse.Namespace) -> int:
     folder, now = _open(arguments)
-    from gateway.pki.issue import Holder
+    from gateway.pki.site_folder import Holder
 
     name = _checked(arguments.name)
     made = folder.issue(name, Holder(arguments.holder), arguments.host, arguments.days, now)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gateway.configuration.answers import Answers
+    from gateway.configuration.loading import Answers
     from gateway.configuration.model import Configuration
 
 NOT_DONE = 1
@@ -44,8 +44,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
 def run(arguments: argparse.Namespace) -> int:
     """Ask, write and check."""
     from gateway.cli.machine.setup_dialogue import ask_all, confirm
-    from gateway.configuration.answers import Answers
-    from gateway.configuration.loading import SETTINGS, load_text, require_sensor
+    from gateway.configuration.loading import SETTINGS, Answers, load_text, require_sensor
     from gateway.errors import InputError
 
     path = arguments.out or SETTINGS
@@ -74,8 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _read_answers(path: Path) -> "Answers":
     """Return the answers of a file. Raises `ConfigurationError`."""
-    from gateway.configuration.answers import Answers
-    from gateway.configuration.loading import read_table
+    from gateway.configuration.loading import Answers, read_table
 
     return Answers(read_table(path))
 

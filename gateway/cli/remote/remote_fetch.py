@@ -14,8 +14,7 @@ from gateway.text import printable
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-    from gateway.bus.client import GatewayClient
-    from gateway.bus.fetched import FetchedList
+    from gateway.bus.client import FetchedList, GatewayClient
     from gateway.calibration.record import CalibrationRecord
 
 Answer = TypeVar("Answer", bound="BaseModel")
@@ -37,7 +36,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 
 def _fetch(arguments: argparse.Namespace) -> int:
-    from gateway.bus.fetched import FetchedAudit, FetchedList
+    from gateway.bus.client import FetchedAudit, FetchedList
 
     with gateway_client(arguments) as client:
         listed = fetch_request(client, {}, FetchedList, MAX_ANSWER_WAIT_S)
@@ -98,7 +97,7 @@ def fetch_request(
 
 
 def _record(client: "GatewayClient", record_id: str, patience_s: float) -> "CalibrationRecord":
-    from gateway.bus.fetched import FetchedRecord
+    from gateway.bus.client import FetchedRecord
     from gateway.calibration.record import CalibrationError
     from gateway.calibration.store import parse_record
 

@@ -147,7 +147,7 @@ def _forecast_text(connect: str, key: str, credentials: "Credentials") -> str:
 
 def describe_forecast(client: "GatewayClient") -> str:
     """Return the forecast by the records of a gateway. Raises `InputError` where there are too few."""
-    from gateway.bus.fetched import FetchedList
+    from gateway.bus.client import FetchedList
     from gateway.certificate.comparison import forecast, sentence
     from gateway.cli.remote.remote_fetch import fetch_records, fetch_request
 

@@ -13,7 +13,7 @@ from gateway.daemon.commands.worker import CommandWorker
 from gateway.daemon.runtime.wall_clock import WallClockMonitor
 from gateway.daemon.storage.outbox_writer import OutboxWriter
 from gateway.messages import Mark
-from gateway.outbox.position import Position
+from gateway.outbox import Position
 from gateway.pipeline.outgoing_message import EncodedMessage, HeaderMaker, MessageTime, encode_message
 from gateway.recalibration.requests import AnsweredRequests, FetchAlerts, FetchSchema, RequestAnswer, SetMark
 from gateway.topics import TOPICS, json_schema

@@ -13,7 +13,7 @@ from typing import Any
 import zenoh
 from pydantic_core import to_json
 
-from gateway.authorization.authoriser import SignedRequest
+from gateway.authorization.credential import SignedRequest
 from gateway.authorization.message_signature import MessageSigner, Question, join_signature
 from gateway.bus.session import describe_links
 from gateway.daemon.commands.page_requests import SignInWatch

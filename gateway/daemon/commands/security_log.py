@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from gateway.atomic_io import append_line
-from gateway.authorization.token_bucket import RateLimit, TokenBucket
+from gateway.authorization.caller import RateLimit, TokenBucket
 
 log = logging.getLogger("plumbline.security")
 SECURITY_LOG_NAME = "security.jsonl"

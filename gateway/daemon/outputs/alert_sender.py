@@ -13,7 +13,7 @@ from gateway.authorization.message_signature import MessageSigner
 from gateway.daemon.runtime.worker import BoundedQueue, Worker
 from gateway.daemon.storage.outbox_writer import OutboxWriter
 from gateway.messages import Alert
-from gateway.outbox.change import StoredChange
+from gateway.outbox import StoredChange
 from gateway.topics import encode
 
 log = logging.getLogger("plumbline.alert_sender")

@@ -8,8 +8,8 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
-from gateway.configuration.address import written
 from gateway.configuration.model import Configuration
+from gateway.configuration.section import written
 from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.daemon.runtime.faults import RETRYING, Backoff, FaultRegister
 from gateway.errors import PlumblineError

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from devices.block import DeviceInfo
 from gateway import __version__
+from gateway.configuration.loading import to_toml
 from gateway.configuration.model import Configuration
-from gateway.configuration.render import to_toml
 from gateway.daemon.runtime.faults import FaultRegister
 from gateway.daemon.runtime.instance import FolderError, InstanceError
 from gateway.daemon.runtime.resources import DISK_RETRY_S, disk_free_mb

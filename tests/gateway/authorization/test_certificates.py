@@ -6,14 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from gateway.authorization.authoriser import Authoriser, SignedRequest
 from gateway.authorization.caller import Caller, NotAuthorised, Role
 from gateway.authorization.certificates import CertificateVerifier
-from gateway.authorization.credential import prove_by_token
+from gateway.authorization.credential import Authoriser, SignedRequest, prove_by_token
 from gateway.bus.credentials import load_credentials
 from gateway.pki.inspect import CertificateError, parse_authorities, revoked_serials
-from gateway.pki.issue import Holder
-from gateway.pki.site_folder import utc_now
+from gateway.pki.site_folder import Holder, utc_now
 from tests.gateway.pki.site import DAYS, Site
 
 BOOT = "0123456789ab"

@@ -1,6 +1,6 @@
 """Rate limits: a burst, then a steady rate, for each caller of its own."""
 
-from gateway.authorization.token_bucket import MAX_CALLERS, CallerLimits, RateLimit, TokenBucket
+from gateway.authorization.caller import MAX_CALLERS, CallerLimits, RateLimit, TokenBucket
 
 LIMIT = RateLimit(burst=3, per_s=2.0)
 

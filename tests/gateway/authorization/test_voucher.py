@@ -7,10 +7,9 @@ from typing import Any
 import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from gateway.bus.site_authority import SiteAuthority
-from gateway.pki.issue import Holder
+from gateway.authorization.certificates import SiteAuthority
 from gateway.pki.signing_key import SigningKey
-from gateway.pki.site_folder import utc_now
+from gateway.pki.site_folder import Holder, utc_now
 from tests.gateway.pki.site import DAYS, Site
 from tests.gateway.pki.site import vouch as make
 

@@ -4,7 +4,7 @@ import socket
 
 import pytest
 
-from gateway.configuration.address import host_and_port, written
+from gateway.configuration.section import host_and_port, written
 from gateway.page.listener import listen_at
 
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.configuration.commissioned_limits import NAME, describe_changes, note_change
 from gateway.configuration.model import AlertsSection
+from gateway.configuration.remote_change import NAME, describe_changes, note_change
 
 COMMISSIONED = AlertsSection()
 OPENED = AlertsSection(trip_deg=15.0)

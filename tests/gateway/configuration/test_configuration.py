@@ -7,9 +7,8 @@ from typing import Any
 import pytest
 from pydantic import BaseModel
 
-from gateway.configuration.loading import ConfigurationError, load, validate
+from gateway.configuration.loading import ConfigurationError, load, to_toml, validate
 from gateway.configuration.model import Configuration
-from gateway.configuration.render import to_toml
 
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "wrong unit": ({"rope": {"length_mm": 3000}}, "rope.length_mm: unknown key; did you mean length_m?"),

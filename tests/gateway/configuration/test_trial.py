@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.configuration.trial import MAX_TRIAL_STARTS, ConfigurationTrial, TrialJournal
+from gateway.configuration.remote_change import MAX_TRIAL_STARTS, ConfigurationTrial, TrialJournal
 
 BEFORE, AFTER = "[rope]\nlength_m = 12.0\n", "[rope]\nlength_m = 14.0\n"
 JOURNAL = TrialJournal(id="a" * 12, by="ann", reason="", before=BEFORE, after=AFTER, kept="plumbline.toml.until-1")

@@ -23,7 +23,7 @@ from gateway.daemon.runtime.logs import LineWriter
 from gateway.daemon.sampling.sampler import DeviceReopened
 from gateway.daemon.storage import calibration_provider
 from gateway.messages import Health
-from gateway.pki.issue import Holder
+from gateway.pki.site_folder import Holder
 from gateway.recording.chain.segment_chain import SegmentChain
 from tests.gateway.pki.site import Site
 from tests.values import present

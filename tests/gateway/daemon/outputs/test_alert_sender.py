@@ -15,9 +15,7 @@ from gateway.daemon.runtime.faults import FaultRegister
 from gateway.daemon.storage import outbox_writer
 from gateway.daemon.storage.outbox_writer import OutboxWriter
 from gateway.messages import Alert
-from gateway.outbox.change import StoredChange
-from gateway.outbox.outbox import AlertOutbox
-from gateway.outbox.position import Position
+from gateway.outbox import AlertOutbox, Position, StoredChange
 from tests.waiting import PATIENCE_S
 
 
