@@ -23,6 +23,7 @@ from gateway.calibration.store import ID_PATTERN
 from gateway.configuration.bus_section import is_encrypted
 from gateway.errors import InputError, PlumblineError
 from gateway.text import printable
+from gateway.topics import ALIVE
 from gateway.verbs import VERBS
 
 CONNECT_MS = 2000
@@ -33,7 +34,6 @@ step that hangs is refused after 8 s, usual ones take less than a second."""
 PAUSE_S = 0.5
 """Pause before a repetition. Basis: a choice; a link is opened again in it, and a person does not wait."""
 STATUS = "rpc/status"
-ALIVE = "alive"
 PASSING = ("rate_limited", "stale_credential")
 Id = Annotated[str, Field(pattern=ID_PATTERN)]
 MAX_RECORDS = 1000

@@ -16,10 +16,11 @@ import zenoh
 
 from gateway.configuration.bus_section import BusSection
 from gateway.errors import PlumblineError
+from gateway.topics import ALIVE, EVERY_KEY
 
 READ = ("declare_subscriber", "query", "liveliness_query", "declare_liveliness_subscriber")
 WRITE = ("put", "delete", "declare_queryable", "reply", "liveliness_token")
-EVERYTHING, EVERY_GATEWAY = "**", "plumbline/v1/**"
+EVERYTHING = "**"
 LEASE_MS = 1500
 """A silent peer is noticed after about this time; with the library's 10 s a dead gateway would look alive. Basis: a choice; the
 library sends a keep-alive four times in a lease, and three may be lost."""
@@ -56,12 +57,12 @@ def access_control(bus: BusSection, key: str) -> dict[str, Any]:
     access, forwarded = bus.access, [part for prefix in bus.forward for part in (prefix, f"{prefix}/**")]
     publications = [f"{key}/**", *forwarded]
     rules = [
-        access_rule("send", WRITE, "egress", publications if not access.routers else [*publications, EVERY_GATEWAY]),
+        access_rule("send", WRITE, "egress", publications if not access.routers else [*publications, EVERY_KEY]),
         access_rule("ask_others", READ, "egress", [EVERYTHING]),
         access_rule("read", READ, "ingress", [EVERYTHING]),
         access_rule("load_signal", ("put",), "ingress", [f"{key}/load"]),
-        access_rule("boot", ("liveliness_token",), "ingress", [f"{key}/alive/**"]),
-        access_rule("route", WRITE, "ingress", [EVERY_GATEWAY]),
+        access_rule("boot", ("liveliness_token",), "ingress", [f"{key}/{ALIVE}/**"]),
+        access_rule("route", WRITE, "ingress", [EVERY_KEY]),
     ]
     if forwarded:
         rules.append(access_rule("forward", WRITE, "ingress", forwarded))

@@ -13,10 +13,10 @@ import zenoh
 from pydantic import ValidationError
 
 from gateway.authorization.message_signature import MAX_SIGNATURE_BYTES, Question
-from gateway.configuration.section import KEY_PATTERN
-from gateway.topics import TOPICS, adapter
+from gateway.configuration.section import NAME
+from gateway.topics import KEY_PREFIX, TOPICS, adapter
 
-GATEWAY_KEY = re.compile(f"plumbline/v1(/{KEY_PATTERN.strip('^$')}){{3}}")
+GATEWAY_KEY = re.compile(f"{KEY_PREFIX}{NAME}/{NAME}/{NAME}")
 """Key of a gateway: the names that a configuration allows."""
 LONGEST_KEY = 256
 """Basis: a choice; keys have a prefix, a name of 64 characters and a topic."""

@@ -8,8 +8,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from gateway.configuration.section import KEY_PATTERN, Section
+from gateway.configuration.section import NAME, Section
 from gateway.extras import what_is_missing
+from gateway.topics import KEY_PREFIX
 
 ENCRYPTED_PROTOCOLS = ("tls", "quic")
 NETWORK_PROTOCOLS = ("tcp", "udp", "ws", *ENCRYPTED_PROTOCOLS)
@@ -17,7 +18,7 @@ LOCAL_PROTOCOLS = ("unixsock-stream", "unixpipe")
 PARAMETERS = "?#;"
 """Characters from which on Zenoh reads parameters of a link out of its endpoint, such as `enable_mtls=false`."""
 CommonName = Annotated[str, Field(min_length=1, max_length=64)]
-SubtreeKey = Annotated[str, Field(pattern=f"^plumbline/v1(/{KEY_PATTERN.strip('^$')}){{1,3}}$")]
+SubtreeKey = Annotated[str, Field(pattern=f"^{KEY_PREFIX.removesuffix('/')}(/{NAME}){{1,3}}$")]
 EXPIRES_SOON_DAYS = 30
 """A certificate with fewer days left is reported. Basis: a choice; time for the next visit at a crane, and no warning for
 years."""

@@ -12,6 +12,7 @@ from gateway.configuration.device_sections import AnyDevice, SimulatedDevice
 from gateway.configuration.relay_section import AnyRelay, NoRelay
 from gateway.configuration.section import KEY_PATTERN, Address, Section, host_and_port, one_of
 from gateway.languages import LANGUAGES
+from gateway.topics import KEY_PREFIX
 
 MAX_CUTOFF_SHARE = 0.4
 """Largest cut-off frequency of the low-pass, relative to the sample rate. Basis: a choice; below half the sample rate (Nyquist),
@@ -52,7 +53,7 @@ class GatewaySection(Section):
     @property
     def key(self) -> str:
         """Prefix of every key on the bus."""
-        return f"plumbline/v1/{self.site}/{self.crane}/{self.sensor}"
+        return f"{KEY_PREFIX}{self.site}/{self.crane}/{self.sensor}"
 
 
 class RopeSection(Section):

@@ -8,9 +8,9 @@ from pydantic import AfterValidator, BaseModel, ConfigDict
 
 from gateway.errors import pattern_of
 
-KEY_PATTERN = pattern_of(
-    r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", "letters, digits, '.', '_' and '-', and begin with a letter or a digit"
-)
+NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"
+"""One of the three names in the key of a gateway."""
+KEY_PATTERN = pattern_of(f"^{NAME}$", "letters, digits, '.', '_' and '-', and begin with a letter or a digit")
 MAX_PORT = 65535
 
 

@@ -10,8 +10,9 @@ from typing import Annotated, ClassVar
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from gateway.errors import describe_problems
+from gateway.topics import KEY_PREFIX
 
-Key = Annotated[str, Field(pattern=r"^plumbline/v1/[^/*$#?]+/[^/*$#?]+/[^/*$#?]+$")]
+Key = Annotated[str, Field(pattern=rf"^{KEY_PREFIX}[^/*$#?]+/[^/*$#?]+/[^/*$#?]+$")]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 

@@ -7,7 +7,7 @@ from gateway.bridge.plant_snapshot import PlantSnapshot
 from gateway.bridge.plant_state import UNHEARD
 from gateway.bridge.plant_values import PLANT_VALUES
 from gateway.bus.alert_sequence import AlertEvent
-from gateway.topics import encode
+from gateway.topics import KEY_PREFIX, encode
 
 DIGITS = 4
 """Decimals of a value. Basis: a choice; a hundredth of the smallest uncertainty of an angle."""
@@ -26,7 +26,7 @@ class MqttTopics:
     @property
     def place(self) -> str:
         """Site, crane and sensor."""
-        return self.key.removeprefix("plumbline/v1/")
+        return self.key.removeprefix(KEY_PREFIX)
 
     @property
     def state(self) -> str:

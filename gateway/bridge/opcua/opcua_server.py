@@ -20,6 +20,7 @@ from gateway.bus.alert_receiver import AlertReceiver
 from gateway.bus.alert_sequence import AlertEvent
 from gateway.configuration.section import host_and_port, written
 from gateway.errors import InputError
+from gateway.topics import KEY_PREFIX
 
 STEP_S = 0.1
 """Time between two looks at the state. Basis: a choice; readings come ten times a second."""
@@ -69,7 +70,7 @@ class OpcuaServer:
     async def _build(self, server: Server) -> OpcuaAlerts:
         """Make the nodes: an object for the gateway, below it a variable for each value; return its alarms."""
         index = await server.register_namespace(NAMESPACE)
-        name = self._key.removeprefix("plumbline/v1/")
+        name = self._key.removeprefix(KEY_PREFIX)
         crane = await server.nodes.objects.add_object(ua.NodeId(name, index), ua.QualifiedName(name, index))
         for value in PLANT_VALUES:
             node = await _add_value(server, crane, index, name, value)

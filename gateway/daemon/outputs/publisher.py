@@ -7,7 +7,7 @@ import zenoh
 from gateway.authorization.message_signature import MessageSigner
 from gateway.daemon.runtime.worker import BoundedQueue, Worker
 from gateway.pipeline.outgoing_message import EncodedMessage
-from gateway.topics import TOPICS
+from gateway.topics import ALIVE, TOPICS
 
 log = logging.getLogger("plumbline.bus")
 MAX_WAITING_PUBLICATIONS = 2048
@@ -38,7 +38,7 @@ class Publisher(Worker[EncodedMessage]):
             for name, topic in TOPICS.items()
             if topic.published and name != "alert"
         }
-        self._alive = session.liveliness().declare_token(f"{self._key}/alive")
+        self._alive = session.liveliness().declare_token(f"{self._key}/{ALIVE}")
         self._publishers = publishers
 
     def latest(self) -> dict[str, bytes]:
