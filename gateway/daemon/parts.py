@@ -14,36 +14,37 @@ from gateway import __version__
 from gateway.authorization.message_signature import MessageSigner
 from gateway.bus.session import open_gateway_session
 from gateway.configuration.model import Configuration
-from gateway.daemon.commands.acknowledgement_service import AcknowledgementService
-from gateway.daemon.commands.authorisation import make_authoriser, make_voucher_source, read_certificates, refuse_all
 from gateway.daemon.commands.configuration_service import ConfigurationService
-from gateway.daemon.commands.handlers import AlertHistory, MarkService, make_handlers
+from gateway.daemon.commands.handlers import AcknowledgementService, AlertHistory, MarkService, make_handlers
 from gateway.daemon.commands.page_requests import PageRequests, SignInWatch
 from gateway.daemon.commands.recalibration_service import RecalibrationService
 from gateway.daemon.commands.requests import RequestDispatcher
 from gateway.daemon.commands.rpc_server import RpcServer
-from gateway.daemon.commands.security_log import SECURITY_LOG_NAME, SecurityLog
+from gateway.daemon.commands.security import (
+    SECURITY_LOG_NAME,
+    SecurityLog,
+    make_authoriser,
+    make_voucher_source,
+    read_certificates,
+    refuse_all,
+)
 from gateway.daemon.commands.worker import CommandWorker
 from gateway.daemon.health import HealthReporter, SampleCounters
-from gateway.daemon.outputs.alert_sender import AlertSender
-from gateway.daemon.outputs.bus_connection import BusConnection
+from gateway.daemon.outputs.bus_connection import BusConnection, SilentConnectionWatch
 from gateway.daemon.outputs.duplicate_watch import DuplicateWatch
 from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.daemon.outputs.page_process import PageProcess
-from gateway.daemon.outputs.publisher import Publisher
+from gateway.daemon.outputs.publisher import AlertSender, Publisher
 from gateway.daemon.outputs.relay_worker import RelayWorker, make_relay
-from gateway.daemon.outputs.silent_connections import SilentConnectionWatch
 from gateway.daemon.processor import Processor
-from gateway.daemon.runtime.faults import FaultRegister
+from gateway.daemon.runtime.host import WallClockMonitor
 from gateway.daemon.runtime.logs import LineWriter
-from gateway.daemon.runtime.wall_clock import WallClockMonitor
-from gateway.daemon.runtime.worker import BoundedQueue, Worker
+from gateway.daemon.runtime.worker import BoundedQueue, FaultRegister, Worker
+from gateway.daemon.sampling.device_factory import make_rigger
 from gateway.daemon.sampling.sampler import Sampler, SamplerItem
-from gateway.daemon.sampling.simulated_rigger import make_rigger
 from gateway.daemon.storage.calibration_provider import CalibrationProvider, DriftStateStore
-from gateway.daemon.storage.compaction_worker import CompactionWorker
 from gateway.daemon.storage.outbox_writer import OutboxWriter
-from gateway.daemon.storage.recording_worker import RecordingWorker, make_recorder
+from gateway.daemon.storage.recording_worker import CompactionWorker, RecordingWorker, make_recorder
 from gateway.daemon.storage.time_stamper import TimeStamper, make_time_stamper
 from gateway.outbox import FOLDER as OUTBOX_FOLDER
 from gateway.page.sign_in import PIN_NAME

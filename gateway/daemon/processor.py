@@ -7,19 +7,18 @@ from collections.abc import Iterable
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
-from gateway.daemon.commands.acknowledgement_service import AcknowledgementService
+from gateway.daemon.commands.handlers import AcknowledgementService
 from gateway.daemon.commands.recalibration_service import PipelineInstruction, ProcessedBlock, RecalibrationService
 from gateway.daemon.commands.worker import CommandWorker
 from gateway.daemon.health import HealthReporter, SampleCounters
-from gateway.daemon.outputs.alert_sender import AlertSender
 from gateway.daemon.outputs.page_channel import PageChannel
-from gateway.daemon.outputs.publisher import Publisher
+from gateway.daemon.outputs.publisher import AlertSender, Publisher
 from gateway.daemon.outputs.relay_worker import RelayWorker
+from gateway.daemon.runtime.host import WallClockMonitor
 from gateway.daemon.runtime.logs import RECORDED_ONLY
-from gateway.daemon.runtime.wall_clock import WallClockMonitor
 from gateway.daemon.runtime.worker import BoundedQueue, Worker
+from gateway.daemon.sampling.device_factory import SimulatedRigger
 from gateway.daemon.sampling.sampler import SamplerItem
-from gateway.daemon.sampling.simulated_rigger import SimulatedRigger
 from gateway.daemon.storage.calibration_provider import CalibrationProvider, DriftStateStore
 from gateway.daemon.storage.outbox_writer import OutboxWriter
 from gateway.daemon.storage.recording_worker import RecordingWorker

@@ -10,8 +10,8 @@ from pydantic_core import to_json
 
 from gateway.authorization.caller import Caller, NotAuthorised, Role, require_role
 from gateway.daemon.commands.requests import RemoteRequest, RequestHandler
-from gateway.daemon.commands.security_log import Refusal, SecurityLog
-from gateway.daemon.runtime.faults import FaultRegister
+from gateway.daemon.commands.security import Refusal, SecurityLog
+from gateway.daemon.runtime.worker import FaultRegister
 from gateway.page.sign_in import SignInReport
 from gateway.recalibration.requests import RequestError, parse_payload
 from gateway.verbs import VERBS

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import Correction
 from gateway.daemon.commands.requests import RemoteRequest
-from gateway.daemon.runtime.wall_clock import WallClockMonitor
+from gateway.daemon.runtime.host import WallClockMonitor
 from gateway.daemon.storage.calibration_provider import CalibrationProvider
 from gateway.messages import CalibrationSession, Verdict
 from gateway.pipeline.drift_monitor import DriftMonitor

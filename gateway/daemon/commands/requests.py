@@ -16,7 +16,7 @@ from pydantic import BaseModel
 
 from gateway.authorization.caller import Caller, CallerLimits, NotAuthorised, RateLimit, TokenBucket
 from gateway.authorization.credential import VOUCHER_FIELD, Authoriser, SignedRequest
-from gateway.daemon.commands.security_log import Refusal, SecurityLog
+from gateway.daemon.commands.security import Refusal, SecurityLog
 from gateway.recalibration.requests import Request, RequestAnswer, RequestError, parse_payload
 from gateway.verbs import VERBS, Verb
 

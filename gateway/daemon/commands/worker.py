@@ -13,8 +13,7 @@ from devices.block import DeviceInfo
 from gateway.atomic_io import write_durably
 from gateway.daemon.commands.recalibration_service import ProcessedBlock, RecalibrationService
 from gateway.daemon.commands.requests import HANGS, RequestHandler, RequestQueue
-from gateway.daemon.runtime.faults import FaultRegister
-from gateway.daemon.runtime.worker import BoundedQueue, Worker
+from gateway.daemon.runtime.worker import BoundedQueue, FaultRegister, Worker
 from gateway.file_input import reason_of
 from gateway.recalibration.requests import VERBS
 

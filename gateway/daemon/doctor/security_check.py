@@ -9,7 +9,7 @@ from gateway.bus.credentials import VARIABLE
 from gateway.configuration.bus_section import EXPIRES_SOON_DAYS, BusSection, find_problems, is_encrypted, is_loopback
 from gateway.configuration.model import Configuration
 from gateway.configuration.remote_change import describe_changes
-from gateway.daemon.commands.authorisation import read_certificates
+from gateway.daemon.commands.security import read_certificates
 from gateway.daemon.doctor.check_result import CheckResult
 from gateway.pki.signing_key import KEY_NAME
 

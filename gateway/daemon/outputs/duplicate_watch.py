@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import zenoh
 
-from gateway.daemon.runtime.faults import FaultRegister
+from gateway.daemon.runtime.worker import FaultRegister
 from gateway.pki.signing_key import SigningKey, is_valid
 from gateway.topics import ALIVE
 

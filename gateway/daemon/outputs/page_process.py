@@ -11,7 +11,7 @@ from dataclasses import replace
 from gateway.configuration.model import Configuration
 from gateway.configuration.section import written
 from gateway.daemon.outputs.page_channel import PageChannel
-from gateway.daemon.runtime.faults import RETRYING, Backoff, FaultRegister
+from gateway.daemon.runtime.worker import RETRYING, Backoff, FaultRegister
 from gateway.errors import PlumblineError
 from gateway.extras import what_is_missing
 from gateway.page.channel import PARAMETERS, Frame

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 from devices.block import DeviceInfo, SampleBlock
 from devices.device import Device, EndOfRecording
 from devices.errors import DeviceError
-from gateway.daemon.runtime.faults import Backoff, FaultRegister
-from gateway.daemon.runtime.worker import BoundedQueue
+from gateway.daemon.runtime.worker import Backoff, BoundedQueue, FaultRegister
 
 log = logging.getLogger("plumbline.device")
 PART = "device"

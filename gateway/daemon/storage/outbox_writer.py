@@ -7,9 +7,8 @@ from collections import deque
 from concurrent.futures import Future
 from pathlib import Path
 
-from gateway.daemon.runtime.faults import FaultRegister
-from gateway.daemon.runtime.resources import DISK_RETRY_S
-from gateway.daemon.runtime.worker import BoundedQueue, Worker
+from gateway.daemon.runtime.host import DISK_RETRY_S
+from gateway.daemon.runtime.worker import BoundedQueue, FaultRegister, Worker
 from gateway.outbox import (
     MAX_PAGE_BYTES,
     AlertOutbox,

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from gateway.atomic_io import append_durably
 from gateway.configuration.model import RecorderSection
-from gateway.daemon.runtime.faults import RETRYING, FaultRegister
+from gateway.daemon.runtime.worker import RETRYING, FaultRegister
 from gateway.messages import NewestStatement
 from gateway.recording.chain.time_stamps import MAX_RESPONSE_BYTES, NAME, TimeStampError, make_request, take_response
 

@@ -18,8 +18,8 @@ from gateway.configuration.loading import validate
 from gateway.daemon.commands.configuration_service import ConfigurationService
 from gateway.daemon.parts import Parts, compose
 from gateway.daemon.processor import HEALTH_PERIOD_S
-from gateway.daemon.runtime.faults import FaultRegister
 from gateway.daemon.runtime.logs import LineWriter
+from gateway.daemon.runtime.worker import FaultRegister
 from gateway.daemon.sampling.sampler import DeviceReopened
 from gateway.daemon.storage import calibration_provider
 from gateway.messages import Health

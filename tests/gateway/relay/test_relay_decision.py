@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 from gateway.configuration.relay_section import CommandRelay
+from gateway.daemon.outputs.relay_worker import RelayLogic
 from gateway.messages import ActiveAlert, Alert, Level
-from gateway.relay.decision import RelayLogic
 
 UNKNOWN_S = 5.0
 

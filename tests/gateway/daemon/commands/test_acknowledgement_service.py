@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from gateway.authorization.caller import Caller, Role
-from gateway.daemon.commands.acknowledgement_service import WAITING, AcknowledgementService
+from gateway.daemon.commands.handlers import WAITING, AcknowledgementService
 from gateway.daemon.commands.requests import RemoteRequest
 from gateway.pipeline.incidents import Acknowledgement, IncidentRegister
 from gateway.recalibration.requests import Acknowledge, RequestError, parse_payload

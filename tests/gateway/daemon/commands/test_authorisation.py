@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.daemon.commands.authorisation import load_or_create_token
+from gateway.daemon.commands.security import load_or_create_token
 
 
 def test_the_token_is_made_once_and_only_the_group_may_read_it(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from devices.host_clock import HostClock
 from gateway.daemon.commands.handlers import MarkService
-from gateway.daemon.runtime.wall_clock import WallClockMonitor
+from gateway.daemon.runtime.host import WallClockMonitor
 from gateway.messages import Mark
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recalibration.requests import RequestError, SetMark, parse_payload

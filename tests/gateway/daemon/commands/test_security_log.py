@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.daemon.commands.security_log import Refusal, SecurityLog
+from gateway.daemon.commands.security import Refusal, SecurityLog
 
 REFUSAL = Refusal("rpc/cancel", "no_credential", None, "no credential")
 

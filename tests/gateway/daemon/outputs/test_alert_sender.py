@@ -9,9 +9,9 @@ import msgspec
 import pytest
 
 from gateway.authorization.message_signature import MessageSigner
-from gateway.daemon.outputs import alert_sender
-from gateway.daemon.outputs.alert_sender import MAX_KEPT_LATENCIES, AlertLatency, AlertSender
-from gateway.daemon.runtime.faults import FaultRegister
+from gateway.daemon.outputs import publisher
+from gateway.daemon.outputs.publisher import MAX_KEPT_LATENCIES, AlertLatency, AlertSender
+from gateway.daemon.runtime.worker import FaultRegister
 from gateway.daemon.storage import outbox_writer
 from gateway.daemon.storage.outbox_writer import OutboxWriter
 from gateway.messages import Alert
@@ -69,7 +69,7 @@ class Site:
 def test_every_change_is_on_the_disk_before_it_is_sent_and_in_order(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(alert_sender, "STORE_PATIENCE_S", PATIENCE_S)
+    monkeypatch.setattr(publisher, "STORE_PATIENCE_S", PATIENCE_S)
     site = Site(tmp_path)
     for number in range(1, 30):
         site.sender.submit(alert(number), 0)
@@ -87,7 +87,7 @@ def test_a_disk_that_hangs_delays_an_alert_by_the_stated_bound_at_most(
 ) -> None:
     released = threading.Event()
     monkeypatch.setattr(AlertOutbox, "append", lambda *_: released.wait(PATIENCE_S))
-    monkeypatch.setattr(alert_sender, "STORE_PATIENCE_S", 2.0)
+    monkeypatch.setattr(publisher, "STORE_PATIENCE_S", 2.0)
     site = Site(tmp_path)
     for number in (1, 2, 3):
         site.sender.submit(alert(number), 0)
@@ -110,7 +110,7 @@ def test_what_a_broken_disk_did_not_take_is_stored_in_order_when_it_works_again(
         raise OSError(errno.EIO, "Input/output error")
 
     monkeypatch.setattr(outbox_writer, "DISK_RETRY_S", 0.05)
-    monkeypatch.setattr(alert_sender, "STORE_PATIENCE_S", PATIENCE_S)
+    monkeypatch.setattr(publisher, "STORE_PATIENCE_S", PATIENCE_S)
     monkeypatch.setattr(AlertOutbox, "append", broken)
     site = Site(tmp_path)
     site.sender.submit(alert(1), 0)

@@ -13,10 +13,10 @@ import pytest
 
 from gateway.configuration.relay_section import CommandRelay, GpioRelay
 from gateway.daemon.outputs import relay_worker
+from gateway.daemon.outputs.relay_watchdog import ENERGISE
 from gateway.daemon.outputs.relay_worker import RelayWorker
-from gateway.daemon.runtime.faults import FaultRegister
+from gateway.daemon.runtime.worker import FaultRegister
 from gateway.messages import ActiveAlert, Alert
-from gateway.relay.protocol import ENERGISE
 from tests.gateway.daemon.outputs.relay_script import FakeGpioChip, ScriptedRelay
 from tests.system.conftest import ROOT
 from tests.values import present
@@ -169,7 +169,7 @@ def test_a_command_that_does_not_exist_is_a_fault_and_no_end(tmp_path: Path, sta
 PARENT = """
 import sys, time
 from gateway.configuration.relay_section import CommandRelay
-from gateway.daemon.runtime.faults import FaultRegister
+from gateway.daemon.runtime.worker import FaultRegister
 from gateway.daemon.outputs.relay_worker import RelayWorker
 from tests.gateway.daemon.outputs.test_relay_worker import NORMAL
 worker = RelayWorker(CommandRelay(kind="command", command=[sys.argv[1]], watchdog_s=60.0), FaultRegister())

@@ -4,7 +4,7 @@ import ctypes
 import gc
 
 from devices.host_clock import HostClock
-from gateway.daemon.runtime.wall_clock import WallClockMonitor
+from gateway.daemon.runtime.host import WallClockMonitor
 
 
 def test_a_look_at_the_clock_leaves_no_library_and_no_class_behind() -> None:

@@ -10,8 +10,7 @@ import pytest
 from devices.block import DeviceInfo, SampleBlock
 from devices.device import EndOfRecording
 from devices.errors import TransferError
-from gateway.daemon.runtime.faults import FaultRegister
-from gateway.daemon.runtime.worker import BoundedQueue
+from gateway.daemon.runtime.worker import BoundedQueue, FaultRegister
 from gateway.daemon.sampling.sampler import DeviceReopened, Sampler, SamplerItem
 from tests.waiting import PATIENCE_S, wait_until
 
