@@ -3,6 +3,7 @@
 import logging
 import threading
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import Correction
@@ -13,7 +14,6 @@ from gateway.daemon.commands.worker import CommandWorker
 from gateway.daemon.health import HealthReporter, SampleCounters
 from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.daemon.outputs.publisher import AlertSender, Publisher
-from gateway.daemon.outputs.relay_worker import RelayWorker
 from gateway.daemon.runtime.host import WallClockMonitor
 from gateway.daemon.runtime.logs import RECORDED_ONLY
 from gateway.daemon.runtime.worker import BoundedQueue, Worker
@@ -28,6 +28,9 @@ from gateway.pipeline.incidents import IncidentRegister
 from gateway.pipeline.outgoing_message import HeaderMaker, MessageTime, OutgoingMessage, PipelineOutput, encode_message
 from gateway.pipeline.pipeline import Pipeline, PipelineCalibration
 from gateway.topics import TOPICS
+
+if TYPE_CHECKING:
+    from gateway.daemon.outputs.relay_worker import RelayWorker
 
 log = logging.getLogger("plumbline.pipeline")
 alert_log = logging.getLogger("plumbline.alert")
@@ -67,7 +70,7 @@ class Processor(Worker[SamplerItem]):
         outbox: OutboxWriter,
         alerts: AlertSender,
         page: PageChannel,
-        relay: RelayWorker | None,
+        relay: "RelayWorker | None",
         rigger: SimulatedRigger | None,
     ) -> None:
         super().__init__("processor", inbox)

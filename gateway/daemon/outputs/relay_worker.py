@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 
-from gateway.configuration.relay_section import CommandRelay, GpioRelay, NoRelay, RelaySection
+from gateway.configuration.relay_section import CommandRelay, GpioRelay, RelaySection
 from gateway.daemon.outputs.relay_watchdog import ENERGISE, RELEASE, STATES_BY_LINE, RelayParameters, RelayState
 from gateway.daemon.runtime.worker import Backoff, BoundedQueue, FaultRegister, Worker
 from gateway.gateway_state import GatewayState, stated_state
@@ -208,11 +208,6 @@ class RelayWorker(Worker[Alert]):
             if pipe is not None:
                 with suppress(OSError):
                     pipe.close()
-
-
-def make_relay(settings: NoRelay | CommandRelay | GpioRelay, faults: FaultRegister) -> RelayWorker | None:
-    """Return the thread of the configured relay; None where there is none."""
-    return None if isinstance(settings, NoRelay) else RelayWorker(settings, faults)
 
 
 def relay_parameters(settings: CommandRelay | GpioRelay) -> RelayParameters:

@@ -48,6 +48,7 @@ PART = "recording"
 SIGNING = "signing"
 CLOCK_PART = "clock"
 CHAIN_PART = "chain"
+TIME_STAMPS = "time_stamps"
 
 
 @dataclass(frozen=True, slots=True)
