@@ -49,7 +49,10 @@ def _validity(condition: ConditionResult, calibration: CalibrationStatus, swing:
 
 @dataclass(frozen=True, slots=True)
 class AlertChange:
-    """The change of a rule, or a heartbeat where `rule` is None, with the state of all rules at that time."""
+    """The change of a rule, or a heartbeat where `rule` is None, with the state of all rules at that time.
+
+    Its fields are those of the message `Alert` with the same names.
+    """
 
     rule: str | None
     event: AlertEventKind
@@ -63,7 +66,7 @@ class AlertChange:
     largest_deg: float | None = None
     """Largest angle since the incident began, and the largest upper end of its interval."""
     largest_upper_deg: float | None = None
-    line: str | None = None
+    change: str | None = None
     """The change as one line; None for a heartbeat."""
     acknowledged_by: str | None = None
     reason: str | None = None
@@ -140,7 +143,7 @@ class AlertManager:
             largest_upper_deg=largest_upper_deg,
             acknowledged_by=acknowledgement.by,
             reason=acknowledgement.reason or None,
-            line=acknowledged_text(acknowledgement, incident),
+            change=acknowledged_text(acknowledgement, incident),
         )
 
     def heartbeat(self) -> AlertChange:
@@ -174,7 +177,7 @@ class AlertManager:
             clear_deg=_rounded_degrees(clear_rad),
             largest_deg=largest_deg,
             largest_upper_deg=largest_upper_deg,
-            line=change_text(rule, event, self._states[rule].level, self._reason(rule), incident, time_s),
+            change=change_text(rule, event, self._states[rule].level, self._reason(rule), incident, time_s),
         )
 
     def _summary(self, rule: str | None, event: AlertEventKind) -> AlertChange:

@@ -99,9 +99,7 @@ class SecurityLog:
         content = {"key": refusal.key, "kind": refusal.kind, "name": refusal.name, "origin": origin, "count": count}
         line = json.dumps({"time_utc": at, "event": "refused", **content, "reason": refusal.reason})
         try:
-            if self._path.exists() and self._path.stat().st_size > MAX_FILE_BYTES:
-                self._path.replace(self._path.with_suffix(".previous.jsonl"))
-            append_line(self._path, line.encode())
+            append_line(self._path, line.encode(), durable=False, max_bytes=MAX_FILE_BYTES)
         except OSError:
             self.write_failures += 1  # the line is in the log, and so in the recording
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from io import BufferedIOBase
 from pathlib import Path
 
-from gateway.atomic_io import append_durably
+from gateway.atomic_io import append_line
 from gateway.daemon.runtime.worker import RETRYING, FaultRegister
 from gateway.daemon.storage.recording_worker import TIME_STAMPS
 from gateway.messages import NewestStatement
@@ -68,9 +68,7 @@ class TimeStamper(threading.Thread):
     def _stamp(self, newest: NewestStatement) -> None:
         request = make_request(newest)
         line = take_response(request, newest, _post(self._url, request.as_bytes()))
-        if self._path.exists() and self._path.stat().st_size > MAX_FILE_BYTES:
-            self._path.replace(self._path.with_suffix(".previous.jsonl"))
-        append_durably(self._path, line)
+        append_line(self._path, line, max_bytes=MAX_FILE_BYTES)
 
 
 def _post(url: str, query: bytes) -> bytes:

@@ -1,12 +1,13 @@
-"""The security log: every refusal counts, and no flood fills the file."""
+"""The security log, in which every refusal counts and which no flood fills, and the file of the command token."""
 
 import json
 import logging
+import stat
 from pathlib import Path
 
 import pytest
 
-from gateway.daemon.commands.security import Refusal, SecurityLog
+from gateway.daemon.commands.security import Refusal, SecurityLog, load_or_create_token
 
 REFUSAL = Refusal("rpc/cancel", "no_credential", None, "no credential")
 
@@ -57,3 +58,25 @@ def test_a_disk_that_cannot_be_written_is_counted_and_refuses_nothing_else(tmp_p
     (tmp_path / "file").write_text("a file where a folder should be")
     log.add(REFUSAL, lambda: "tcp", 0)
     assert (log.write_failures, log.counts["no_credential"]) == (1, 1)
+
+
+def test_the_token_is_made_once_and_only_the_group_may_read_it(tmp_path: Path) -> None:
+    secret = load_or_create_token(tmp_path)
+    path = tmp_path / "command-token"
+    assert stat.S_IMODE(path.stat().st_mode) == 0o640
+    assert bytes.fromhex(path.read_text()) == secret == load_or_create_token(tmp_path)
+    assert load_or_create_token(tmp_path / "other") != secret
+
+
+@pytest.mark.parametrize("content", [b"", b"00", b"zz" * 32, b"\xff\xfe"])
+def test_a_damaged_token_lets_nobody_in_and_is_not_replaced(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "command-token"
+    path.write_bytes(content)
+    secrets = {load_or_create_token(tmp_path) for _ in range(2)}
+    assert len(secrets) == 2  # random each time: known to nobody
+    assert path.read_bytes() == content
+
+
+def test_a_folder_that_cannot_be_written_lets_nobody_in(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("a file where a folder should be")
+    assert load_or_create_token(tmp_path / "file") != load_or_create_token(tmp_path / "file")

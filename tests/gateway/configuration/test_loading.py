@@ -1,4 +1,4 @@
-"""The configuration: what is accepted, and what the refusal says."""
+"""The configuration, also the installed one: what is accepted, and what the refusal says."""
 
 import tomllib
 from pathlib import Path
@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from pydantic import BaseModel
 
+from gateway.configuration import loading
 from gateway.configuration.loading import ConfigurationError, load, to_toml, validate
 from gateway.configuration.model import Configuration
 
@@ -118,3 +119,29 @@ def test_the_housing_position_from_either_end() -> None:
     assert validate({"housing": {"position_m": 3}}, "x").housing_position_m == 3
     assert validate({"device": {"kind": "adxl355"}}, "x").housing_position_m is None
     assert validate({"rope": {"length_m": 20}}, "x").housing_position_m == 15  # a simulated housing hangs somewhere
+
+
+@pytest.fixture
+def etc(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(loading, "SETTINGS", tmp_path / "plumbline.toml")
+    monkeypatch.setattr(loading, "SERVICE_ENVIRONMENT", tmp_path / "service.env")
+    return tmp_path
+
+
+def test_a_machine_without_an_installation_is_noticed(etc: Path) -> None:
+    assert not loading.is_installed()
+
+
+def test_the_environment_of_the_service_overrides_the_file(etc: Path) -> None:
+    (etc / "plumbline.toml").write_text('[gateway]\ndata_dir = "elsewhere"\ncrane = "crane-7"\n')
+    (etc / "service.env").write_text("# a comment\n\nPLUMBLINE_GATEWAY__DATA_DIR=/var/lib/plumbline\n")
+    configuration = loading.load_installed({})
+    assert loading.is_installed()
+    assert configuration.gateway.data_dir == Path("/var/lib/plumbline")
+    assert configuration.gateway.crane == "crane-7"
+
+
+def test_the_shipped_environment_names_the_data_folder(etc: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shipped = Path(__file__).parents[3] / "deploy" / "service.env"
+    monkeypatch.setattr(loading, "SERVICE_ENVIRONMENT", shipped)
+    assert loading.service_environment() == {"PLUMBLINE_GATEWAY__DATA_DIR": "/var/lib/plumbline"}
