@@ -21,8 +21,7 @@ from gateway.bus.session import BusError, open_session
 from gateway.bus.untrusted import gateway_of, make_question, parse_message, parse_status, read_attachment, send_question
 from gateway.calibration.store import ID_PATTERN
 from gateway.configuration.bus_section import is_encrypted
-from gateway.errors import InputError, PlumblineError
-from gateway.text import printable
+from gateway.errors import InputError, PlumblineError, printable
 from gateway.topics import ALIVE
 from gateway.verbs import VERBS
 

@@ -13,8 +13,7 @@ from typing import Never
 from devices.errors import DeviceError
 from gateway import __version__
 from gateway.cli.terminal.output import paint
-from gateway.errors import BAD_INPUT, PlumblineError
-from gateway.text import printable
+from gateway.errors import BAD_INPUT, PlumblineError, printable
 
 AXES_FROM_MINUS = re.compile(r"-[xyz],.+")
 """A value of --axes that `argparse` takes for an option."""

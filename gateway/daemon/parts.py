@@ -17,10 +17,8 @@ from gateway.configuration.model import Configuration
 from gateway.configuration.relay_section import NoRelay
 from gateway.daemon.commands.configuration_service import ConfigurationService
 from gateway.daemon.commands.handlers import AcknowledgementService, AlertHistory, MarkService, make_handlers
-from gateway.daemon.commands.page_requests import PageRequests, SignInWatch
-from gateway.daemon.commands.recalibration_service import RecalibrationService
 from gateway.daemon.commands.requests import RequestDispatcher
-from gateway.daemon.commands.rpc_server import RpcServer
+from gateway.daemon.commands.rpc_server import PageRequests, RpcServer, SignInWatch
 from gateway.daemon.commands.security import (
     SECURITY_LOG_NAME,
     SecurityLog,
@@ -29,7 +27,7 @@ from gateway.daemon.commands.security import (
     read_certificates,
     refuse_all,
 )
-from gateway.daemon.commands.worker import CommandWorker
+from gateway.daemon.commands.worker import CommandWorker, RecalibrationService
 from gateway.daemon.health import HealthReporter, SampleCounters
 from gateway.daemon.outputs.bus_connection import BusConnection, SilentConnectionWatch
 from gateway.daemon.outputs.duplicate_watch import DuplicateWatch

@@ -9,8 +9,7 @@ from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
 from gateway.daemon.commands.handlers import AcknowledgementService
-from gateway.daemon.commands.recalibration_service import PipelineInstruction, ProcessedBlock, RecalibrationService
-from gateway.daemon.commands.worker import CommandWorker
+from gateway.daemon.commands.worker import CommandWorker, PipelineInstruction, ProcessedBlock, RecalibrationService
 from gateway.daemon.health import HealthReporter, SampleCounters
 from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.daemon.outputs.publisher import AlertSender, Publisher

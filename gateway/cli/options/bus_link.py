@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.text import printable
+from gateway.errors import printable
 
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from gateway.cli.options.bus_link import MAX_ANSWER_WAIT_S, add_address, gateway_client
 from gateway.cli.terminal.output import write_text
-from gateway.errors import ANSWER_IS_NO
-from gateway.text import printable
+from gateway.errors import ANSWER_IS_NO, printable
 
 if TYPE_CHECKING:
     from pydantic import BaseModel

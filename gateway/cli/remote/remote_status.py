@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from gateway.cli.options.argument_types import key_fingerprint
 from gateway.cli.options.bus_link import add_address, client_credentials, connect_endpoint
 from gateway.cli.terminal.output import output_file
-from gateway.text import printable
+from gateway.errors import printable
 
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gateway.cli.options.bus_link import add_address, client_credentials, connect_endpoint
-from gateway.text import printable
+from gateway.errors import printable
 
 if TYPE_CHECKING:
     import zenoh

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Literal, TextIO
 
 from gateway.atomic_io import replace_file
-from gateway.errors import InputError
-from gateway.text import printable
+from gateway.errors import InputError, printable
 
 STANDARD_OUTPUT = Path("-")
 """The value of `--json` for the standard output."""

@@ -9,9 +9,8 @@ from collections.abc import Callable, Mapping
 
 import msgspec
 
-from gateway.daemon.commands.recalibration_service import RecalibrationService
 from gateway.daemon.commands.requests import RemoteRequest, RequestHandler, RequestQueue
-from gateway.daemon.commands.worker import CommandWorker
+from gateway.daemon.commands.worker import CommandWorker, RecalibrationService
 from gateway.daemon.runtime.host import WallClockMonitor
 from gateway.daemon.storage.outbox_writer import OutboxWriter
 from gateway.messages import Mark

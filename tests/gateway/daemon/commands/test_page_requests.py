@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.daemon.commands.page_requests import PIN_GUESSED, SignInWatch
+from gateway.daemon.commands.rpc_server import PIN_GUESSED, SignInWatch
 from gateway.daemon.commands.security import SecurityLog
 from gateway.daemon.runtime.worker import FaultRegister
 

@@ -9,11 +9,10 @@ import zenoh
 
 from devices.host_clock import HostClock
 from gateway.authorization.message_signature import MessageSigner
-from gateway.daemon.commands.page_requests import SignInWatch
-from gateway.daemon.commands.recalibration_service import RecalibrationService
 from gateway.daemon.commands.requests import RequestDispatcher
-from gateway.daemon.commands.rpc_server import INBOX, RESERVED_FOR_ANSWERS, RpcServer
+from gateway.daemon.commands.rpc_server import INBOX, RESERVED_FOR_ANSWERS, RpcServer, SignInWatch
 from gateway.daemon.commands.security import SecurityLog, refuse_all
+from gateway.daemon.commands.worker import RecalibrationService
 from gateway.daemon.runtime.host import WallClockMonitor
 from gateway.daemon.runtime.worker import FaultRegister
 from gateway.daemon.storage.calibration_provider import CalibrationProvider

@@ -10,9 +10,8 @@ import pytest
 
 from devices.host_clock import HostClock
 from gateway.daemon.commands import worker as command_worker
-from gateway.daemon.commands.recalibration_service import ProcessedBlock, RecalibrationService
 from gateway.daemon.commands.requests import RemoteRequest
-from gateway.daemon.commands.worker import INBOX, RESERVED, CommandWorker
+from gateway.daemon.commands.worker import INBOX, RESERVED, CommandWorker, ProcessedBlock, RecalibrationService
 from gateway.daemon.runtime.host import WallClockMonitor
 from gateway.daemon.runtime.worker import FaultRegister
 from gateway.daemon.storage.calibration_provider import CalibrationProvider
