@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from gateway.documents.format import as_sentence, format_fixed, format_percent, format_short, human_name, printable_text
+from gateway.errors import counted
 from gateway.incident.course import Course, StateCourse
 from gateway.incident.evidence import IncidentEvidence
-from gateway.errors import counted
 from gateway.incident.facts import CraneMove, IncidentFacts, PeakAngle
 from gateway.incident.incident_selection import STANDING, AlertIncident
 from gateway.incident.timeline_figure import ReportClock

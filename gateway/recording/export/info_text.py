@@ -4,8 +4,8 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from gateway.recording.export.recording_info import RecordingInfo
 from gateway.errors import counted
+from gateway.recording.export.recording_info import RecordingInfo
 from gateway.recording.format.salvage import describe_losses
 from gateway.recording.format.segment_summary import CalibrationState, RecordedPeak
 from gateway.recording.format.summary_builder import RecordedAlert

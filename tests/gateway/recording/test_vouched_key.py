@@ -16,8 +16,8 @@ from gateway.bus.known_gateways import known_statement, remember_statement
 from gateway.cli.main import main
 from gateway.messages import NewestStatement
 from gateway.pki.signing_key import fingerprint, load_or_create_key
-from gateway.recording.format.content import RecordingHeader
 from gateway.pki.site_folder import Holder, utc_now
+from gateway.recording.format.content import RecordingHeader
 from tests.gateway.pki.site import Site, vouch
 from tests.gateway.recording.conftest import GATEWAY, START_NS, Record
 from tests.values import present

@@ -15,8 +15,8 @@ from gateway.daemon.runtime.host import WallClockMonitor
 from gateway.messages import Mark
 from gateway.pipeline.incidents import Acknowledgement, IncidentRegister
 from gateway.pipeline.outgoing_message import EncodedMessage
-from gateway.recording.format.content import RecordingHeader
 from gateway.recalibration.requests import Acknowledge, RequestError, SetMark, parse_payload
+from gateway.recording.format.content import RecordingHeader
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.segments.events import EventIndex, marker_path
 from gateway.recording.segments.recorder import Recorder
