@@ -17,7 +17,7 @@ from gateway.configuration.bus_section import is_loopback
 from gateway.configuration.device_sections import I2cSection
 from gateway.configuration.model import Configuration
 from gateway.configuration.relay_section import GpioRelay, NoRelay
-from gateway.daemon.doctor.check_result import CheckResult
+from gateway.daemon.doctor import CheckResult
 from gateway.daemon.doctor.device_check import check_attitude, examine_device, read_blocks
 from gateway.daemon.doctor.service_check import examine_running
 from gateway.daemon.runtime.host import WallClockMonitor, disk_free_mb

@@ -10,7 +10,7 @@ from gateway.configuration.bus_section import EXPIRES_SOON_DAYS, BusSection, fin
 from gateway.configuration.model import Configuration
 from gateway.configuration.remote_change import describe_changes
 from gateway.daemon.commands.security import read_certificates
-from gateway.daemon.doctor.check_result import CheckResult
+from gateway.daemon.doctor import CheckResult
 from gateway.pki.signing_key import KEY_NAME
 
 OTHERS, GROUP_OR_OTHERS = 0o007, 0o077

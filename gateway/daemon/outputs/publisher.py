@@ -153,7 +153,7 @@ class AlertSender(Worker[QueuedAlert]):
         """Send on a session from now on. Raises `zenoh.ZError`."""
         self._publisher = session.declare_publisher(
             self._key,
-            encoding=zenoh.Encoding.APPLICATION_JSON,
+            encoding=JSON,
             congestion_control=zenoh.CongestionControl.DROP,  # a receiver that stalls fetches what it has missed
             priority=zenoh.Priority.REAL_TIME,
             express=True,  # an alert does not wait for a batch to fill

@@ -19,7 +19,7 @@ from devices.i2c.fifo_accelerometer import FifoAccelerometer
 from gateway.configuration.device_sections import I2cDevice, NodeDevice
 from gateway.configuration.loading import validate
 from gateway.configuration.model import Configuration
-from gateway.daemon.doctor.check_result import CheckResult
+from gateway.daemon.doctor import CheckResult
 from gateway.daemon.doctor.device_check import (
     check_self_test,
     examine_device,
