@@ -145,8 +145,8 @@ class Processor(Worker[SamplerItem]):
             time_ns = int(item.time_ns[-1])
             self._forward(item, self._pipeline.process(item, self._wall_clock.state), time_ns)
             self._serve_acknowledgements(time_ns)
-        elif item.info != self.info:
-            self._open(item.info)
+        elif item != self.info:
+            self._open(item)
         self._each_step()
 
     def idle(self) -> None:

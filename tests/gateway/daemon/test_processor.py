@@ -20,7 +20,6 @@ from gateway.daemon.parts import Parts, compose
 from gateway.daemon.processor import HEALTH_PERIOD_S
 from gateway.daemon.runtime.logs import LineWriter
 from gateway.daemon.runtime.worker import FaultRegister
-from gateway.daemon.sampling.sampler import DeviceReopened
 from gateway.daemon.storage import calibration_provider
 from gateway.messages import Health
 from gateway.pki.site_folder import Holder
@@ -91,7 +90,7 @@ def test_a_device_whose_record_the_disk_does_not_give_is_uncalibrated_until_it_d
         return find_record_in_force(data_dir, device_id)
 
     monkeypatch.setattr(calibration_provider, "find_record_in_force", hang)
-    parts.sampler.blocks.put(DeviceReopened(other))
+    parts.sampler.blocks.put(other)
     wait_until(lambda: parts.processor.info == other, "the other device")
     assert present(parts.processor.correction).status == "uncalibrated"
     gate.set()
