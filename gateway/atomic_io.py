@@ -82,19 +82,17 @@ def partial_of(path: Path) -> Path:
     return path.with_name(f".{path.name}.part")
 
 
-def append_durably(path: Path, line: bytes) -> None:
-    """Append a line to a file, on a line of its own even if the last one is incomplete. Raises `OSError`."""
-    _append(path, line, durable=True)
+def append_line(path: Path, line: bytes, *, durable: bool = True, max_bytes: int | None = None) -> None:
+    """Append a line to a file, on a line of its own even if the last one is incomplete. Raises `OSError`.
 
-
-def append_line(path: Path, line: bytes) -> None:
-    """Append a line as `append_durably` does, without waiting for the disk: a power failure may lose it. Raises `OSError`."""
-    _append(path, line, durable=False)
-
-
-def _append(path: Path, line: bytes, *, durable: bool) -> None:
+    Not `durable`: the disk is not waited for, and a power failure may lose the line. A file of more than `max_bytes` becomes the
+    previous file, `<name>.previous.jsonl`, of which there is one.
+    """
     make_folder(path.parent)
     existed = path.exists()
+    if existed and max_bytes is not None and path.stat().st_size > max_bytes:
+        path.replace(path.with_suffix(".previous.jsonl"))
+        existed = False
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW, 0o644)
     try:
         end = os.lseek(descriptor, 0, os.SEEK_END)

@@ -1,4 +1,4 @@
-"""The errors that a person reads: one line with the place and the remedy, and an exit code."""
+"""The errors that a person reads: one line with the place and the remedy, and an exit code; and text as a terminal shows it."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -43,3 +43,13 @@ def describe_problem(problem: Mapping[str, Any]) -> str:
     """Return what is wrong by a problem of pydantic."""
     allowed = _ALLOWED.get(problem.get("ctx", {}).get("pattern", ""))
     return f"should be {allowed}" if allowed else str(problem["msg"]).removeprefix("Value error, ")
+
+
+def printable(text: str) -> str:
+    """Return a text with every character escaped that steers a terminal, reverses the direction of text or begins a line."""
+    return "".join(character if character.isprintable() else ascii(character)[1:-1] for character in text)
+
+
+def counted(number: int, thing: str) -> str:
+    """Return a number with what it counts: "1 gap", "2 gaps"."""
+    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"

@@ -82,6 +82,12 @@ TOPICS: dict[str, Topic] = {
 """The topics by name, in the order of the table in `docs/reference/messages.md`, which a test compares with this one. Of
 the tilt one message in five is recorded. Basis: its low-pass leaves nothing that is faster than 2 Hz."""
 
+KEY_PREFIX = "plumbline/v1/"
+"""Begin of every key on the bus, with the version of the keys; site, crane and sensor follow, then the topic."""
+ANY_GATEWAY = f"{KEY_PREFIX}*/*/*"
+EVERY_KEY = f"{KEY_PREFIX}**"
+ALIVE = "alive"
+"""Below a gateway's key: the token of its liveliness."""
 STATE_TOPICS = tuple(topic.name for topic in TOPICS.values() if topic.is_state)
 UNSIGNED_TOPICS = tuple(topic.name for topic in TOPICS.values() if not topic.signed)
 TOPIC_OF: dict[type[Any], Topic] = {topic.type: topic for topic in TOPICS.values()}

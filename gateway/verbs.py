@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 from pydantic import BaseModel
 
-from gateway.authorization.caller import Role
-from gateway.authorization.token_bucket import RateLimit
+from gateway.authorization.caller import RateLimit, Role
 from gateway.recalibration import requests
 
 READ_LIMIT = RateLimit(burst=100, per_s=50.0)

@@ -125,7 +125,7 @@ import json
 import sys
 from pathlib import Path
 from gateway.cli.main import main
-from gateway.messages.condition import Echo
+from gateway.messages.motion import Echo
 from gateway.recording.reading.recording_file import open_recording
 from tests.gateway.recording.recorded_crane import RecordedCrane
 from tests.test_docs import test_topic_table_is_the_codes
@@ -154,21 +154,21 @@ class Echo(Message):
 
 @pytest.mark.slow
 def test_a_topic_changes_the_files_of_the_guide_and_is_recorded_and_replayed(tree: Tree) -> None:
-    condition = (tree.folder / "gateway/messages/condition.py").read_text(encoding="utf-8")
-    tree.write("gateway/messages/condition.py", condition + MESSAGE)
+    motion = (tree.folder / "gateway/messages/motion.py").read_text(encoding="utf-8")
+    tree.write("gateway/messages/motion.py", motion + MESSAGE)
     topics, pipeline = "gateway/topics.py", "gateway/pipeline/pipeline.py"
     tree.insert(topics, '        Topic("echo", Echo, "10 Hz", recomputed=True),\n', before='        Topic("mark",')
     tree.insert(
         topics,
-        "from gateway.messages.condition import Echo\n",
+        "from gateway.messages.motion import Echo\n",
         before="\n\n@dataclass(frozen=True, slots=True)\nclass Topic",
     )
     sent = '            yield self._message("echo", now, lambda head: Echo(**head, verdict=self._condition.verdict))\n'
     tree.insert(pipeline, sent, before="        if swing_due:\n")
-    tree.insert(pipeline, "from gateway.messages.condition import Echo\n", before="from gateway.packing import pack\n")
+    tree.insert(pipeline, "from gateway.messages.motion import Echo\n", before="from gateway.packing import pack\n")
     row = "| echo | plumbline.Echo | 10 Hz | yes | yes |\n"
     tree.insert("docs/reference/messages.md", row, before="| mark | plumbline.Mark |")
-    assert tree.changed == named_files("Add a topic", subject="condition")
+    assert tree.changed == named_files("Add a topic", subject="motion")
     tree.python("-c", TOPIC_CHECK, str(tree.folder / "recordings"))
 
 

@@ -17,13 +17,14 @@ from gateway.archive.source import StoredFile
 from gateway.bus.known_gateways import RefuseKey, known_statement
 from gateway.bus.untrusted import GATEWAY_KEY
 from gateway.errors import InputError
-from gateway.fleet.selection import KEY_PREFIX, read_expected
+from gateway.fleet.selection import read_expected
 from gateway.pki.signing_key import read_public_key
 from gateway.recording.chain.chain_verification import VouchedKey, find_vouched_key
 from gateway.recording.chain.file_verification import FileVerification, verify_file
 from gateway.recording.chain.statements import SIGNATURE, hash_of, parse_statement
 from gateway.recording.format.content import ORIGIN
 from gateway.recording.reading.recording_file import GATEWAY_KEYS, read_index
+from gateway.topics import KEY_PREFIX
 
 MAX_TIME_NS = 2**62
 """Latest time of a recording. Definition: the year 2116, far from where dates and sums overflow."""

@@ -19,9 +19,9 @@ from gateway.archive.source import SUFFIX, open_object_store, reason_of_store
 from gateway.bus.untrusted import GATEWAY_KEY
 from gateway.errors import InputError
 from gateway.file_input import read_toml
-from gateway.fleet.selection import KEY_PREFIX
 from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.segments.events import UNCOMPACTED
+from gateway.topics import KEY_PREFIX
 
 
 @dataclass(frozen=True, slots=True)

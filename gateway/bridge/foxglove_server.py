@@ -20,7 +20,7 @@ from gateway.bridge.plant_snapshot import STATE_CODES, UNHEARD, PlantSnapshot, P
 from gateway.bridge.settings import FoxgloveSection
 from gateway.bus.authenticity import Doubt
 from gateway.bus.fleet_inbox import LARGEST_STATE_BYTES, FleetInbox
-from gateway.configuration.address import host_and_port
+from gateway.configuration.section import host_and_port
 from gateway.errors import InputError
 from gateway.messages import Message
 from gateway.topics import TOPICS, adapter

@@ -17,7 +17,7 @@ from collections.abc import Callable
 from gateway.bridge.plant_snapshot import PlantSnapshot
 from gateway.bridge.plant_values import PLANT_VALUES, PlantValue
 from gateway.bridge.settings import ModbusSection
-from gateway.configuration.address import host_and_port
+from gateway.configuration.section import host_and_port
 from gateway.errors import InputError
 
 log = logging.getLogger("plumbline.modbus")

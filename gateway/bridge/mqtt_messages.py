@@ -9,7 +9,7 @@ from gateway.bridge.plant_snapshot import UNHEARD, PlantSnapshot
 from gateway.bridge.plant_values import PLANT_VALUES
 from gateway.bus.alert_receiver import AlertReceiver
 from gateway.bus.alert_sequence import AlertEvent
-from gateway.topics import encode
+from gateway.topics import KEY_PREFIX, encode
 
 DIGITS = 4
 """Decimals of a value. Basis: a choice; a hundredth of the smallest uncertainty of an angle."""
@@ -31,7 +31,7 @@ class MqttTopics:
     @property
     def place(self) -> str:
         """Site, crane and sensor."""
-        return self.key.removeprefix("plumbline/v1/")
+        return self.key.removeprefix(KEY_PREFIX)
 
     @property
     def state(self) -> str:

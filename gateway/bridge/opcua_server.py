@@ -16,8 +16,9 @@ from gateway.bridge.plant_values import PLANT_VALUES, PlantValue
 from gateway.bridge.settings import OpcuaSection, read_password
 from gateway.bus.alert_receiver import AlertReceiver
 from gateway.bus.alert_sequence import AlertEvent
-from gateway.configuration.address import host_and_port, written
+from gateway.configuration.section import host_and_port, written
 from gateway.errors import InputError
+from gateway.topics import KEY_PREFIX
 
 STEP_S = 0.1
 """Time between two looks at the state. Basis: a choice; readings come ten times a second."""
@@ -67,7 +68,7 @@ class OpcuaServer:
     async def _build(self, server: Server) -> OpcuaAlerts:
         """Make the nodes: an object for the gateway, below it a variable for each value; return its alarms."""
         index = await server.register_namespace(NAMESPACE)
-        name = self._key.removeprefix("plumbline/v1/")
+        name = self._key.removeprefix(KEY_PREFIX)
         crane = await server.nodes.objects.add_object(ua.NodeId(name, index), ua.QualifiedName(name, index))
         for value in PLANT_VALUES:
             node = await _add_value(server, crane, index, name, value)

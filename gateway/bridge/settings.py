@@ -5,9 +5,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
-from gateway.configuration.address import Address
 from gateway.configuration.bus_section import is_loopback
-from gateway.configuration.section import Section
+from gateway.configuration.section import Address, Section
 from gateway.errors import InputError, describe_problems
 from gateway.file_input import read_toml, reason_of
 

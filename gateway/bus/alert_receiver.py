@@ -29,7 +29,7 @@ from gateway.bus.session import UnreachableError
 from gateway.bus.untrusted import GATEWAY_KEY, make_question, read_attachment, send_question
 from gateway.gateway_state import GatewayPresence, GatewayState, is_overdue
 from gateway.messages import Alert
-from gateway.topics import adapter
+from gateway.topics import ALIVE, ANY_GATEWAY, adapter
 
 INBOX = 4096
 """Messages that may wait. Basis: a choice; sixteen for each of the gateways, and a bound of the memory."""
@@ -59,7 +59,7 @@ class AlertReceiver:
     def __init__(
         self,
         connect: str,
-        pattern: str = "plumbline/v1/*/*/*",
+        pattern: str = ANY_GATEWAY,
         *,
         since: int | None = None,
         state_file: Path | None = None,
@@ -158,7 +158,7 @@ class AlertReceiver:
             return
         self._subscriber = session.declare_subscriber(f"{self._pattern}/alert", self._receive_alert)
         self._liveliness = session.liveliness().declare_subscriber(
-            f"{self._pattern}/alive", self._receive_alive, history=True
+            f"{self._pattern}/{ALIVE}", self._receive_alive, history=True
         )
         self._session = session
 
@@ -171,7 +171,7 @@ class AlertReceiver:
             self._put(AlertArrival(key, payload, attachment=attachment, at_s=time.monotonic()))
 
     def _receive_alive(self, sample: zenoh.Sample) -> None:
-        key = str(sample.key_expr).removesuffix("/alive")
+        key = str(sample.key_expr).removesuffix(f"/{ALIVE}")
         is_alive = sample.kind == zenoh.SampleKind.PUT
         if is_alive:
             self._authenticity.expect(key)

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from gateway.bus.authenticity import Doubt
 from gateway.gateway_state import GatewayState
 from gateway.messages import Alert
-from gateway.outbox.position import Position
+from gateway.outbox import Position
 
 REMEMBERED_BOOTS = 32
 """Boots of a gateway whose messages are told apart. Basis: a choice; messages of an old boot are late by seconds, and the memory

@@ -24,7 +24,7 @@ from gateway.authorization.message_signature import (
     split_signature,
 )
 from gateway.bus.known_gateways import NO_SIGNERS, Signers, can_pin, known_statement, pin_key
-from gateway.bus.untrusted import GATEWAY_KEY, LONGEST_KEY, MOST_GATEWAYS, make_question, read_attachment, send_question
+from gateway.bus.untrusted import MOST_GATEWAYS, is_gateway_key, make_question, read_attachment, send_question
 from gateway.pki.signing_key import KEY_NAME, PUBLIC_SUFFIX, KeyFileError, fingerprint
 
 MAX_AGE_S = 5.0
@@ -216,7 +216,7 @@ class Authenticity:
 
     def _find(self, name: str) -> _Gateway | None:
         if name not in self._gateways:
-            if len(self._gateways) >= MOST_GATEWAYS or len(name) > LONGEST_KEY or GATEWAY_KEY.fullmatch(name) is None:
+            if len(self._gateways) >= MOST_GATEWAYS or not is_gateway_key(name):
                 return None
             self._gateways[name] = _Gateway()
         return self._gateways[name]

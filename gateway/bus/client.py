@@ -1,14 +1,17 @@
-"""The client of one gateway in another process: requests with an id, repeated until they are answered."""
+"""The client of one gateway in another process: requests with an id, repeated until they are answered.
+
+An id in the answer to a fetch request can become the name of a file, and is accepted in the form of one alone.
+"""
 
 import json
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import zenoh
-from pydantic import ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gateway.authorization.credential import Challenge
 from gateway.authorization.message_signature import Question
@@ -16,9 +19,10 @@ from gateway.bus.authenticity import OLD, Authenticity, Doubt
 from gateway.bus.credentials import Credentials, load_credentials
 from gateway.bus.session import BusError, open_session
 from gateway.bus.untrusted import gateway_of, make_question, parse_message, parse_status, read_attachment, send_question
+from gateway.calibration.store import ID_PATTERN
 from gateway.configuration.bus_section import is_encrypted
-from gateway.errors import InputError, PlumblineError
-from gateway.text import printable
+from gateway.errors import InputError, PlumblineError, printable
+from gateway.topics import ALIVE
 from gateway.verbs import VERBS
 
 CONNECT_MS = 2000
@@ -29,8 +33,10 @@ step that hangs is refused after 8 s, usual ones take less than a second."""
 PAUSE_S = 0.5
 """Pause before a repetition. Basis: a choice; a link is opened again in it, and a person does not wait."""
 STATUS = "rpc/status"
-ALIVE = "alive"
 PASSING = ("rate_limited", "stale_credential")
+Id = Annotated[str, Field(pattern=ID_PATTERN)]
+MAX_RECORDS = 1000
+"""Basis: a choice; centuries of calibrations, and a bound of a hostile answer."""
 
 
 class ForgedError(PlumblineError):
@@ -240,3 +246,41 @@ def _decode(reply: zenoh.Reply, doubt: Doubt | None) -> RpcReply | None:
     except (ValueError, RecursionError):
         return None
     return RpcReply(reply.ok is not None, content, doubt) if isinstance(content, dict) else None
+
+
+class FetchedEntry(BaseModel):
+    """One record in the list."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    id: Id
+    error: str | None = None
+    """Why the gateway cannot read it."""
+
+
+class FetchedList(BaseModel):
+    """The list of records."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    device_id: str
+    in_force: Id | None
+    review: Id | None
+    history: list[dict[str, Any]]
+    records: list[FetchedEntry] = Field(max_length=MAX_RECORDS)
+
+
+class FetchedRecord(BaseModel):
+    """One record."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    record: dict[str, Any]
+
+
+class FetchedAudit(BaseModel):
+    """The newest entries of the audit."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    audit: list[dict[str, Any]]

@@ -94,7 +94,7 @@ def _ask_authority(ca: Path, revoked: Path | None) -> RefuseKey | None:
     """Return what refuses keys for which a CA does not vouch; None without the library, which checks no signature either."""
     if what_is_missing("security") is not None:
         return None
-    from gateway.bus.site_authority import SiteAuthority  # noqa: PLC0415 (an extra)
+    from gateway.authorization.certificates import SiteAuthority  # noqa: PLC0415 (an extra)
 
     return SiteAuthority(ca, revoked).refuse
 

@@ -14,9 +14,7 @@ from gateway.bus.client import ANSWER_S, STATUS, open_client_session
 from gateway.bus.credentials import Credentials, load_credentials
 from gateway.bus.fleet_inbox import LARGEST_STATE_BYTES, FleetBatch, FleetInbox
 from gateway.bus.untrusted import LARGEST_MESSAGE_BYTES, make_question, read_attachment, send_question
-from gateway.topics import STATE_TOPICS, UNSIGNED_TOPICS
-
-ALIVE = "alive"
+from gateway.topics import ALIVE, STATE_TOPICS, UNSIGNED_TOPICS
 
 
 class FleetClient:

@@ -4,7 +4,7 @@ import threading
 from dataclasses import dataclass, field
 
 from gateway.bus.authenticity import Doubt, newer_doubt
-from gateway.bus.untrusted import GATEWAY_KEY, LONGEST_KEY, MOST_GATEWAYS
+from gateway.bus.untrusted import MOST_GATEWAYS, is_gateway_key
 
 LARGEST_STATE_BYTES = 65536
 """Largest message of a fleet, bytes. Basis: alerts, health and conditions have a few kilobytes."""
@@ -80,7 +80,7 @@ class FleetInbox:
     def _admit(self, key: str) -> bool:
         if key in self._keys:
             return True
-        if len(self._keys) >= MOST_GATEWAYS or len(key) > LONGEST_KEY or GATEWAY_KEY.fullmatch(key) is None:
+        if len(self._keys) >= MOST_GATEWAYS or not is_gateway_key(key):
             return False
         self._keys.add(key)
         return True

@@ -10,11 +10,21 @@ from typing import Any
 
 import zenoh
 
-from gateway.bus.access_control import EVERY_GATEWAY, READ, WRITE, access_rule, deny_all_but
 from gateway.bus.fleet_inbox import LARGEST_STATE_BYTES
-from gateway.bus.session import ACCEPT_MS, LARGEST_ANSWER, LEASE_MS, LONGEST_BLOCKED_US, MOST_PENDING, TlsFiles
+from gateway.bus.session import (
+    ACCEPT_MS,
+    LARGEST_ANSWER,
+    LEASE_MS,
+    LONGEST_BLOCKED_US,
+    MOST_PENDING,
+    READ,
+    WRITE,
+    TlsFiles,
+    access_rule,
+    deny_all_but,
+)
 from gateway.bus.untrusted import GATEWAY_KEY, MOST_GATEWAYS, read_attachment
-from gateway.topics import STATE_TOPICS
+from gateway.topics import ANY_GATEWAY, EVERY_KEY, KEY_PREFIX, STATE_TOPICS
 
 CLEANING = {"period": 3600, "lifespan": 86400}
 """Seconds between cleanings, and for which an unused entry lives. Basis: a choice; an hour and a day, so that nothing of a
@@ -62,7 +72,7 @@ def router_configuration(
 def with_storage(configuration: Mapping[str, Any]) -> dict[str, Any]:
     """Add zenohd's storage manager, which keeps the last messages in memory."""
     storages = {
-        topic: {"key_expr": f"plumbline/v1/*/*/*/{topic}", "volume": "memory", "garbage_collection": CLEANING}
+        topic: {"key_expr": f"{ANY_GATEWAY}/{topic}", "volume": "memory", "garbage_collection": CLEANING}
         for topic in STATE_TOPICS
     }
     return {
@@ -74,9 +84,9 @@ def with_storage(configuration: Mapping[str, Any]) -> dict[str, Any]:
 
 def _access(gateways: Mapping[str, str], readers: Sequence[str], load_signals: Sequence[str]) -> dict[str, Any]:
     rules = [
-        access_rule("deliver", [*WRITE, *READ], "egress", [EVERY_GATEWAY]),
-        access_rule("read", READ, "ingress", [EVERY_GATEWAY]),
-        access_rule("load_signal", ["put"], "ingress", ["plumbline/v1/*/*/*/load"]),
+        access_rule("deliver", [*WRITE, *READ], "egress", [EVERY_KEY]),
+        access_rule("read", READ, "ingress", [EVERY_KEY]),
+        access_rule("load_signal", ["put"], "ingress", [f"{ANY_GATEWAY}/load"]),
     ]
     everybody = {"id": "everybody"}
     subjects: list[dict[str, Any]] = [everybody]
@@ -86,7 +96,7 @@ def _access(gateways: Mapping[str, str], readers: Sequence[str], load_signals: S
             subjects.append({"id": f"{rule}ers", "cert_common_names": list(names)})
             policies.append({"subjects": [f"{rule}ers"], "rules": [rule]})
     for key, name in gateways.items():
-        place = key.removeprefix("plumbline/v1/")
+        place = key.removeprefix(KEY_PREFIX)
         rules.append(access_rule(f"write {place}", [*WRITE, *READ], "ingress", [f"{key}/**"]))
         subjects.append({"id": place, "cert_common_names": [name]})
         policies.append({"subjects": [place], "rules": [f"write {place}"]})
@@ -101,7 +111,7 @@ class LatestStates:
         self._latest: dict[str, tuple[bytes, bytes | None]] = {}
         """Payload and signature by key."""
         self._bytes = 0
-        patterns = [f"plumbline/v1/*/*/*/{topic}" for topic in STATE_TOPICS]
+        patterns = [f"{ANY_GATEWAY}/{topic}" for topic in STATE_TOPICS]
         self._subscribers = [session.declare_subscriber(pattern, self._keep) for pattern in patterns]
         # The session may not be used inside its callbacks: each queryable has a channel and a thread.
         self._queryables = [session.declare_queryable(pattern) for pattern in patterns]

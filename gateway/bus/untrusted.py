@@ -13,10 +13,10 @@ import zenoh
 from pydantic import ValidationError
 
 from gateway.authorization.message_signature import MAX_SIGNATURE_BYTES, Question
-from gateway.configuration.section import KEY_PATTERN
-from gateway.topics import TOPICS, adapter
+from gateway.configuration.section import NAME
+from gateway.topics import KEY_PREFIX, TOPICS, adapter
 
-GATEWAY_KEY = re.compile(f"plumbline/v1(/{KEY_PATTERN.strip('^$')}){{3}}")
+GATEWAY_KEY = re.compile(f"{KEY_PREFIX}{NAME}/{NAME}/{NAME}")
 """Key of a gateway: the names that a configuration allows."""
 LONGEST_KEY = 256
 """Basis: a choice; keys have a prefix, a name of 64 characters and a topic."""
@@ -59,7 +59,12 @@ def parse_status(payload: bytes) -> dict[str, dict[str, Any]] | None:
 def gateway_of(sample: zenoh.Sample, suffix: str) -> str | None:
     """Return the key of the gateway that a message names as its origin; None where no configuration allows that name."""
     key = str(sample.key_expr).removesuffix(f"/{suffix}")
-    return key if len(key) <= LONGEST_KEY and GATEWAY_KEY.fullmatch(key) else None
+    return key if is_gateway_key(key) else None
+
+
+def is_gateway_key(key: str) -> bool:
+    """Return whether a configuration allows a key as that of a gateway."""
+    return len(key) <= LONGEST_KEY and GATEWAY_KEY.fullmatch(key) is not None
 
 
 def _plain(topic: str, message: object) -> dict[str, Any]:

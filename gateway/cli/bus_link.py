@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.cli.command import option
-from gateway.text import printable
+from gateway.errors import printable
 
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient

@@ -12,8 +12,7 @@ from devices.errors import DeviceError
 from gateway import __version__
 from gateway.cli.command import Command, declared
 from gateway.cli.output import paint
-from gateway.errors import BAD_INPUT, PlumblineError
-from gateway.text import printable
+from gateway.errors import BAD_INPUT, PlumblineError, printable
 
 AXES_FROM_MINUS = re.compile(r"-[xyz],.+")
 """A value of --axes that `argparse` takes for an option."""

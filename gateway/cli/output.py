@@ -13,8 +13,7 @@ from typing import Literal, TextIO
 
 from gateway.atomic_io import replace_file
 from gateway.cli.command import option
-from gateway.errors import InputError
-from gateway.text import printable
+from gateway.errors import InputError, printable
 
 STANDARD_OUTPUT = Path("-")
 """The value of `--json` for the standard output."""

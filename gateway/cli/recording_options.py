@@ -162,7 +162,7 @@ CA_OPTION = option(
 def refusal_by(ca: Path) -> "RefuseKey":
     """Return what says why a CA does not vouch for a key. Raises `InputError` where the file has none."""
     require_extra("security")
-    from gateway.bus.site_authority import SiteAuthority
+    from gateway.authorization.certificates import SiteAuthority
     from gateway.errors import InputError
     from gateway.pki.inspect import CertificateError, parse_authorities
 

@@ -1,13 +1,16 @@
-"""The section of the bus: endpoints, TLS certificates, and what others may do on it."""
+"""The section of the bus: endpoints, TLS certificates with the check of their files, and what others may do on it."""
 
 import re
+from collections.abc import Iterator, Mapping
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from gateway.configuration.section import KEY_PATTERN, Section
+from gateway.configuration.section import NAME, Section
+from gateway.extras import what_is_missing
+from gateway.topics import KEY_PREFIX
 
 ENCRYPTED_PROTOCOLS = ("tls", "quic")
 NETWORK_PROTOCOLS = ("tcp", "udp", "ws", *ENCRYPTED_PROTOCOLS)
@@ -15,7 +18,10 @@ LOCAL_PROTOCOLS = ("unixsock-stream", "unixpipe")
 PARAMETERS = "?#;"
 """Characters from which on Zenoh reads parameters of a link out of its endpoint, such as `enable_mtls=false`."""
 CommonName = Annotated[str, Field(min_length=1, max_length=64)]
-SubtreeKey = Annotated[str, Field(pattern=f"^plumbline/v1(/{KEY_PATTERN.strip('^$')}){{1,3}}$")]
+SubtreeKey = Annotated[str, Field(pattern=f"^{KEY_PREFIX.removesuffix('/')}(/{NAME}){{1,3}}$")]
+EXPIRES_SOON_DAYS = 30
+"""A certificate with fewer days left is reported. Basis: a choice; time for the next visit at a crane, and no warning for
+years."""
 
 
 def check_endpoint(endpoint: str) -> str:
@@ -140,3 +146,18 @@ class BusSection(Section):
         """The endpoints at which a process of this machine reaches the gateway or its router, loopback first."""
         listening = [endpoint.replace("/0.0.0.0:", "/127.0.0.1:") for endpoint in self.active_listeners]
         return sorted(listening, key=lambda endpoint: not is_loopback(endpoint)) or list(self.connect)
+
+
+def find_problems(files: Mapping[str, Path]) -> Iterator[str]:
+    """Yield what is wrong with the files of `bus.tls`, by the names of their keys, one line each."""
+    unreadable = False
+    for name, path in files.items():
+        try:
+            path.read_bytes()
+        except OSError as error:
+            unreadable = True
+            yield f"bus.tls.{name}: {path}: cannot be read ({error.strerror}); plumbline keys issue makes it"
+    if files and not unreadable and what_is_missing("security") is None:
+        from gateway.pki.inspect import find_content_problems  # noqa: PLC0415 (its library is an extra)
+
+        yield from find_content_problems(files)

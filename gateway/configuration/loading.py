@@ -1,6 +1,7 @@
 """Reading of a configuration from a TOML file and the environment, or one line that names the key and the correct value.
 
-The installed configuration is that of the service, which `deploy/install.sh` has set up on this machine.
+Also a configuration in the making, by answers key by key, and as TOML with comments. The installed configuration is that of the
+service, which `deploy/install.sh` has set up on this machine.
 """
 
 import difflib
@@ -9,11 +10,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import tomli_w
 from pydantic import BaseModel, ValidationError, create_model
 
 from gateway.configuration.device_plugins import PluginError, load_plugin, plugin_names
 from gateway.configuration.device_sections import DEVICE_SECTIONS, ReplayDevice
 from gateway.configuration.model import Configuration
+from gateway.configuration.section import Section
 from gateway.errors import InputError, describe_problem
 from gateway.file_input import parse_toml, read_toml
 
@@ -21,6 +24,9 @@ ENVIRONMENT_PREFIX = "PLUMBLINE_"
 SETTINGS = Path("/etc/plumbline/plumbline.toml")
 SERVICE_ENVIRONMENT = Path("/etc/default/plumbline")
 WITHOUT_SENSOR = ("simulated", "replay")
+Table = dict[str, Any]
+REQUIRED = ("device.kind", "rope.length_m")
+POSITION = ("housing.above_load_m", "housing.position_m")
 
 
 class ConfigurationError(InputError):
@@ -203,3 +209,66 @@ def service_environment() -> dict[str, str]:
         raise ConfigurationError(f"{SERVICE_ENVIRONMENT}: cannot be read ({error.strerror})") from error
     pairs = (line.partition("=") for line in lines if line.strip() and not line.lstrip().startswith("#"))
     return {name.strip(): value.strip() for name, _, value in pairs}
+
+
+def to_toml(configuration: Configuration, answered: Mapping[str, Any] | None = None) -> str:
+    """Return the configuration with its defaults; a comment explains each key. Of answers, their sections and keys alone."""
+    names = [name for name in type(configuration).model_fields if answered is None or name in answered]
+    keys = {} if answered is None else answered
+    return "\n".join(_table([name], getattr(configuration, name), keys.get(name)) for name in names)
+
+
+def _table(path: list[str], section: Section, answered: Mapping[str, Any] | None) -> str:
+    """Return one table: its keys, or those that are answered, then its sub-tables."""
+    lines, tables = [f"[{'.'.join(path)}]"], []
+    values = section.model_dump(mode="json") if answered is None else answered
+    for key, value in values.items():
+        inner = getattr(section, key)
+        if isinstance(inner, Section):
+            tables.append("\n" + _table([*path, key], inner, None if answered is None else value))
+            continue
+        description = type(section).model_fields[key].description
+        setting = f"# {key} =" if value is None else tomli_w.dumps({key: value}).rstrip()
+        lines.append(setting + (f"  # {description}" if description else ""))
+    return "\n".join(lines) + "\n" + "".join(tables)
+
+
+class Answers:
+    """The keys that were answered; a refused answer changes nothing."""
+
+    def __init__(self, table: Table | None = None) -> None:
+        self.table: Table = {} if table is None else table
+
+    def set(self, **answers: Any) -> None:
+        """Set keys, written as `section__key`. Raises `ConfigurationError` where they contradict each other or an earlier one."""
+        table = {section: dict(keys) for section, keys in self.table.items()}
+        for name, value in answers.items():
+            section, _, key = name.partition("__")
+            table.setdefault(section, {})[key] = value
+        validate({section: _copied(keys) for section, keys in table.items()}, "answer")
+        self.table = table
+
+    def get(self, name: str) -> Any:
+        """Return the answer to a key such as `rope.length_m`; None: not answered."""
+        section, _, key = name.partition(".")
+        return self.table.get(section, {}).get(key)
+
+    def complete(self, where: str) -> Configuration:
+        """Return the configuration. Raises `ConfigurationError` where it is not valid or a key without a default is missing."""
+        configuration = validate({section: _copied(keys) for section, keys in self.table.items()}, where)
+        missing = [name for name in REQUIRED if self.get(name) is None]
+        if missing:
+            raise ConfigurationError(f"{where}: {missing[0]}: is missing; every installation has its own")
+        if all(self.get(name) is None for name in POSITION):
+            raise ConfigurationError(f"{where}: {POSITION[0]}: is missing: the distance of the housing above the load")
+        return configuration
+
+    def to_toml(self) -> str:
+        """Return the answered keys as TOML; a comment explains each. All other keys keep their defaults."""
+        model = configuration_class(self.get("device.kind"))
+        return to_toml(model.model_validate(self.table), self.table)
+
+
+def _copied(keys: Any) -> Any:
+    """Return a copy of a section: validation adds defaults to the table that it is given."""
+    return dict(keys) if isinstance(keys, dict) else keys

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2, normal_gravity_m_s2
-from gateway.configuration.address import Address, host_and_port
 from gateway.configuration.bus_section import BusSection
 from gateway.configuration.device_sections import AnyDevice, SimulatedDevice
 from gateway.configuration.relay_section import AnyRelay, NoRelay
-from gateway.configuration.section import KEY_PATTERN, Section, one_of
+from gateway.configuration.section import KEY_PATTERN, Address, Section, host_and_port, one_of
 from gateway.languages import LANGUAGES
+from gateway.topics import KEY_PREFIX
 
 MAX_CUTOFF_SHARE = 0.4
 """Largest cut-off frequency of the low-pass, relative to the sample rate. Basis: a choice; below half the sample rate (Nyquist),
@@ -53,7 +53,7 @@ class GatewaySection(Section):
     @property
     def key(self) -> str:
         """Prefix of every key on the bus."""
-        return f"plumbline/v1/{self.site}/{self.crane}/{self.sensor}"
+        return f"{KEY_PREFIX}{self.site}/{self.crane}/{self.sensor}"
 
 
 class RopeSection(Section):

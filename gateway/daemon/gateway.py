@@ -28,10 +28,10 @@ from gateway.configuration.model import Configuration
 from gateway.configuration.user_state import remember_data_folder
 from gateway.daemon.commands.configuration_service import ConfigurationService, TrialSupervisor
 from gateway.daemon.parts import compose
-from gateway.daemon.runtime.faults import FaultRegister
 from gateway.daemon.runtime.instance import FolderError, InstanceLock
 from gateway.daemon.runtime.logs import LineWriter, RecordingHandler
 from gateway.daemon.runtime.supervision import HUNG_S, SLOW_DISK_S, STOP_S, Shutdown, Watchdog
+from gateway.daemon.runtime.worker import FaultRegister
 from gateway.daemon.sampling.device_factory import make_device
 from gateway.daemon.storage.recording_worker import describe_key, load_key
 from gateway.messages import Log

@@ -12,30 +12,27 @@ import msgspec
 from devices.block import DeviceInfo, RadioStatus, SampleBlock
 from devices.device import Device
 from gateway import __version__
-from gateway.daemon.commands.acknowledgement_service import AcknowledgementService
 from gateway.daemon.commands.configuration_service import ConfigurationService
+from gateway.daemon.commands.handlers import AcknowledgementService
 from gateway.daemon.commands.rpc_server import RpcServer
-from gateway.daemon.commands.security_log import SecurityLog
+from gateway.daemon.commands.security import SecurityLog
 from gateway.daemon.commands.worker import CommandWorker
-from gateway.daemon.outputs.alert_sender import AlertSender
+from gateway.daemon.outputs.bus_connection import SILENT_CONNECTIONS
 from gateway.daemon.outputs.page_channel import PageChannel
-from gateway.daemon.outputs.publisher import Publisher
-from gateway.daemon.outputs.relay_worker import RelayWorker
-from gateway.daemon.outputs.silent_connections import PART as SILENT_CONNECTIONS
-from gateway.daemon.runtime.faults import FaultRegister
+from gateway.daemon.outputs.publisher import AlertSender, Publisher
+from gateway.daemon.runtime.host import CpuMeter, resident_mb
 from gateway.daemon.runtime.logs import LineWriter
-from gateway.daemon.runtime.resources import CpuMeter, resident_mb
-from gateway.daemon.runtime.worker import Worker
+from gateway.daemon.runtime.worker import FaultRegister, Worker
 from gateway.daemon.sampling.sampler import Sampler
 from gateway.daemon.storage.calibration_provider import DriftStateStore
-from gateway.daemon.storage.recording_worker import RecordingWorker
-from gateway.daemon.storage.time_stamper import PART as TIME_STAMPS
+from gateway.daemon.storage.recording_worker import TIME_STAMPS, RecordingWorker
 from gateway.messages import Health, HealthState
 from gateway.pipeline.alert_rules import SWING
 from gateway.pipeline.outgoing_message import Header
 
 if TYPE_CHECKING:
     from gateway.daemon.commands.site_certificates import SiteCertificates  # its library is an extra
+    from gateway.daemon.outputs.relay_worker import RelayWorker
 
 
 log = logging.getLogger("plumbline.device")
@@ -120,7 +117,7 @@ class HealthReporter:
     publisher: Publisher
     alerts: AlertSender
     page: PageChannel
-    relay: RelayWorker | None
+    relay: "RelayWorker | None"
     workers: tuple[Worker[Any], ...]
     """Those whose defects are counted."""
     output: LineWriter

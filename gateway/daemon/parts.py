@@ -5,7 +5,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from devices.block import DeviceInfo
 from devices.device import Device
@@ -14,42 +14,44 @@ from gateway import __version__
 from gateway.authorization.message_signature import MessageSigner
 from gateway.bus.session import open_gateway_session
 from gateway.configuration.model import Configuration
-from gateway.daemon.commands.acknowledgement_service import AcknowledgementService
-from gateway.daemon.commands.authorisation import make_authoriser, make_voucher_source, read_certificates, refuse_all
+from gateway.configuration.relay_section import NoRelay
 from gateway.daemon.commands.configuration_service import ConfigurationService
-from gateway.daemon.commands.handlers import AlertHistory, MarkService, make_handlers
-from gateway.daemon.commands.page_requests import PageRequests, SignInWatch
-from gateway.daemon.commands.recalibration_service import RecalibrationService
+from gateway.daemon.commands.handlers import AcknowledgementService, AlertHistory, MarkService, make_handlers
 from gateway.daemon.commands.requests import RequestDispatcher
-from gateway.daemon.commands.rpc_server import RpcServer
-from gateway.daemon.commands.security_log import SECURITY_LOG_NAME, SecurityLog
-from gateway.daemon.commands.worker import CommandWorker
+from gateway.daemon.commands.rpc_server import PageRequests, RpcServer, SignInWatch
+from gateway.daemon.commands.security import (
+    SECURITY_LOG_NAME,
+    SecurityLog,
+    make_authoriser,
+    make_voucher_source,
+    read_certificates,
+    refuse_all,
+)
+from gateway.daemon.commands.worker import CommandWorker, RecalibrationService
 from gateway.daemon.health import HealthReporter, SampleCounters
-from gateway.daemon.outputs.alert_sender import AlertSender
-from gateway.daemon.outputs.bus_connection import BusConnection
+from gateway.daemon.outputs.bus_connection import BusConnection, SilentConnectionWatch
 from gateway.daemon.outputs.duplicate_watch import DuplicateWatch
 from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.daemon.outputs.page_process import PageProcess
-from gateway.daemon.outputs.publisher import Publisher
-from gateway.daemon.outputs.relay_worker import RelayWorker, make_relay
-from gateway.daemon.outputs.silent_connections import SilentConnectionWatch
+from gateway.daemon.outputs.publisher import AlertSender, Publisher
 from gateway.daemon.processor import Processor
-from gateway.daemon.runtime.faults import FaultRegister
+from gateway.daemon.runtime.host import WallClockMonitor
 from gateway.daemon.runtime.logs import LineWriter
-from gateway.daemon.runtime.wall_clock import WallClockMonitor
-from gateway.daemon.runtime.worker import BoundedQueue, Worker
+from gateway.daemon.runtime.worker import BoundedQueue, FaultRegister, Worker
+from gateway.daemon.sampling.device_factory import make_rigger
 from gateway.daemon.sampling.sampler import Sampler, SamplerItem
-from gateway.daemon.sampling.simulated_rigger import make_rigger
 from gateway.daemon.storage.calibration_provider import CalibrationProvider, DriftStateStore
-from gateway.daemon.storage.compaction_worker import CompactionWorker
 from gateway.daemon.storage.outbox_writer import OutboxWriter
-from gateway.daemon.storage.recording_worker import RecordingWorker, make_recorder
-from gateway.daemon.storage.time_stamper import TimeStamper, make_time_stamper
-from gateway.outbox.outbox import FOLDER as OUTBOX_FOLDER
+from gateway.daemon.storage.recording_worker import CompactionWorker, RecordingWorker, make_recorder
+from gateway.outbox import FOLDER as OUTBOX_FOLDER
 from gateway.page.sign_in import PIN_NAME
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recording.chain.segment_chain import SegmentChain
+
+if TYPE_CHECKING:
+    from gateway.daemon.outputs.relay_worker import RelayWorker
+    from gateway.daemon.storage.time_stamper import TimeStamper
 
 log = logging.getLogger("plumbline")
 MAX_WAITING_BLOCKS = 256
@@ -74,8 +76,8 @@ class Parts:
     alerts: AlertSender
     publisher: Publisher
     bus: BusConnection
-    time_stamper: TimeStamper | None
-    relay: RelayWorker | None
+    time_stamper: "TimeStamper | None"
+    relay: "RelayWorker | None"
     page: PageProcess | None
     health: HealthReporter
 
@@ -123,7 +125,7 @@ def compose(
     publisher = Publisher(section.key, signer)
     outbox = OutboxWriter(section.data_dir / OUTBOX_FOLDER, faults)
     alerts = AlertSender(section.key, outbox, clock.now_ns, publisher.note_latest, signer)
-    relay = make_relay(configuration.relay, faults)
+    relay = _make_relay(configuration, faults)
     wall_clock = WallClockMonitor(clock)
     axes = configuration.device.axes
     calibrations = CalibrationProvider(section.data_dir, axes)
@@ -250,13 +252,32 @@ def compose(
         alerts=alerts,
         publisher=publisher,
         bus=bus,
-        time_stamper=make_time_stamper(
-            configuration.recorder, lambda: recording.newest_statement, section.data_dir, faults
-        ),
+        time_stamper=_make_time_stamper(configuration, recording, faults),
         relay=relay,
         page=page,
         health=health,
     )
+
+
+def _make_relay(configuration: Configuration, faults: FaultRegister) -> "RelayWorker | None":
+    """Return the thread of the relay; None where there is none, and its module is then not loaded."""
+    if isinstance(configuration.relay, NoRelay):
+        return None
+    from gateway.daemon.outputs.relay_worker import RelayWorker  # noqa: PLC0415
+
+    return RelayWorker(configuration.relay, faults)
+
+
+def _make_time_stamper(
+    configuration: Configuration, recording: RecordingWorker, faults: FaultRegister
+) -> "TimeStamper | None":
+    """Return the thread of the time stamps; None where no authority is configured, and its module is then not loaded."""
+    url, every_s = configuration.recorder.time_stamp_authority, configuration.recorder.time_stamp_every_s
+    if url is None:
+        return None
+    from gateway.daemon.storage.time_stamper import TimeStamper  # noqa: PLC0415
+
+    return TimeStamper(url, every_s, lambda: recording.newest_statement, configuration.gateway.data_dir, faults)
 
 
 def _send_mark(mark: EncodedMessage, publisher: Publisher, recording: RecordingWorker) -> bool:

@@ -3,23 +3,21 @@
 import logging
 import threading
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
-from gateway.daemon.commands.acknowledgement_service import AcknowledgementService
-from gateway.daemon.commands.recalibration_service import PipelineInstruction, ProcessedBlock, RecalibrationService
-from gateway.daemon.commands.worker import CommandWorker
+from gateway.daemon.commands.handlers import AcknowledgementService
+from gateway.daemon.commands.worker import CommandWorker, PipelineInstruction, ProcessedBlock, RecalibrationService
 from gateway.daemon.health import HealthReporter, SampleCounters
-from gateway.daemon.outputs.alert_sender import AlertSender
 from gateway.daemon.outputs.page_channel import PageChannel
-from gateway.daemon.outputs.publisher import Publisher
-from gateway.daemon.outputs.relay_worker import RelayWorker
+from gateway.daemon.outputs.publisher import AlertSender, Publisher
+from gateway.daemon.runtime.host import WallClockMonitor
 from gateway.daemon.runtime.logs import RECORDED_ONLY
-from gateway.daemon.runtime.wall_clock import WallClockMonitor
 from gateway.daemon.runtime.worker import BoundedQueue, Worker
+from gateway.daemon.sampling.device_factory import SimulatedRigger
 from gateway.daemon.sampling.sampler import SamplerItem
-from gateway.daemon.sampling.simulated_rigger import SimulatedRigger
 from gateway.daemon.storage.calibration_provider import CalibrationProvider, DriftStateStore
 from gateway.daemon.storage.outbox_writer import OutboxWriter
 from gateway.daemon.storage.recording_worker import RecordingWorker
@@ -29,6 +27,9 @@ from gateway.pipeline.incidents import IncidentRegister
 from gateway.pipeline.outgoing_message import HeaderMaker, MessageTime, OutgoingMessage, PipelineOutput, encode_message
 from gateway.pipeline.pipeline import Pipeline, PipelineCalibration
 from gateway.topics import TOPICS
+
+if TYPE_CHECKING:
+    from gateway.daemon.outputs.relay_worker import RelayWorker
 
 log = logging.getLogger("plumbline.pipeline")
 alert_log = logging.getLogger("plumbline.alert")
@@ -68,7 +69,7 @@ class Processor(Worker[SamplerItem]):
         outbox: OutboxWriter,
         alerts: AlertSender,
         page: PageChannel,
-        relay: RelayWorker | None,
+        relay: "RelayWorker | None",
         rigger: SimulatedRigger | None,
     ) -> None:
         super().__init__("processor", inbox)
@@ -144,8 +145,8 @@ class Processor(Worker[SamplerItem]):
             time_ns = int(item.time_ns[-1])
             self._forward(item, self._pipeline.process(item, self._wall_clock.state), time_ns)
             self._serve_acknowledgements(time_ns)
-        elif item.info != self.info:
-            self._open(item.info)
+        elif item != self.info:
+            self._open(item)
         self._each_step()
 
     def idle(self) -> None:

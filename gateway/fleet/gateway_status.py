@@ -8,6 +8,7 @@ from typing import Literal
 from gateway.messages import ActiveAlert, Alert, Calibration, Condition, Health, Level, SessionPhase, Swing, Validity
 from gateway.messages.calibration import created_utc
 from gateway.page.verdict import STYLES, PageEvidence, Word, is_fresh, is_swing_known, verdict
+from gateway.topics import KEY_PREFIX
 from gateway.units import DAY_S
 
 FleetWord = Literal["MISSING", "GONE", "DUPLICATE", "FAULT", "BATTERY LOW"] | Word
@@ -104,7 +105,7 @@ class GatewayStatus:
     @property
     def name(self) -> str:
         """Site, crane and sensor."""
-        return self.key.removeprefix("plumbline/v1/")
+        return self.key.removeprefix(KEY_PREFIX)
 
     @property
     def label(self) -> str:

@@ -14,10 +14,10 @@ from gateway.bus.untrusted import GATEWAY_KEY
 from gateway.errors import InputError
 from gateway.fleet.gateway_status import STATE_LABELS, FleetWord, GatewayStatus
 from gateway.messages import Level
+from gateway.topics import KEY_PREFIX
 
 URGENCY = {word: number for number, word in enumerate(STATE_LABELS)}
 WELL: FleetWord = "OK"
-KEY_PREFIX = "plumbline/v1/"
 MAX_LINE_WORDS = 2
 
 
@@ -59,12 +59,8 @@ class NamePatterns:
     @property
     def key_pattern(self) -> str:
         """The narrowest pattern of the bus that includes them: whole names or `*`."""
-        return "/".join(
-            (
-                "plumbline/v1",
-                *("*" if set(name) & set("*?[") else name for name in (self.site, self.crane, self.sensor)),
-            )
-        )
+        names = (self.site, self.crane, self.sensor)
+        return KEY_PREFIX + "/".join("*" if set(name) & set("*?[") else name for name in names)
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,13 +4,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from gateway.documents.format import as_sentence, format_fixed, format_percent, format_short, human_name, printable_text
+from gateway.errors import counted
 from gateway.incident.course import Course, StateCourse
 from gateway.incident.evidence import IncidentEvidence
 from gateway.incident.facts import CraneMove, IncidentFacts, PeakAngle
 from gateway.incident.incident_selection import STANDING, AlertIncident
 from gateway.incident.timeline_figure import ReportClock
 from gateway.pipeline.alert_rules import SWING
-from gateway.text import counted
 
 MAX_SUMMARY_MARKS = 3
 """Marks in the summary; the events have all of them. Basis: a choice; the summary stays on one page, the events have all of

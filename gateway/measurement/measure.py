@@ -24,9 +24,8 @@ from gateway.measurement.swing import cut_to_free_swing, estimate_source_swing
 from gateway.motion.motion_monitor import MotionMonitor
 from gateway.numerics.array import Array
 from gateway.pipeline.motion_stage import motion_context
-from gateway.stages.conditions.gates import MotionContext
-from gateway.stages.conditions.verdict import ConditionResult, judge_condition
-from gateway.stages.conditions.window import ConditionWindow
+from gateway.stages.condition import ConditionResult, MotionContext, judge_condition
+from gateway.stages.condition_window import ConditionWindow
 from gateway.stages.lowpass import LowPass
 from gateway.stages.tilt import TiltAngles, axial_tilt, fused_tilt, plain_tilt, roll_about_x
 from gateway.swing.detection.free_swing import FreeSwing

@@ -20,14 +20,13 @@ from gateway.measurement.foreign_file import read_foreign
 from gateway.measurement.recording_files import calibration_in_force, common_configuration
 from gateway.motion.gyro_reading import GyroPrior
 from gateway.numerics.foreign_readings import find_dropouts, find_fresh_rows
-from gateway.pipeline.force_stage import TemperatureFilter
+from gateway.pipeline.force_stage import TemperatureFilter, find_clipped
 from gateway.pipeline.motion_stage import device_gyro, gyro_prior
 from gateway.pipeline.rig import CALIBRATED, UNCALIBRATED, DefaultUncertainty, Rig, configured_housing, with_sensor
 from gateway.recording.reading.interval import WHOLE_RECORDING, RecordingExtent, RecordingInterval
 from gateway.recording.reading.sample_calibration import recorded_correction
 from gateway.recording.reading.samples import RecordedSamples, read_samples
 from gateway.recording.reading.timeline import list_recordings
-from gateway.stages.clipping import find_clipped
 from gateway.swing.rig import MountedHousing
 
 UNCALIBRATED_NORM_ERROR_G = 0.05

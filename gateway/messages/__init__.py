@@ -7,7 +7,6 @@ classes. `docs/reference/messages.md` states the rules for their versions.
 
 from gateway.messages.alert import CALIBRATION_RULE, LEVEL_RANK, ActiveAlert, Alert, AlertEventKind, Level, Validity
 from gateway.messages.calibration import NO_SESSION, Calibration, CalibrationSession, SessionPhase, SessionPose
-from gateway.messages.condition import Cause, Condition, Verdict
 from gateway.messages.header import (
     SCHEMA_VERSION,
     CalibrationStatus,
@@ -18,9 +17,19 @@ from gateway.messages.header import (
     Seconds,
     Vector,
 )
-from gateway.messages.health import Health, HealthState, NewestStatement
-from gateway.messages.log import FoxgloveTime, Log, Mark
-from gateway.messages.motion import Formulas, HorizontalVector, Motion, MotionProbabilities, MotionState, Swing, Tilt
+from gateway.messages.health import FoxgloveTime, Health, HealthState, Log, Mark, NewestStatement
+from gateway.messages.motion import (
+    Cause,
+    Condition,
+    Formulas,
+    HorizontalVector,
+    Motion,
+    MotionProbabilities,
+    MotionState,
+    Swing,
+    Tilt,
+    Verdict,
+)
 from gateway.messages.samples import Acceleration, ClockOffset, Readings, Samples
 
 __all__ = [

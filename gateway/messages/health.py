@@ -1,4 +1,4 @@
-"""The message of the gateway's own state."""
+"""The messages of the gateway's own state, of a line of its log in the schema of Foxglove, and of a mark that a person sets."""
 
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
@@ -98,3 +98,32 @@ class Health(Message):
         Field(description="state of the relay; failed: it could not be switched; null: none is configured"),
     ] = None
     relay_reason: Annotated[str | None, Field(description="why the relay is released; null: it is not")] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoxgloveTime:
+    """The time of a `foxglove.Log`."""
+
+    sec: int
+    nsec: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Log:
+    """A line of the log, in the schema `foxglove.Log`."""
+
+    timestamp: FoxgloveTime
+    level: Annotated[int, Field(description="1 debug, 2 info, 3 warning, 4 error, 5 fatal")]
+    message: str
+    name: str
+    file: str = ""
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mark(Message):
+    """A mark that a person set in the recording; the time around it is kept like that around an alert."""
+
+    id: Annotated[str, Field(description="id of the request")]
+    by: Annotated[str, Field(description="who set it, as stated in the request")]
+    text: str

@@ -13,6 +13,7 @@ from typing import Annotated, ClassVar
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from gateway.errors import describe_problems
+from gateway.topics import KEY_PREFIX
 
 MAX_FRAME_BYTES = 65536
 """Largest packet, bytes. Basis: a message on the bus may have as much; the socket takes it at once."""
@@ -25,7 +26,7 @@ REQUEST = "request"
 ANSWER = "answer"
 REPORT = "report"
 """A frame of the page that is not answered: wrong PINs."""
-Key = Annotated[str, Field(pattern=r"^plumbline/v1/[^/*$#?]+/[^/*$#?]+/[^/*$#?]+$")]
+Key = Annotated[str, Field(pattern=rf"^{KEY_PREFIX}[^/*$#?]+/[^/*$#?]+/[^/*$#?]+$")]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 

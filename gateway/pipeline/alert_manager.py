@@ -7,10 +7,18 @@ from dataclasses import dataclass, replace
 from gateway.configuration.model import AlertsSection
 from gateway.messages import CALIBRATION_RULE, ActiveAlert, AlertEventKind, CalibrationStatus, Level, Validity
 from gateway.pipeline.alert_rules import ALERT_RULES, AlertRule
-from gateway.pipeline.alert_text import acknowledged_text, change_text, limits_text, reading_text, refuted_text
-from gateway.pipeline.incidents import Acknowledgement, Incident, IncidentRegister
+from gateway.pipeline.incidents import (
+    Acknowledgement,
+    Incident,
+    IncidentRegister,
+    acknowledged_text,
+    change_text,
+    limits_text,
+    reading_text,
+    refuted_text,
+)
 from gateway.stages.alerts import Reading, RuleState, ends_in_s, event_between, judge, judge_alarm, overall_level
-from gateway.stages.conditions.verdict import ConditionResult
+from gateway.stages.condition import ConditionResult
 from gateway.units import degrees
 
 URGENT: tuple[Validity, ...] = ("no_samples", "suspended", "uncalibrated")
@@ -41,7 +49,10 @@ def _validity(condition: ConditionResult, calibration: CalibrationStatus, swing:
 
 @dataclass(frozen=True, slots=True)
 class AlertChange:
-    """The change of a rule, or a heartbeat where `rule` is None, with the state of all rules at that time."""
+    """The change of a rule, or a heartbeat where `rule` is None, with the state of all rules at that time.
+
+    Its fields are those of the message `Alert` with the same names.
+    """
 
     rule: str | None
     event: AlertEventKind
@@ -55,7 +66,7 @@ class AlertChange:
     largest_deg: float | None = None
     """Largest angle since the incident began, and the largest upper end of its interval."""
     largest_upper_deg: float | None = None
-    line: str | None = None
+    change: str | None = None
     """The change as one line; None for a heartbeat."""
     acknowledged_by: str | None = None
     reason: str | None = None
@@ -132,7 +143,7 @@ class AlertManager:
             largest_upper_deg=largest_upper_deg,
             acknowledged_by=acknowledgement.by,
             reason=acknowledgement.reason or None,
-            line=acknowledged_text(acknowledgement, incident),
+            change=acknowledged_text(acknowledgement, incident),
         )
 
     def heartbeat(self) -> AlertChange:
@@ -166,7 +177,7 @@ class AlertManager:
             clear_deg=_rounded_degrees(clear_rad),
             largest_deg=largest_deg,
             largest_upper_deg=largest_upper_deg,
-            line=change_text(rule, event, self._states[rule].level, self._reason(rule), incident, time_s),
+            change=change_text(rule, event, self._states[rule].level, self._reason(rule), incident, time_s),
         )
 
     def _summary(self, rule: str | None, event: AlertEventKind) -> AlertChange:

@@ -28,7 +28,7 @@ from gateway.numerics.stats import NORMAL_975
 from gateway.pipeline.alert_manager import AlertChange
 from gateway.pipeline.incidents import IncidentRegister
 from gateway.pipeline.outgoing_message import Header
-from gateway.stages.conditions.verdict import ConditionResult
+from gateway.stages.condition import ConditionResult
 from gateway.stages.tilt import axial_tilt, axial_tilt_uncertainty, fused_tilt, lean_direction
 from gateway.swing.estimate import FormulaAngles
 from gateway.units import degrees, finite
@@ -104,25 +104,9 @@ def condition_message(header: Header, result: ConditionResult, correction: Corre
 
 def alert_message(header: Header, change: AlertChange, incidents: IncidentRegister, validity: Validity) -> Alert:
     """Return the message of a change of a rule, or of the heartbeat; `incidents` has the number of the last change."""
-    return Alert(
-        **header,
-        level=change.level,
-        validity=validity,
-        event=change.event,
-        boot_id=None if incidents.last_number is None else incidents.boot_id,
-        alert_number=incidents.last_number,
-        rule=change.rule,
-        incident=change.incident,
-        limit_deg=change.limit_deg,
-        clear_deg=change.clear_deg,
-        largest_deg=change.largest_deg,
-        largest_upper_deg=change.largest_upper_deg,
-        acknowledged_by=change.acknowledged_by,
-        reason=change.reason,
-        change=change.line,
-        active=change.active,
-        text=change.text,
-    )
+    stated: dict[str, Any] = {field.name: getattr(change, field.name) for field in fields(change)}
+    boot_id = None if incidents.last_number is None else incidents.boot_id
+    return Alert(**header, **stated, validity=validity, boot_id=boot_id, alert_number=incidents.last_number)
 
 
 def calibration_message(

@@ -1,6 +1,7 @@
 """From raw blocks to specific force: calibration and low-pass, for several blocks at once because NumPy's cost is per call.
 
-The thermal model uses the temperature of the sensor without the noise and the steps of its thermometer.
+The thermal model uses the temperature of the sensor without the noise and the steps of its thermometer. Clipped samples, whose
+true value may be larger, are found in the raw readings.
 """
 
 import math
@@ -21,6 +22,9 @@ block."""
 MAX_BRIDGED_GAP_S = 0.05
 """A longer gap restarts the low-pass filter, which would otherwise invent data. Basis: a choice; some samples at 100 Hz, half a
 period of the updates."""
+CLIPPED_SHARE = 0.998
+"""A reading beyond this share of full scale is clipped. Basis: a choice; below the rounding of a stated full scale, and no larger
+share of the range is given up."""
 
 
 class TemperatureFilter:
@@ -132,3 +136,23 @@ def split_long_block(block: SampleBlock, period_s: float) -> list[SampleBlock]:
     bounds = pairwise([0, *ends.tolist(), len(block)])
     first, *others = (block.select(slice(a, b)) for a, b in bounds)
     return [first, *(replace(part, lost=0, invalid=0) for part in others)]
+
+
+def find_clipped(
+    readings: NDArray[np.int32] | NDArray[np.float64],
+    saturated: NDArray[np.bool_] | None,
+    full_scale: float | None,
+) -> NDArray[np.bool_]:
+    """Return which samples of readings (n, 3) are clipped, shape (n,).
+
+    `saturated`: as the device marks them; None: it does not, and `full_scale`, in the readings' unit, decides where it is known.
+    """
+    if saturated is not None:
+        return saturated
+    clipped = np.zeros(len(readings), dtype=np.bool_)
+    if full_scale is None or not len(readings):
+        return clipped
+    limit = CLIPPED_SHARE * full_scale
+    if -limit < readings.min() and readings.max() < limit:
+        return clipped
+    return np.asarray((np.abs(readings) >= limit).any(axis=1), dtype=np.bool_)

@@ -26,8 +26,7 @@ from gateway.numerics.stats import NORMAL_975
 from gateway.pipeline.compose import motion_message, swing_message
 from gateway.pipeline.outgoing_message import Header
 from gateway.pipeline.rig import configured_housing, with_sensor
-from gateway.stages.conditions.gates import MotionContext
-from gateway.stages.conditions.verdict import ConditionResult
+from gateway.stages.condition import ConditionResult, MotionContext
 from gateway.swing.data.recent_extremes import RecentExtremes
 from gateway.swing.formulas import as_published
 from gateway.swing.rig import MountedHousing

@@ -1,4 +1,4 @@
-"""Messages on their way from the pipeline to the sinks, their header fields, and time: an argument, never a clock."""
+"""Messages on their way from the pipeline to the sinks, their header and their rate; time is an argument, never a clock."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -95,3 +95,19 @@ class HeaderMaker:
         sequence = self._sequence[topic]
         self._sequence[topic] += 1
         return Header(time_ns=time.utc_ns, clock=time.clock.quality, sequence=sequence, calibration_id=calibration_id)
+
+
+class RateLimiter:
+    """Allow one message per period of gateway time, on a fixed grid, for any length of the blocks."""
+
+    def __init__(self, period_s: float) -> None:
+        self._period_ns = round(period_s * 1e9)
+        self._slot: int | None = None
+
+    def is_due(self, time_ns: int) -> bool:
+        """Return whether a new period of the grid has begun since the last call."""
+        slot = time_ns // self._period_ns
+        if slot == self._slot:
+            return False
+        self._slot = slot
+        return True

@@ -22,7 +22,7 @@ from gateway.pipeline import compose
 from gateway.pipeline.alert_manager import AlertChange, AlertManager, ValidityMonitor
 from gateway.pipeline.alert_rules import ALERT_RULES, Evaluation, swing_reading
 from gateway.pipeline.drift_monitor import DriftMonitor
-from gateway.pipeline.force_stage import ForceBatch, ForceStage, split_long_block
+from gateway.pipeline.force_stage import ForceBatch, ForceStage, find_clipped, split_long_block
 from gateway.pipeline.incidents import Acknowledgement, IncidentRegister
 from gateway.pipeline.motion_stage import MotionStage, condition_text, housing_rates
 from gateway.pipeline.outgoing_message import (
@@ -32,12 +32,11 @@ from gateway.pipeline.outgoing_message import (
     MessageTime,
     OutgoingMessage,
     PipelineOutput,
+    RateLimiter,
 )
-from gateway.pipeline.rate_limiter import RateLimiter
 from gateway.stages.alerts import Reading
-from gateway.stages.clipping import find_clipped
-from gateway.stages.conditions.verdict import ConditionResult, judge_condition
-from gateway.stages.conditions.window import ConditionWindow
+from gateway.stages.condition import ConditionResult, judge_condition
+from gateway.stages.condition_window import ConditionWindow
 from gateway.stages.lowpass import LowPass
 from gateway.stages.tilt import axial_tilt, axial_tilt_uncertainty
 

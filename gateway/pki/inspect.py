@@ -1,12 +1,13 @@
-"""Reading and checking of certificates and revocation lists."""
+"""Reading and checking of certificates and revocation lists, and of the content of the files of mutual TLS."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime
+from pathlib import Path
 
 from cryptography import x509
 from cryptography.exceptions import InvalidSignature
-from cryptography.hazmat.primitives import hashes
+from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec, ed25519
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
@@ -120,3 +121,32 @@ def _has_issued(ca: x509.Certificate, certificate: x509.Certificate) -> bool:
 def _attribute(certificate: x509.Certificate, oid: x509.ObjectIdentifier) -> str:
     values = certificate.subject.get_attributes_for_oid(oid)
     return str(values[0].value) if len(values) == 1 else ""
+
+
+def find_content_problems(files: Mapping[str, Path]) -> Iterator[str]:
+    """Yield what is wrong with the content of readable files, one line each."""
+    try:
+        authorities = parse_authorities(files["ca"].read_bytes())
+    except CertificateError as error:
+        yield f"bus.tls.ca: {files['ca']}: {error}"
+        return
+    try:
+        certificate = parse_certificate(files["certificate"].read_bytes())
+        check_issued(certificate, authorities, datetime.now(UTC))
+    except CertificateError as error:
+        yield f"bus.tls.certificate: {files['certificate']}: {error}"
+        return
+    try:
+        key = serialization.load_pem_private_key(files["key"].read_bytes(), password=None)
+        if key.public_key() != certificate.public_key():
+            yield f"bus.tls.key: {files['key']}: is not the key of {files['certificate']}"
+    except (ValueError, TypeError):
+        yield f"bus.tls.key: {files['key']}: is not an unencrypted private key in PEM"
+    if "revoked" in files:
+        try:
+            revoked = revoked_serials(files["revoked"].read_bytes(), authorities)
+        except CertificateError as error:
+            yield f"bus.tls.revoked: {files['revoked']}: {error}"
+        else:
+            if certificate.serial_number in revoked:
+                yield f"bus.tls.certificate: {files['certificate']}: was revoked; plumbline keys renew makes a new one"

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from gateway.atomic_io import append_durably, append_line, write_durably
+from gateway.atomic_io import append_line, write_durably
 from gateway.errors import describe_problems
 from gateway.file_input import parse_json, read_bounded
 from gateway.recalibration.requests import AnsweredRequests, RequestAnswer
@@ -94,9 +94,7 @@ class Audit:
         """Append an entry, and wait for the disk where it is to be durable. Raises `OSError`."""
         line = json.dumps({"time_utc": time_utc, "event": event, **content})
         self._log_line(f"audit {line}")
-        if self._path.exists() and self._path.stat().st_size > MAX_AUDIT_BYTES:
-            self._path.replace(self._path.with_suffix(".previous.jsonl"))
-        (append_durably if durable else append_line)(self._path, line.encode())
+        append_line(self._path, line.encode(), durable=durable, max_bytes=MAX_AUDIT_BYTES)
 
     def newest(self, count: int) -> list[dict[str, Any]]:
         """Return the last entries of the file, oldest first, without a line that a kill has truncated. Raises `OSError`."""

@@ -6,7 +6,7 @@ from typing import TypeGuard
 import numpy as np
 
 from gateway.numerics.array import Array
-from gateway.numerics.spikes import lone_spikes
+from gateway.numerics.foreign_readings import lone_spikes
 from gateway.swing.data.bins import BINS_PER_PERIOD, SHARED_BINS, Bins, bin_samples, validated_samples
 from gateway.swing.data.input_checks import axially_clipped, effective_noise_g, find_fault, shared_quantisation
 from gateway.swing.detection.dead_axis import check_axes

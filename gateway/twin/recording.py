@@ -8,9 +8,8 @@ import numpy as np
 from devices.block import DeviceInfo, SampleBlock
 from gateway import __version__
 from gateway.calibration.correction import correction_for
-from gateway.configuration.loading import validate
+from gateway.configuration.loading import to_toml, validate
 from gateway.configuration.model import Configuration
-from gateway.configuration.render import to_toml
 from gateway.errors import InputError
 from gateway.pipeline.incidents import IncidentRegister
 from gateway.pipeline.outgoing_message import ClockState, HeaderMaker, encode_message

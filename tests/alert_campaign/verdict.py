@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gateway.outbox.outbox import AlertOutbox
-from gateway.outbox.position import Position
+from gateway.outbox import AlertOutbox, Position
 from tests.alert_campaign.site import GATEWAYS, RECEIVERS, Site
 
 Change = tuple[str, int]

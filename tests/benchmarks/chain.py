@@ -12,9 +12,8 @@ from devices.simulated.device import SimulatedCrane
 from gateway import __version__
 from gateway.bus.session import open_session
 from gateway.calibration.correction import correction_for
-from gateway.configuration.loading import validate
+from gateway.configuration.loading import to_toml, validate
 from gateway.configuration.model import Configuration
-from gateway.configuration.render import to_toml
 from gateway.pipeline.outgoing_message import ClockState, EncodedMessage, HeaderMaker, encode_message
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.format.content import RecordingHeader

@@ -12,8 +12,7 @@ from devices.block import SampleBlock
 from devices.simulated.device import SimulatedCrane
 from gateway import __version__, messages
 from gateway.calibration.correction import correction_for
-from gateway.configuration.loading import validate
-from gateway.configuration.render import to_toml
+from gateway.configuration.loading import to_toml, validate
 from gateway.pipeline.outgoing_message import HeaderMaker, OutgoingMessage, encode_message
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.format.content import RecordingHeader

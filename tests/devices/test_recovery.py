@@ -8,7 +8,7 @@ import pytest
 
 from devices.errors import DeviceError
 from devices.recovery import RecoveringDevice
-from gateway.daemon.runtime.faults import Backoff
+from gateway.daemon.runtime.worker import Backoff
 from gateway.daemon.sampling.sampler import MAX_REOPENING_PAUSE_S, MIN_REOPENING_PAUSE_S
 from tests.devices.i2c.part_rig import PARTS, Part, PartRig
 

@@ -30,7 +30,7 @@ from gateway.calibration.store import CalibrationStore
 from gateway.configuration.loading import load
 from gateway.errors import PlumblineError
 from gateway.measurement.rig_file import read_rig
-from gateway.outbox.outbox import AlertOutbox
+from gateway.outbox import AlertOutbox
 from gateway.recalibration.journal import Journal
 from gateway.recalibration.requests import parse_payload
 from gateway.recording.chain.chain_state import read_state

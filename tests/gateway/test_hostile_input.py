@@ -20,7 +20,7 @@ from gateway.configuration.loading import ConfigurationError, load
 from gateway.errors import InputError
 from gateway.file_input import MAX_TOML_BYTES, parse_json, parse_toml, read_bounded
 from gateway.measurement.rig_file import read_rig
-from gateway.outbox.outbox import AlertOutbox
+from gateway.outbox import AlertOutbox
 from gateway.recalibration.journal import Journal
 
 DEEP = 100_000

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.daemon.commands.authorisation import load_or_create_token
-from gateway.outbox.outbox import AlertOutbox
+from gateway.daemon.commands.security import load_or_create_token
+from gateway.outbox import AlertOutbox
 from gateway.page.sign_in import PIN_NAME, make_pin, read_pin
 from gateway.pki.signing_key import KEY_NAME, KeyFileError, load_or_create_key, read_public_key
 from gateway.recording.segments.events import is_trimmed, marker_path, read_event_intervals

@@ -18,8 +18,7 @@ import zenoh
 from gateway.bus.alert_receiver import AlertReceiver
 from gateway.bus.alert_sequence import AlertEvent
 from gateway.gateway_state import GatewayState
-from gateway.outbox.outbox import AlertOutbox
-from gateway.outbox.position import Position
+from gateway.outbox import AlertOutbox, Position
 from tests.devices.serial.witmotion_wire import frame
 from tests.system.bus_query import KEY
 from tests.system.bus_router import BusRouter

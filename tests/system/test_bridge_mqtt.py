@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.pki.issue import Holder
+from gateway.pki.site_folder import Holder
 from tests.gateway.pki.site import Site
 from tests.system.conftest import RunningGateway, StartGateway
 from tests.system.mosquitto import Mosquitto, Subscriber

@@ -9,8 +9,7 @@ from typing import Any
 
 import pytest
 
-from gateway.pki.issue import Holder
-from gateway.pki.site_folder import utc_now
+from gateway.pki.site_folder import Holder, utc_now
 from tests.gateway.pki.site import Site
 from tests.ports import unused_port
 from tests.system.conftest import ROOT, RunningGateway, StartGateway

@@ -8,7 +8,7 @@ import pytest
 from cryptography.hazmat.primitives import serialization
 
 from gateway.bus.session import BusError, TlsFiles, open_session
-from gateway.pki.issue import Holder, KeyPair, issue, make_authority
+from gateway.pki.site_folder import Holder, KeyPair, issue, make_authority
 from tests.ports import unused_port
 from tests.system.conftest import Plumbline, RunningGateway
 from tests.system.test_fleet_router import CONNECT_MS, OWN, Router, stored

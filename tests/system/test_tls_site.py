@@ -16,8 +16,7 @@ from gateway.bus.client import GatewayClient, open_client_session
 from gateway.bus.credentials import Credentials, load_credentials
 from gateway.bus.session import BusError, TlsFiles
 from gateway.errors import InputError
-from gateway.pki.issue import Holder
-from gateway.pki.site_folder import utc_now
+from gateway.pki.site_folder import Holder, utc_now
 from tests.gateway.pki.site import Site
 from tests.ports import unused_port
 from tests.system.bus_query import KEY, query, sign

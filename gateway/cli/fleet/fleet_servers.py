@@ -6,7 +6,7 @@ import socket
 from gateway.cli.argument_types import parsed_by
 from gateway.cli.bus_link import CONNECT_OPTIONS, EXPECT_OPTION, expected_gateways, fleet_client
 from gateway.cli.command import AddTo, command, option
-from gateway.configuration.address import host_and_port, written
+from gateway.configuration.section import host_and_port, written
 from gateway.extras import require_extra
 from gateway.languages import LANGUAGES
 from gateway.page.channel import listen_at

@@ -17,8 +17,7 @@ from gateway.cli.command import command, option
 )
 def run_show(arguments: argparse.Namespace) -> int:
     """Print the configuration."""
-    from gateway.configuration.loading import load
-    from gateway.configuration.render import to_toml
+    from gateway.configuration.loading import load, to_toml
 
     sys.stdout.write(to_toml(load(arguments.file)))
     return 0
@@ -34,9 +33,9 @@ def run_show(arguments: argparse.Namespace) -> int:
 )
 def run_check(arguments: argparse.Namespace) -> int:
     """Check the file. Raises `ConfigurationError` and `InputError`."""
+    from gateway.configuration.bus_section import find_problems
     from gateway.configuration.loading import ConfigurationError, load, missing_files, require_sensor
     from gateway.errors import InputError
-    from gateway.pki.check_files import find_problems
 
     configuration = load(arguments.file)
     if problems := list(find_problems(configuration.bus.tls.files)):

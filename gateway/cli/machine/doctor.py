@@ -12,7 +12,7 @@ from gateway.cli.output import Style, output_file, paint
 
 if TYPE_CHECKING:
     from gateway.configuration.model import Configuration
-    from gateway.daemon.doctor.check_result import CheckResult
+    from gateway.daemon.doctor import CheckResult
 
 MARK_STYLES: dict[str, Style] = {"good": "good", "note": "note", "bad": "bad"}
 MARKS = {"good": "ok  ", "note": "note", "bad": "BAD "}
@@ -51,7 +51,7 @@ def run_doctor(arguments: argparse.Namespace) -> int:
     """Print the result of each check; return 1 if one failed."""
     from gateway.cli.output import STANDARD_OUTPUT, show
     from gateway.configuration.loading import SETTINGS, is_installed, load, load_installed
-    from gateway.daemon.doctor.check_result import CheckResult
+    from gateway.daemon.doctor import CheckResult
     from gateway.daemon.doctor.checks import examine, examine_sensor_as_user
     from gateway.daemon.doctor.security_check import examine_security
 

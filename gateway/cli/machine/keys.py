@@ -79,7 +79,7 @@ def run_init(arguments: argparse.Namespace) -> int:
 def run_issue(arguments: argparse.Namespace) -> int:
     """Issue a certificate, with its key."""
     folder, now = _open(arguments)
-    from gateway.pki.issue import Holder
+    from gateway.pki.site_folder import Holder
 
     name = _checked(arguments.name)
     made = folder.issue(name, Holder(arguments.holder), arguments.host, arguments.days, now)

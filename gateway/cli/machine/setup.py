@@ -37,8 +37,7 @@ NOT_DONE = 1
 def run_setup(arguments: argparse.Namespace) -> int:
     """Ask, write and check."""
     from gateway.cli.machine.setup_dialogue import ask_all, confirm
-    from gateway.configuration.answers import Answers
-    from gateway.configuration.loading import SETTINGS, load_text, read_table, require_sensor
+    from gateway.configuration.loading import SETTINGS, Answers, load_text, read_table, require_sensor
     from gateway.errors import InputError
 
     path = arguments.out or SETTINGS

@@ -5,9 +5,8 @@ from pathlib import Path
 from typing import Any, get_args
 
 from devices.host_clock import HostClock
-from gateway.configuration.answers import Answers
 from gateway.configuration.device_sections import DEVICE_SECTIONS
-from gateway.configuration.loading import WITHOUT_SENSOR, ConfigurationError
+from gateway.configuration.loading import WITHOUT_SENSOR, Answers, ConfigurationError
 from gateway.configuration.model import MountedOn
 from gateway.daemon.sampling.device_search import FoundSensor, SearchProblem, search_sensors
 from gateway.errors import InputError

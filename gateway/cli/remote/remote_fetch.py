@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from gateway.cli.bus_link import ADDRESS_OPTIONS, MAX_ANSWER_WAIT_S, gateway_client
 from gateway.cli.command import command, option
 from gateway.cli.output import write_text
-from gateway.errors import ANSWER_IS_NO
-from gateway.text import printable
+from gateway.errors import ANSWER_IS_NO, printable
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-    from gateway.bus.client import GatewayClient
-    from gateway.bus.fetched import FetchedList
+    from gateway.bus.client import FetchedList, GatewayClient
     from gateway.calibration.record import CalibrationRecord
 
 Answer = TypeVar("Answer", bound="BaseModel")
@@ -32,7 +30,7 @@ Answer = TypeVar("Answer", bound="BaseModel")
 )
 def run_fetch(arguments: argparse.Namespace) -> int:
     """Write what the gateway has; return 1 where a record is damaged."""
-    from gateway.bus.fetched import FetchedAudit, FetchedList
+    from gateway.bus.client import FetchedAudit, FetchedList
 
     with gateway_client(arguments) as client:
         listed = fetch_request(client, {}, FetchedList, MAX_ANSWER_WAIT_S)
@@ -93,7 +91,7 @@ def fetch_request(
 
 
 def _record(client: "GatewayClient", record_id: str, patience_s: float) -> "CalibrationRecord":
-    from gateway.bus.fetched import FetchedRecord
+    from gateway.bus.client import FetchedRecord
     from gateway.calibration.record import CalibrationError
     from gateway.calibration.store import parse_record
 

@@ -11,7 +11,7 @@ from gateway.cli.argument_types import key_fingerprint
 from gateway.cli.bus_link import ADDRESS_OPTIONS, client_credentials, connect_endpoint
 from gateway.cli.command import command, option
 from gateway.cli.output import output_file
-from gateway.text import printable
+from gateway.errors import printable
 
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient
@@ -141,7 +141,7 @@ def _forecast_text(connect: str, key: str, credentials: "Credentials") -> str:
 
 def describe_forecast(client: "GatewayClient") -> str:
     """Return the forecast by the records of a gateway. Raises `InputError` where there are too few."""
-    from gateway.bus.fetched import FetchedList
+    from gateway.bus.client import FetchedList
     from gateway.certificate.comparison import forecast, sentence
     from gateway.cli.remote.remote_fetch import fetch_records, fetch_request
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from gateway.cli.bus_link import ADDRESS_OPTIONS, client_credentials, connect_endpoint
 from gateway.cli.command import command, option
-from gateway.text import printable
+from gateway.errors import printable
 
 if TYPE_CHECKING:
     import zenoh

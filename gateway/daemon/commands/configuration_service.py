@@ -10,11 +10,10 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict
 
 from gateway.atomic_io import write_durably
-from gateway.configuration.commissioned_limits import describe_changes, note_change
 from gateway.configuration.loading import ConfigurationError, load_text, require_sensor
 from gateway.configuration.model import AlertsSection
 from gateway.configuration.proposal import CheckedProposal, check_proposal, text_hash, visible_part
-from gateway.configuration.trial import ConfigurationTrial, Outcome, TrialJournal
+from gateway.configuration.remote_change import ConfigurationTrial, Outcome, TrialJournal, describe_changes, note_change
 from gateway.daemon.commands.requests import RemoteRequest, RequestHandler
 from gateway.file_input import parse_json, parse_toml, read_bounded
 from gateway.recalibration.journal import Audit

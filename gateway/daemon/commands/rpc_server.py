@@ -1,27 +1,37 @@
-"""The thread that serves remote calls: it takes requests from the bus, and sends the answers.
+"""How requests come in: the thread that serves remote calls, and what people do on the page.
 
-It also takes the load signal, and what the page reports about signing in.
+The thread takes requests from the bus, and sends the answers. It also takes the load signal, and what the page reports about
+signing in: the wrong PINs that people enter.
 """
 
 import logging
+import queue
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import zenoh
+from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import to_json
 
-from gateway.authorization.authoriser import SignedRequest
+from gateway.authorization.caller import Caller, NotAuthorised, Role, require_role
+from gateway.authorization.credential import SignedRequest
 from gateway.authorization.message_signature import MessageSigner, Question, join_signature
 from gateway.bus.session import describe_links
-from gateway.daemon.commands.page_requests import SignInWatch
-from gateway.daemon.commands.recalibration_service import RecalibrationService
-from gateway.daemon.commands.requests import RequestDispatcher
-from gateway.daemon.runtime.worker import BoundedQueue, Worker
+from gateway.daemon.commands.requests import RemoteRequest, RequestDispatcher, RequestHandler
+from gateway.daemon.commands.security import Refusal, SecurityLog
+from gateway.daemon.commands.worker import RecalibrationService
+from gateway.daemon.runtime.worker import BoundedQueue, FaultRegister, Worker
+from gateway.page.sign_in import SignInReport
 from gateway.recalibration.requests import LoadSignal, RequestError, parse_payload
+from gateway.verbs import VERBS
 
+PATIENCE_S = 4.0
+"""Longest wait for an answer. Basis: a choice; below the 6 s for which the page waits (`gateway.page.actions`)."""
+PIN_GUESSED = "pin_guessed"
 log = logging.getLogger("plumbline.rpc")
 INBOX = 256
 """Requests and answers that may wait. Basis: a choice; more than honest callers cause at once, and a bound of the memory."""
@@ -29,6 +39,89 @@ RESERVED_FOR_ANSWERS = 64
 """Places of the inbox that a flood of requests cannot take. Basis: a choice; more than the commands that may wait at once, and a
 quarter of the inbox."""
 JSON = zenoh.Encoding.APPLICATION_JSON
+
+
+class PageRequest(BaseModel):
+    """A request as the page sends it."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    number: int
+    """Number that the answer repeats."""
+    verb: str
+    payload: str
+
+
+class PageRequests:
+    """Passes requests of the page on to the same handlers as those of the bus. The page has checked the person's PIN."""
+
+    def __init__(self, handlers: Mapping[str, RequestHandler]) -> None:
+        self._handlers = handlers
+
+    def answer(self, packet: bytes) -> bytes:
+        """Carry out a request and return the answer as JSON. Called by the thread of the page's channel."""
+        try:
+            request = PageRequest.model_validate_json(packet)
+        except ValidationError:
+            return to_json({"number": None, "accepted": False, "text": "no request of the page"})
+        accepted, text = self._carry_out(request)
+        return to_json({"number": request.number, "accepted": accepted, "text": text})
+
+    def _carry_out(self, request: PageRequest) -> tuple[bool, str]:
+        handler = self._handlers.get(request.verb)
+        if handler is None:
+            return False, f"{request.verb} is not available"
+        answers: queue.SimpleQueue[tuple[bool, str]] = queue.SimpleQueue()
+        try:
+            handler(_admit(request, answers))
+            return answers.get(timeout=PATIENCE_S)
+        except (NotAuthorised, RequestError) as refusal:
+            return False, str(refusal)
+        except queue.Empty:
+            return False, f"no answer in {PATIENCE_S:.0f} s; it may have been done"
+
+
+def _admit(request: PageRequest, answers: "queue.SimpleQueue[tuple[bool, str]]") -> RemoteRequest:
+    """Return the request of an operator for its handler. Raises `NotAuthorised` or `RequestError`."""
+    verb, caller = VERBS[request.verb], Caller(None, Role.OPERATOR, "page_pin")
+    if verb.role is not None:
+        require_role(caller, verb.role)
+
+    def reply(accepted: bool, content: Mapping[str, Any]) -> None:
+        answers.put((accepted, str(content.get("text" if accepted else "reason", ""))))
+
+    return RemoteRequest(verb.name, parse_payload(verb.request, request.payload.encode()), caller, reply)
+
+
+class SignInWatch:
+    """Takes the reports of the page; used by the thread of the remote calls alone."""
+
+    def __init__(
+        self, security_log: SecurityLog, faults: FaultRegister, pin_file: Path, now_ns: Callable[[], int]
+    ) -> None:
+        self._security_log = security_log
+        self._faults = faults
+        self._pin_file = pin_file
+        self._now_ns = now_ns
+
+    def take(self, payload: bytes) -> None:
+        """Count what a report says. The fault stands until somebody signs in with the new PIN."""
+        try:
+            report = SignInReport.model_validate_json(payload)
+        except ValidationError:
+            return
+        if report.wrong:
+            refusal = Refusal("page/sign-in", "wrong_pin", None, "a PIN was entered that is not that of this gateway")
+            self._security_log.add(refusal, lambda: report.address, self._now_ns(), report.wrong)
+        match report.pin:
+            case "replaced":
+                text = f"the PIN of the page is void after too many wrong ones: somebody guesses; {self._pin_file} has a new one"
+                self._faults.set(PIN_GUESSED, text)
+            case "void":
+                text = f"{self._pin_file}: the PIN is void after too many wrong ones, and no new one can be written"
+                self._faults.set(PIN_GUESSED, text)
+            case "good":
+                self._faults.clear(PIN_GUESSED)
 
 
 @dataclass(frozen=True, slots=True)

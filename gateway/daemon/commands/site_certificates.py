@@ -7,10 +7,8 @@ from pathlib import Path
 
 from cryptography import x509
 
-from gateway.authorization.certificates import CertificateVerifier
-from gateway.authorization.voucher import Voucher, certificate_names, make_voucher
-from gateway.configuration.bus_section import TlsSection
-from gateway.pki.check_files import EXPIRES_SOON_DAYS
+from gateway.authorization.certificates import CertificateVerifier, Voucher, certificate_names, make_voucher
+from gateway.configuration.bus_section import EXPIRES_SOON_DAYS, TlsSection
 from gateway.pki.inspect import (
     CertificateError,
     CertificateIdentity,

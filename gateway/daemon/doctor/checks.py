@@ -17,12 +17,11 @@ from gateway.configuration.bus_section import is_loopback
 from gateway.configuration.device_sections import I2cSection
 from gateway.configuration.model import Configuration
 from gateway.configuration.relay_section import GpioRelay, NoRelay
-from gateway.daemon.doctor.check_result import CheckResult
+from gateway.daemon.doctor import CheckResult
 from gateway.daemon.doctor.device_check import check_attitude, examine_device, read_blocks
 from gateway.daemon.doctor.service_check import examine_running
+from gateway.daemon.runtime.host import WallClockMonitor, disk_free_mb
 from gateway.daemon.runtime.instance import is_in_use
-from gateway.daemon.runtime.resources import disk_free_mb
-from gateway.daemon.runtime.wall_clock import WallClockMonitor
 from gateway.daemon.sampling.device_factory import make_device
 from gateway.errors import PlumblineError
 from gateway.extras import what_is_missing

@@ -20,7 +20,7 @@ from devices.i2c.self_test import SelfTestResult, run_self_test
 from devices.serial_port import SYSTEM_FOLDERS, PortFolders, find_usb_port, find_usb_ports
 from gateway.configuration.device_sections import I2cDevice, I2cSection, SerialSection
 from gateway.configuration.model import Configuration
-from gateway.daemon.doctor.check_result import CheckResult, Grade
+from gateway.daemon.doctor import CheckResult, Grade
 
 READING_S = 3.0
 """Time for which the device is read. Basis: a choice; a rate within a few per cent, and no long wait for a person."""

@@ -18,7 +18,7 @@ from typing import Any
 from gateway import __version__
 from gateway.configuration.loading import SETTINGS
 from gateway.configuration.model import Configuration
-from gateway.daemon.doctor.check_result import CheckResult
+from gateway.daemon.doctor import CheckResult
 from gateway.daemon.doctor.service_check import query_gateway
 from gateway.errors import PlumblineError
 from gateway.file_input import read_owned

@@ -6,12 +6,11 @@ from pathlib import Path
 
 from gateway.authorization.credential import TOKEN_NAME
 from gateway.bus.credentials import VARIABLE
-from gateway.configuration.bus_section import BusSection, is_encrypted, is_loopback
-from gateway.configuration.commissioned_limits import describe_changes
+from gateway.configuration.bus_section import EXPIRES_SOON_DAYS, BusSection, find_problems, is_encrypted, is_loopback
 from gateway.configuration.model import Configuration
-from gateway.daemon.commands.authorisation import read_certificates
-from gateway.daemon.doctor.check_result import CheckResult
-from gateway.pki.check_files import EXPIRES_SOON_DAYS, find_problems
+from gateway.configuration.remote_change import describe_changes
+from gateway.daemon.commands.security import read_certificates
+from gateway.daemon.doctor import CheckResult
 from gateway.pki.signing_key import KEY_NAME
 
 OTHERS, GROUP_OR_OTHERS = 0o007, 0o077

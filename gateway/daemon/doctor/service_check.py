@@ -7,7 +7,7 @@ from gateway.bus.authenticity import Authenticity
 from gateway.bus.client import StatusAnswer, open_client_session, query_status
 from gateway.bus.credentials import load_credentials
 from gateway.configuration.model import Configuration
-from gateway.daemon.doctor.check_result import CheckResult
+from gateway.daemon.doctor import CheckResult
 from gateway.errors import PlumblineError
 from gateway.page.verdict import TRUSTED_CALIBRATIONS
 

@@ -1,4 +1,7 @@
-"""The connection to the bus, opened in a thread of its own, because that may take until a router answers."""
+"""The connection to the bus, opened in a thread of its own, because that may take until a router answers.
+
+The thread then looks whether connections to the bus open no link, and keeps their number small where that is possible.
+"""
 
 import logging
 import threading
@@ -7,7 +10,8 @@ from collections.abc import Callable, Sequence
 import zenoh
 
 from gateway.bus.session import BusError
-from gateway.daemon.runtime.faults import RETRYING, Backoff, FaultRegister
+from gateway.bus.silent_connections import KEPT, SilentConnections, raise_open_files
+from gateway.daemon.runtime.worker import RETRYING, Backoff, FaultRegister
 
 log = logging.getLogger("plumbline.bus")
 MIN_OPENING_PAUSE_S, MAX_OPENING_PAUSE_S = 0.5, 5.0
@@ -16,6 +20,10 @@ and a missing one costs little."""
 WATCH_S = 1.0
 """Time between two looks at the open bus. Basis: a choice; what is looked for is a fault after seconds."""
 PART = "bus"
+SILENT_CONNECTIONS = "bus_connections"
+LOOKS = 3
+"""Looks in a row, a second apart, at which there must be as many, or no more. Basis: a choice; a fleet that returns is no attack,
+and an attack in waves is one."""
 
 
 class BusConnection(threading.Thread):
@@ -89,3 +97,41 @@ class BusConnection(threading.Thread):
             return None
         self._faults.clear(PART)
         return session
+
+
+class SilentConnectionWatch:
+    """Looks at the connections to the bus."""
+
+    def __init__(self, listeners: Sequence[str], faults: FaultRegister) -> None:
+        """`listeners` are the endpoints on which the gateway listens."""
+        self._listeners = listeners
+        self._connections: SilentConnections | None = None
+        self._most = raise_open_files() // 2
+        self._faults = faults
+        self._looks = 0
+        """How often in a row there were many; negative: few."""
+        self._session: zenoh.Session | None = None
+        self.are_too_many = False
+        """They take half of the files that the gateway may open: the session must be closed, or recording ends."""
+
+    def attach(self, session: zenoh.Session) -> None:
+        """Watch a session from now on."""
+        self._session, self.are_too_many = session, False
+        self._connections = self._connections or SilentConnections(self._listeners)
+
+    def poll(self) -> None:
+        """Set or clear the fault; call about once a second. Raises `zenoh.ZError`."""
+        if self._session is None or self._connections is None:
+            return
+        count = self._connections.end_excess(self._session)
+        self.are_too_many = count > self._most
+        are_many = count > KEPT
+        self._looks = max(self._looks, 0) + 1 if are_many else min(self._looks, 0) - 1
+        if self._looks >= LOOKS or self.are_too_many:
+            self._faults.set(
+                SILENT_CONNECTIONS,
+                f"more than {KEPT} connections to the bus open no link; with tls/ nobody may get one, and links that exist are "
+                f"cut for a moment where they become {self._most}; find who opens them (ss -tn), and keep them off by a firewall",
+            )
+        elif self._looks <= -LOOKS:
+            self._faults.clear(SILENT_CONNECTIONS)

@@ -13,11 +13,11 @@ from collections.abc import Callable
 
 import zenoh
 
-from gateway.daemon.runtime.faults import FaultRegister
+from gateway.daemon.runtime.worker import FaultRegister
 from gateway.pki.signing_key import SigningKey, is_valid
+from gateway.topics import ALIVE
 
 PART = "identity"
-ALIVE = "alive"
 UNPROVED = "unproved_presence"
 BOOT_ID = re.compile(r"[0-9a-f]{12}")
 SIGNATURE = re.compile(r"[0-9a-f]{128}")

@@ -8,10 +8,10 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
-from gateway.configuration.address import written
 from gateway.configuration.model import Configuration
+from gateway.configuration.section import written
 from gateway.daemon.outputs.page_channel import PageChannel
-from gateway.daemon.runtime.faults import RETRYING, Backoff, FaultRegister
+from gateway.daemon.runtime.worker import RETRYING, Backoff, FaultRegister
 from gateway.errors import PlumblineError
 from gateway.extras import what_is_missing
 from gateway.page.channel import PARAMETERS, CraneDirections, Frame, Parameters, encode_parameters, listen_at

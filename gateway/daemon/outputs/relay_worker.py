@@ -1,20 +1,22 @@
-"""The relay thread: passes the decision on each alert to the process that switches the relay, and keeps that process alive."""
+"""The relay thread: decides on each alert whether the relay is energised, and keeps the process alive that switches it."""
 
 import logging
+import math
 import os
 import subprocess
 import sys
 import time
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 
-from gateway.configuration.relay_section import CommandRelay, GpioRelay, NoRelay
-from gateway.daemon.runtime.faults import Backoff, FaultRegister
-from gateway.daemon.runtime.worker import BoundedQueue, Worker
-from gateway.messages import Alert
-from gateway.relay.decision import RelayDecision, RelayLogic
-from gateway.relay.protocol import ENERGISE, RELEASE, STATES_BY_LINE, RelayParameters, RelayState
+from gateway.configuration.relay_section import CommandRelay, GpioRelay, RelaySection
+from gateway.daemon.outputs.relay_watchdog import ENERGISE, RELEASE, STATES_BY_LINE, RelayParameters, RelayState
+from gateway.daemon.runtime.worker import Backoff, BoundedQueue, FaultRegister, Worker
+from gateway.gateway_state import GatewayState, stated_state
+from gateway.messages import CALIBRATION_RULE, ActiveAlert, Alert, Level
 
+DROP_LEVELS: dict[str, tuple[Level, ...]] = {"warn": ("warn", "trip"), "trip": ("trip",)}
 log = logging.getLogger("plumbline.relay")
 PART = "relay"
 MAX_WAITING_RELAY_ALERTS = 64
@@ -30,6 +32,53 @@ END_S = 1.0
 MAX_ANSWER_BYTES = 65536
 """Bytes that are read at once. Basis: a choice; the size of a pipe."""
 SAFE_PATH = ["-P"] if sys.flags.safe_path else []
+
+
+@dataclass(frozen=True, slots=True)
+class RelayDecision:
+    """Whether the relay is energised, and why it is not."""
+
+    energised: bool
+    reason: str
+
+
+class RelayLogic:
+    """Judges each alert message. Before the first known level the relay is released."""
+
+    def __init__(self, settings: RelaySection) -> None:
+        self._settings = settings
+        self._known_s = -math.inf
+        """Time of the last alert in which everything was known."""
+
+    def judge(self, alert: Alert, time_s: float) -> RelayDecision:
+        """Return whether the relay is energised after this message."""
+        if not _is_unknown(alert):
+            self._known_s = time_s
+        dropping = [active for active in alert.active if self._drops(active)]
+        if dropping:
+            return RelayDecision(False, "; ".join(active.text for active in dropping))
+        if alert.level in DROP_LEVELS[self._settings.drop_at] and not alert.active:
+            return RelayDecision(False, alert.text)
+        if time_s - self._known_s > self._settings.unknown_s or not math.isfinite(self._known_s):
+            return RelayDecision(False, f"not known for more than {self._settings.unknown_s:g} s: {alert.text}")
+        return RelayDecision(True, "")
+
+    def _drops(self, active: ActiveAlert) -> bool:
+        if active.level not in DROP_LEVELS[self._settings.drop_at]:
+            return False
+        return not (self._settings.ignore_acknowledged and active.acknowledged_by is not None)
+
+
+def _is_unknown(alert: Alert) -> bool:
+    """Return whether the gateway says so of its levels, or one is unknown or stands without a known value."""
+    return (
+        stated_state(alert) is not GatewayState.FINE
+        or alert.level == "unknown"
+        or any(
+            active.level == "unknown" or (active.rule != CALIBRATION_RULE and active.value_deg is None)
+            for active in alert.active
+        )
+    )
 
 
 class RelayWorker(Worker[Alert]):
@@ -159,11 +208,6 @@ class RelayWorker(Worker[Alert]):
             if pipe is not None:
                 with suppress(OSError):
                     pipe.close()
-
-
-def make_relay(settings: NoRelay | CommandRelay | GpioRelay, faults: FaultRegister) -> RelayWorker | None:
-    """Return the thread of the configured relay; None where there is none."""
-    return None if isinstance(settings, NoRelay) else RelayWorker(settings, faults)
 
 
 def relay_parameters(settings: CommandRelay | GpioRelay) -> RelayParameters:

@@ -5,8 +5,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
-from gateway.daemon.runtime.faults import FaultRegister
-from gateway.daemon.runtime.worker import Worker
+from gateway.daemon.runtime.worker import FaultRegister, Worker
 from gateway.service_state import ServiceNotifier
 
 HUNG_S = 8.0

@@ -1,11 +1,14 @@
-"""The devices by their configuration. A module of `devices` is imported only when its kind is configured."""
+"""The devices by their configuration, and the rigger of the simulated crane, who does what a recalibration asks for.
+
+A module of `devices` is imported only when its kind is configured.
+"""
 
 import logging
 import math
 import subprocess
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from devices.clock import Clock
 from devices.device import Device
@@ -25,6 +28,10 @@ from gateway.configuration.device_sections import (
     WitMotionDevice,
 )
 from gateway.configuration.model import Configuration
+from gateway.messages import CalibrationSession
+
+if TYPE_CHECKING:
+    from devices.simulated.device import SimulatedCrane
 
 log = logging.getLogger("plumbline.device")
 BLOCK_S = 0.1
@@ -231,3 +238,32 @@ def run_hook(command: list[str]) -> bool:
         return False
     log.warning("recovery command %s was run", command[0])
     return True
+
+
+class SimulatedRigger:
+    """Follows the session as a person at the hook follows the page."""
+
+    def __init__(self, crane: "SimulatedCrane") -> None:
+        self._crane = crane
+        self._direction: tuple[float, ...] | None = None
+        self._is_off_rope = False
+
+    def follow(self, session: CalibrationSession) -> None:
+        """Turn the housing to the next face, or hang it back on the rope after the session."""
+        if session.suspended and session.phase == "collecting" and session.next_direction is not None:
+            direction = tuple(session.next_direction)
+            if direction != self._direction:
+                self._crane.turn_housing(direction)
+                self._direction, self._is_off_rope = direction, True
+        elif self._is_off_rope and not session.suspended:
+            self._crane.hang_housing()
+            self._direction, self._is_off_rope = None, False
+
+
+def make_rigger(configuration: Configuration, device: Device) -> SimulatedRigger | None:
+    """Return the rigger of the simulated crane; None where a person turns the housing."""
+    if configuration.device.kind != "simulated":
+        return None
+    from devices.simulated.device import SimulatedCrane
+
+    return SimulatedRigger(device) if isinstance(device, SimulatedCrane) else None

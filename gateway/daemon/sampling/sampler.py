@@ -3,13 +3,12 @@
 import logging
 import threading
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.device import Device, EndOfRecording
 from devices.errors import DeviceError
-from gateway.daemon.runtime.faults import Backoff, FaultRegister
-from gateway.daemon.runtime.worker import BoundedQueue
+from gateway.daemon.runtime.worker import Backoff, BoundedQueue, FaultRegister
 
 log = logging.getLogger("plumbline.device")
 PART = "device"
@@ -20,14 +19,8 @@ MAX_REOPENING_PAUSE_S = 0.5
 """Longest pause between two attempts. Basis: a device that returns delivers samples within a second."""
 
 
-@dataclass(frozen=True, slots=True)
-class DeviceReopened:
-    """The device was opened again; it may be another part."""
-
-    info: DeviceInfo
-
-
-SamplerItem = SampleBlock | DeviceReopened
+SamplerItem = SampleBlock | DeviceInfo
+"""A block, or the description of the device where it was opened again; it may be another part."""
 
 
 class Sampler(threading.Thread):
@@ -116,5 +109,5 @@ class Sampler(threading.Thread):
             self.recovering = False
             self._after_outage = True
             self._faults.clear(PART)
-            self.blocks.put(DeviceReopened(self._info))
+            self.blocks.put(self._info)
             return

@@ -44,8 +44,14 @@ class CalibrationProvider:
             return replace(uncalibrated, text=f"{uncalibrated.text}; {error}")
 
     def drift_monitor(self, info: DeviceInfo, correction: Correction) -> DriftMonitor:
-        """Return the monitor of the record behind a correction, with its state from the disk."""
-        return read_drift_monitor(self._data_dir, info.device_id, correction)
+        """Return the monitor of the record behind a correction with its saved state, without which it starts again."""
+        if correction.record is None:
+            return DriftMonitor(None)
+        try:
+            return DriftMonitor(RestDriftMonitor(correction, _read_state(_state_path(self._data_dir, info.device_id))))
+        except CalibrationError as error:
+            drift_log.error("%s; its drift is not monitored", error)
+            return DriftMonitor(None)
 
     def uncalibrated(self, info: DeviceInfo) -> Correction:
         """Return the correction of a device whose record is not known; the factory's must not replace it silently."""
@@ -113,17 +119,6 @@ class DriftStateStore:
         if self._path is None or not self.monitor.has_unsaved_readings:
             return
         self._write(self._path, json.dumps(self.monitor.dump_state()).encode())
-
-
-def read_drift_monitor(data_dir: Path, device_id: str, correction: Correction) -> DriftMonitor:
-    """Return the monitor of the record behind a correction with its saved state, without which it starts again."""
-    if correction.record is None:
-        return DriftMonitor(None)
-    try:
-        return DriftMonitor(RestDriftMonitor(correction, _read_state(_state_path(data_dir, device_id))))
-    except CalibrationError as error:
-        drift_log.error("%s; its drift is not monitored", error)
-        return DriftMonitor(None)
 
 
 def _state_path(data_dir: Path, device_id: str) -> Path:

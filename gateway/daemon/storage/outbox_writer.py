@@ -7,12 +7,18 @@ from collections import deque
 from concurrent.futures import Future
 from pathlib import Path
 
-from gateway.daemon.runtime.faults import FaultRegister
-from gateway.daemon.runtime.resources import DISK_RETRY_S
-from gateway.daemon.runtime.worker import BoundedQueue, Worker
-from gateway.outbox.change import StoredChange
-from gateway.outbox.outbox import AlertOutbox
-from gateway.outbox.position import MAX_PAGE_BYTES, ChangePage, Position, find_span, make_page, span_of
+from gateway.daemon.runtime.host import DISK_RETRY_S
+from gateway.daemon.runtime.worker import BoundedQueue, FaultRegister, Worker
+from gateway.outbox import (
+    MAX_PAGE_BYTES,
+    AlertOutbox,
+    ChangePage,
+    Position,
+    StoredChange,
+    find_span,
+    make_page,
+    span_of,
+)
 
 log = logging.getLogger("plumbline.outbox")
 PART = "outbox"

@@ -1,33 +1,39 @@
-"""The recording thread: writes messages, survives failures of the disk, and counts the samples that these cost."""
+"""The threads of the recording: one writes messages, survives failures of the disk, and counts the samples that these cost.
+
+The other, the compaction, rewrites ended segments, repairs incomplete ones, and trims those that the quota would take.
+"""
 
 import logging
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from devices.block import DeviceInfo
+from devices.errors import RecordingError
 from gateway import __version__
+from gateway.configuration.loading import to_toml
 from gateway.configuration.model import Configuration
-from gateway.configuration.render import to_toml
-from gateway.daemon.runtime.faults import FaultRegister
+from gateway.daemon.runtime.host import DISK_RETRY_S, disk_free_mb
 from gateway.daemon.runtime.instance import FolderError, InstanceError
-from gateway.daemon.runtime.resources import DISK_RETRY_S, disk_free_mb
-from gateway.daemon.runtime.worker import BoundedQueue, Worker
-from gateway.daemon.storage.compaction_worker import RewriteRequest
+from gateway.daemon.runtime.worker import BoundedQueue, FaultRegister, Worker
 from gateway.extras import what_is_missing
 from gateway.messages import NewestStatement, Samples
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.pki.signing_key import KEY_NAME, KeyFileError, fingerprint, load_or_create_key
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.format.content import RecordingHeader
-from gateway.recording.segments.compaction import compact, trim
-from gateway.recording.segments.events import EventIndex
+from gateway.recording.format.salvage import SalvageReport, describe_losses
+from gateway.recording.segments.compaction import CompactionError, compact, trim
+from gateway.recording.segments.events import EventIndex, uncompacted_marker
 from gateway.recording.segments.recorder import Recorder, RecorderError
 from gateway.recording.segments.segment import CalibrationFiles
 
 log = logging.getLogger("plumbline.recorder")
+MAX_WAITING_SEGMENTS = 4096
+"""Segments that may wait. Basis: a choice; more than a quota has, and a bound of the memory."""
 MAX_WAITING_RECORDS = 4096
 """Messages that may wait. Basis: a choice; a slow card may stop for a minute at some fifty messages per second, and the memory is
 bounded."""
@@ -38,6 +44,50 @@ ROOM_S = 0.5
 replay does not matter, and a look costs nothing."""
 STALLED_S = 5.0
 """A disk that takes nothing for so long is not waited for. Basis: shorter than what the watchdog allows the processor."""
+PART = "recording"
+SIGNING = "signing"
+CLOCK_PART = "clock"
+CHAIN_PART = "chain"
+TIME_STAMPS = "time_stamps"
+
+
+@dataclass(frozen=True, slots=True)
+class RewriteRequest:
+    """A segment that shall be rewritten."""
+
+    path: Path
+    rewrite: Callable[[Path, SegmentChain], SalvageReport]
+    """`compact` or `trim`; returns what an interruption had cost of it."""
+
+
+class CompactionWorker(Worker[RewriteRequest]):
+    """Rewrites one segment after the other, beside the recording."""
+
+    def __init__(self, chain: SegmentChain) -> None:
+        super().__init__("compaction", BoundedQueue(MAX_WAITING_SEGMENTS))
+        self._chain = chain
+
+    def handle(self, item: RewriteRequest) -> None:
+        """Rewrite a segment; it stays as it is where that fails."""
+        path = item.path
+        try:
+            losses = item.rewrite(path, self._chain)
+        except FileNotFoundError:
+            log.info("%s: was deleted before it was rewritten", path)
+        except CompactionError as error:
+            log.warning("%s", error)
+            with suppress(OSError):
+                uncompacted_marker(path).unlink(missing_ok=True)  # another try would end in the same way
+        except RecordingError as error:
+            log.warning("%s", error)
+        except OSError as error:
+            log.warning("%s: not rewritten (%s); it stays readable as it is", path, error.strerror or error)
+        else:
+            if not losses.closed:
+                log.warning("%s: repaired after an interruption: %s", path, ", ".join(describe_losses(losses)))
+
+    def close(self) -> None:
+        """Nothing is open between two segments."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,10 +99,6 @@ class CalibrationChange:
 
 
 RecordingItem = EncodedMessage | DeviceInfo | CalibrationChange
-PART = "recording"
-SIGNING = "signing"
-CLOCK_PART = "clock"
-CHAIN_PART = "chain"
 
 
 class RecordingWorker(Worker[RecordingItem]):

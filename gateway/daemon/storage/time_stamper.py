@@ -7,9 +7,9 @@ from collections.abc import Callable
 from io import BufferedIOBase
 from pathlib import Path
 
-from gateway.atomic_io import append_durably
-from gateway.configuration.model import RecorderSection
-from gateway.daemon.runtime.faults import RETRYING, FaultRegister
+from gateway.atomic_io import append_line
+from gateway.daemon.runtime.worker import RETRYING, FaultRegister
+from gateway.daemon.storage.recording_worker import TIME_STAMPS
 from gateway.messages import NewestStatement
 from gateway.recording.chain.time_stamps import MAX_RESPONSE_BYTES, NAME, TimeStampError, make_request, take_response
 
@@ -23,7 +23,6 @@ TIMEOUT_S, LONGEST_S = 10.0, 30.0
 MAX_FILE_BYTES = 8_000_000
 """Size at which the file becomes the previous file; there is one previous file. Basis: a choice; two months at one time stamp an
 hour, and half of what is read of a state file."""
-PART = "time_stamps"
 
 
 class TimeStamper(threading.Thread):
@@ -60,26 +59,16 @@ class TimeStamper(threading.Thread):
             try:
                 self._stamp(newest)
             except (TimeStampError, OSError, ValueError) as error:
-                self._faults.set(PART, f"{self._url}: no time stamp ({error}); {RETRYING}")
+                self._faults.set(TIME_STAMPS, f"{self._url}: no time stamp ({error}); {RETRYING}")
                 due_s = time.monotonic() + RETRY_S
             else:
-                self._faults.clear(PART)
+                self._faults.clear(TIME_STAMPS)
                 stamped, due_s = newest, time.monotonic() + self._every_s
 
     def _stamp(self, newest: NewestStatement) -> None:
         request = make_request(newest)
         line = take_response(request, newest, _post(self._url, request.as_bytes()))
-        if self._path.exists() and self._path.stat().st_size > MAX_FILE_BYTES:
-            self._path.replace(self._path.with_suffix(".previous.jsonl"))
-        append_durably(self._path, line)
-
-
-def make_time_stamper(
-    recorder: RecorderSection, newest: Callable[[], NewestStatement | None], data_dir: Path, faults: FaultRegister
-) -> TimeStamper | None:
-    """Return the thread; None where no authority is configured."""
-    url = recorder.time_stamp_authority
-    return None if url is None else TimeStamper(url, recorder.time_stamp_every_s, newest, data_dir, faults)
+        append_line(self._path, line, max_bytes=MAX_FILE_BYTES)
 
 
 def _post(url: str, query: bytes) -> bytes:

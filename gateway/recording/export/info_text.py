@@ -4,12 +4,12 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from gateway.errors import counted
 from gateway.recording.export.recording_info import RecordingInfo
 from gateway.recording.format.salvage import describe_losses
 from gateway.recording.format.segment_summary import CalibrationState, RecordedPeak
 from gateway.recording.format.summary_builder import RecordedAlert
 from gateway.recording.reading.interval import zoned
-from gateway.text import counted
 
 LABEL_WIDTH = 15
 """Characters of the first column. Definition: the longest label and a space."""

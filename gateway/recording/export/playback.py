@@ -14,7 +14,7 @@ from gateway.errors import InputError
 from gateway.recording.format.content import logged_topics
 from gateway.recording.reading.recording_file import Selection
 from gateway.recording.reading.timeline import ReportProgress, Timeline, TimelineMessage, ignore_progress
-from gateway.topics import TOPICS, encode
+from gateway.topics import ALIVE, KEY_PREFIX, TOPICS, encode
 
 REPLAYED_SUFFIX = "-replayed"
 """Behind the sensor's name: a program that follows one sensor never takes a playback for it."""
@@ -33,7 +33,7 @@ def playback_key(timeline: Timeline) -> str:
     origin = timeline.segments[0].origin
     if not origin:
         raise InputError(f"{timeline.name}: names no gateway; only recordings of the gateway can be played")
-    return f"plumbline/v1/{origin['site']}/{origin['crane']}/{origin['sensor']}{REPLAYED_SUFFIX}"
+    return f"{KEY_PREFIX}{origin['site']}/{origin['crane']}/{origin['sensor']}{REPLAYED_SUFFIX}"
 
 
 def schedule(
@@ -76,7 +76,7 @@ class Playback:
         }
         # the session may not be used inside its callbacks
         self._status = session.declare_queryable(f"{key}/rpc/status", self._queries.put)
-        self._alive = session.liveliness().declare_token(f"{key}/alive")
+        self._alive = session.liveliness().declare_token(f"{key}/{ALIVE}")
         self.published = 0
         """Number of messages so far."""
 

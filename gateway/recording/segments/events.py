@@ -10,7 +10,7 @@ from pathlib import Path
 
 import msgspec
 
-from gateway.atomic_io import append_durably, write_durably
+from gateway.atomic_io import append_line, write_durably
 from gateway.file_input import decode_json, read_bounded
 from gateway.messages import Alert, Calibration, Health, Log, Mark, Message
 
@@ -43,7 +43,7 @@ def uncompacted_marker(path: Path) -> Path:
 
 def append_event_interval(path: Path, interval: EventInterval) -> None:
     """Note the time around an event in a segment. Raises `OSError`."""
-    append_durably(marker_path(path), msgspec.json.encode(interval))
+    append_line(marker_path(path), msgspec.json.encode(interval))
 
 
 def read_event_intervals(path: Path) -> list[EventInterval]:

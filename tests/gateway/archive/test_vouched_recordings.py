@@ -8,8 +8,8 @@ import pytest
 
 from gateway.cli.main import main
 from gateway.errors import BAD_INPUT
-from gateway.pki.issue import Holder
 from gateway.pki.signing_key import load_or_create_key
+from gateway.pki.site_folder import Holder
 from tests.gateway.archive.small_recordings import SmallCrane
 from tests.gateway.pki.site import Site, vouch
 from tests.values import present

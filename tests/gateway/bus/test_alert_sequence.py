@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from gateway.bus.alert_sequence import AlertPage, AlertRequest, AlertSequence, MissedChanges, SequenceState
 from gateway.messages import Alert
-from gateway.outbox.change import StoredChange
-from gateway.outbox.position import find_span, make_page, span_of
+from gateway.outbox import StoredChange, find_span, make_page, span_of
 
 Change = tuple[str, int]
 

@@ -11,8 +11,8 @@ from gateway.authorization.message_signature import MessageSigner, Question
 from gateway.bus.authenticity import UNANSWERED, Authenticity, Doubt
 from gateway.bus.credentials import load_credentials
 from gateway.bus.known_gateways import Signers, known_statement
-from gateway.pki.issue import Holder
 from gateway.pki.signing_key import SigningKey, fingerprint
+from gateway.pki.site_folder import Holder
 from tests.gateway.pki.site import Site, vouch
 from tests.values import present
 

@@ -21,9 +21,8 @@ from gateway.calibration.drift.rest_monitor import (
 from gateway.calibration.drift.rest_status import judge_at_rest
 from gateway.calibration.record import CalibrationError, CalibrationRecord, content_hash
 from gateway.numerics.array import Array
-from gateway.stages.conditions.gates import MotionContext
-from gateway.stages.conditions.verdict import judge_condition
-from gateway.stages.conditions.window import ConditionWindow
+from gateway.stages.condition import MotionContext, judge_condition
+from gateway.stages.condition_window import ConditionWindow
 
 CREATED_NS = 1_767_225_600_000_000_000
 """2026-01-01 00:00:00 UTC."""

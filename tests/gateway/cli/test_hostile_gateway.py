@@ -19,7 +19,7 @@ from gateway.bus.session import open_session
 from gateway.bus.untrusted import parse_message, parse_status
 from gateway.calibration.record import content_hash
 from gateway.cli.main import main
-from gateway.text import printable
+from gateway.errors import printable
 from gateway.topics import TOPICS
 from tests.ports import unused_port
 

@@ -3,7 +3,7 @@
 import pytest
 
 from gateway.cli.machine.setup_dialogue import _ask_kind
-from gateway.configuration.answers import Answers
+from gateway.configuration.loading import Answers
 
 
 def say(monkeypatch: pytest.MonkeyPatch, *answers: str) -> None:

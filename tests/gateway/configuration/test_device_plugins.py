@@ -10,8 +10,7 @@ import pytest
 
 from devices.errors import DeviceError
 from devices.host_clock import HostClock
-from gateway.configuration.loading import ConfigurationError, validate
-from gateway.configuration.render import to_toml
+from gateway.configuration.loading import ConfigurationError, to_toml, validate
 from gateway.daemon.sampling.device_factory import make_device
 
 PAGE = Path(__file__).parents[3] / "docs" / "development" / "add_a_device.md"

@@ -18,12 +18,11 @@ from gateway.configuration.loading import validate
 from gateway.daemon.commands.configuration_service import ConfigurationService
 from gateway.daemon.parts import Parts, compose
 from gateway.daemon.processor import HEALTH_PERIOD_S
-from gateway.daemon.runtime.faults import FaultRegister
 from gateway.daemon.runtime.logs import LineWriter
-from gateway.daemon.sampling.sampler import DeviceReopened
+from gateway.daemon.runtime.worker import FaultRegister
 from gateway.daemon.storage import calibration_provider
 from gateway.messages import Health
-from gateway.pki.issue import Holder
+from gateway.pki.site_folder import Holder
 from gateway.recording.chain.segment_chain import SegmentChain
 from tests.gateway.pki.site import Site
 from tests.values import present
@@ -91,7 +90,7 @@ def test_a_device_whose_record_the_disk_does_not_give_is_uncalibrated_until_it_d
         return find_record_in_force(data_dir, device_id)
 
     monkeypatch.setattr(calibration_provider, "find_record_in_force", hang)
-    parts.sampler.blocks.put(DeviceReopened(other))
+    parts.sampler.blocks.put(other)
     wait_until(lambda: parts.processor.info == other, "the other device")
     assert present(parts.processor.correction).status == "uncalibrated"
     gate.set()

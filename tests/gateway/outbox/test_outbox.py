@@ -8,10 +8,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.outbox import outbox as files
-from gateway.outbox.change import MAX_DIGITS, StoredChange, encode_line, parse_line, readable_size
-from gateway.outbox.outbox import FILE_CHANGES, KEPT_FILES, MAX_OUTBOX_FILES, AlertOutbox
-from gateway.outbox.position import Position
+from gateway import outbox as files
+from gateway.outbox import (
+    FILE_CHANGES,
+    KEPT_FILES,
+    MAX_DIGITS,
+    MAX_OUTBOX_FILES,
+    AlertOutbox,
+    Position,
+    StoredChange,
+    encode_line,
+    parse_line,
+    readable_size,
+)
 
 
 def change(number: int, boot_id: str = "a") -> StoredChange:

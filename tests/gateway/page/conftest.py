@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from gateway.daemon.commands.page_requests import PageRequests
 from gateway.daemon.commands.requests import RemoteRequest
+from gateway.daemon.commands.rpc_server import PageRequests
 from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.daemon.outputs.page_process import start_process, stop_process
 from gateway.messages import (

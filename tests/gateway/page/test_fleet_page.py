@@ -27,7 +27,7 @@ from gateway.fleet.gateway_status import STATE_LABELS
 from gateway.languages import LANGUAGES, read_texts
 from gateway.messages import Health
 from gateway.pki.signing_key import SigningKey
-from gateway.stages.conditions.verdict import DISTURBING, UNUSABLE
+from gateway.stages.condition import DISTURBING, UNUSABLE
 from gateway.topics import TOPIC_OF, encode
 from tests.gateway.page.conftest import Scene
 from tests.ports import unused_port

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from gateway.daemon.commands.page_requests import PageRequests
 from gateway.daemon.commands.requests import RemoteRequest
+from gateway.daemon.commands.rpc_server import PageRequests
 from gateway.daemon.outputs.page_channel import MAX_WAITING_FRAMES, PageChannel, WaitingFrames
 from gateway.page.channel import (
     ANSWER,

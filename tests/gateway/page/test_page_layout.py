@@ -10,7 +10,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, expect
 
-from gateway.daemon.commands.page_requests import PageRequests
+from gateway.daemon.commands.rpc_server import PageRequests
 from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.languages import LANGUAGES, read_texts
 from gateway.messages import NO_SESSION, SessionPose

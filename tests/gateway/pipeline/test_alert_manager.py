@@ -1,15 +1,19 @@
-"""The alert rules of a gateway over a course of readings, and what an operator reads of them."""
+"""The alert rules of a gateway over a course of readings, what an operator reads of them, and when their validity is sent."""
 
 import math
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from gateway.configuration.model import AlertsSection
-from gateway.messages import ActiveAlert
+from gateway.messages import NO_SESSION, ActiveAlert, Alert
 from gateway.pipeline.alert_manager import AlertChange, AlertManager
 from gateway.pipeline.alert_rules import ALERT_RULES
 from gateway.pipeline.incidents import CHECK_S, Acknowledgement, IncidentRegister
+from gateway.pipeline.outgoing_message import OutgoingMessage
 from gateway.stages.alerts import Reading, larger_reading
+from tests.gateway.recording.recorded_crane import CLOCK, RecordedCrane
 
 LIMITS = AlertsSection(warn_deg=4.0, trip_deg=6.0, clear_deg=3.0, hold_s=2.0, lean_trip_deg=3.0)
 RULES = [rule for rule in ALERT_RULES if rule.name in ("swing", "lean")]
@@ -154,7 +158,7 @@ def test_a_suspension_makes_a_trip_unknown_with_a_change_and_the_next_value_deci
 
 
 def lines(site: Site, event: str) -> list[str]:
-    return [change.line or "" for change in site.changes if change.event == event]
+    return [change.change or "" for change in site.changes if change.event == event]
 
 
 def test_an_incident_keeps_its_id_from_raised_to_cleared_and_the_next_one_has_another() -> None:
@@ -180,7 +184,7 @@ def test_a_change_states_the_limit_and_the_clear_level_of_its_rule() -> None:
     site = Site().feed(1.0).feed(4.5).feed(7.0).feed(2.0, 3.0)
     course = [(change.event, change.limit_deg, change.clear_deg) for change in site.changes if change.incident]
     assert course == [("raised", 4.0, 3.0), ("raised", 6.0, 3.0), ("cleared", 6.0, 3.0)]
-    assert (site.manager.heartbeat().limit_deg, site.manager.heartbeat().line) == (None, None)
+    assert (site.manager.heartbeat().limit_deg, site.manager.heartbeat().change) == (None, None)
 
 
 def test_an_incident_survives_the_pipeline_that_a_recalibration_replaces() -> None:
@@ -247,7 +251,7 @@ def test_the_end_of_a_drift_alarm_is_a_cleared_incident_without_an_angle() -> No
     list(site.manager.judge(readings, why_unknown="", time_s=1.0, drift_alarm="the norm deviates from 1 g"))
     (cleared,) = site.manager.judge(readings, why_unknown="", time_s=9.0)
     assert (cleared.event, cleared.incident, cleared.limit_deg) == ("cleared", "b00t-1", None)
-    assert cleared.line == "calibration cleared after 8.0 s: the cause has ended [incident b00t-1]"
+    assert cleared.change == "calibration cleared after 8.0 s: the cause has ended [incident b00t-1]"
 
 
 def test_the_largest_angle_of_a_standing_alert_holds_no_coming_peak() -> None:
@@ -265,7 +269,7 @@ def test_an_acknowledgement_is_a_change_that_leaves_the_level() -> None:
     change = acknowledge(site)
     assert change is not None
     assert (change.rule, change.event, change.level, change.incident) == ("swing", "acknowledged", "trip", "b00t-1")
-    assert change.line == "swing acknowledged by ann: load set down [incident b00t-1]"
+    assert change.change == "swing acknowledged by ann: load set down [incident b00t-1]"
     assert (change.acknowledged_by, change.reason, change.limit_deg) == ("ann", "load set down", 6.0)
     (active,) = change.active
     assert (active.acknowledged_by, active.acknowledged_ns) == ("ann", round(site.now_s * 1e9))
@@ -299,3 +303,56 @@ def test_an_incident_of_an_earlier_pipeline_can_be_acknowledged() -> None:
 
 def test_an_unknown_incident_is_not_acknowledged() -> None:
     assert acknowledge(Site().feed(1.0)) is None
+
+
+STALE_NS = 1_100_000_000
+
+
+class HearingCrane(RecordedCrane):
+    """Keeps the alert messages."""
+
+    def __init__(self, folder: Path) -> None:
+        self.heard: list[tuple[int, Alert]] = []
+        super().__init__(folder)
+
+    def write(self, message: OutgoingMessage) -> None:
+        if isinstance(message.message, Alert):
+            self.heard.append((message.log_time_ns, message.message))
+
+    def validities(self, since: int = 0) -> list[str | None]:
+        return [message.validity for _, message in self.heard[since:]]
+
+
+@pytest.fixture
+def crane(tmp_path: Path) -> HearingCrane:
+    crane = HearingCrane(tmp_path)
+    crane.record(12)
+    assert crane.validities()[-1] == "valid"
+    return crane
+
+
+@pytest.mark.slow
+def test_the_end_and_the_return_of_samples_do_not_wait_for_a_heartbeat(crane: HearingCrane) -> None:
+    before = len(crane.heard)
+    silent_ns = crane.newest_ns + STALE_NS
+    for message in crane.pipeline.idle(silent_ns, CLOCK).messages:
+        crane.write(message)
+    assert (silent_ns, "no_samples") == (crane.heard[before][0], crane.heard[before][1].validity)
+    before = len(crane.heard)
+    crane.record(0.1)
+    assert crane.validities(before)[0] != "no_samples"
+
+
+@pytest.mark.slow
+def test_a_housing_off_the_rope_suspends_at_once(crane: HearingCrane) -> None:
+    before = len(crane.heard)
+    crane.pipeline.set_session(replace(NO_SESSION, id="r-1", suspended=True), "SUSPENDED")
+    crane.record(0.1)
+    assert crane.validities(before)[:1] == ["suspended"]
+
+
+def test_before_the_first_sample_nothing_is_known(tmp_path: Path) -> None:
+    crane = HearingCrane(tmp_path)
+    for message in crane.pipeline.idle(crane.newest_ns, CLOCK).messages:
+        crane.write(message)
+    assert crane.validities() == ["no_samples"]

@@ -3,9 +3,8 @@
 from datetime import datetime, timedelta
 from pathlib import Path
 
-from gateway.authorization.voucher import Voucher, make_voucher
-from gateway.pki.issue import Holder
-from gateway.pki.site_folder import SiteFolder, utc_now
+from gateway.authorization.certificates import Voucher, make_voucher
+from gateway.pki.site_folder import Holder, SiteFolder, utc_now
 
 DAYS = 30
 

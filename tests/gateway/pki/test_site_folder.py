@@ -9,8 +9,7 @@ from cryptography import x509
 
 from gateway.errors import InputError
 from gateway.pki.inspect import CertificateError, check_issued, identity_of, parse_certificate, revoked_serials
-from gateway.pki.issue import Holder
-from gateway.pki.site_folder import SiteFolder, utc_now
+from gateway.pki.site_folder import Holder, SiteFolder, utc_now
 from tests.gateway.pki.site import DAYS, Site
 
 

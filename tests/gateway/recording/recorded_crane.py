@@ -10,9 +10,8 @@ from devices.simulated.device import SimulatedCrane
 from gateway import __version__
 from gateway.calibration.correction import Correction, correction_for
 from gateway.calibration.drift.rest_monitor import RestDriftMonitor
-from gateway.configuration.loading import validate
+from gateway.configuration.loading import to_toml, validate
 from gateway.configuration.model import Configuration
-from gateway.configuration.render import to_toml
 from gateway.messages import ClockOffset
 from gateway.packing import pack
 from gateway.pipeline.drift_monitor import DriftMonitor

@@ -14,7 +14,7 @@ from gateway import __version__
 from gateway.calibration.correction import Correction, correction_for
 from gateway.calibration.record import CalibrationRecord, content_hash
 from gateway.cli.main import main
-from gateway.configuration.render import to_toml
+from gateway.configuration.loading import to_toml
 from gateway.messages import NO_SESSION, Motion
 from gateway.pipeline.incidents import Acknowledgement
 from gateway.pipeline.outgoing_message import MessageTime, OutgoingMessage

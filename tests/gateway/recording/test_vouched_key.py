@@ -17,9 +17,8 @@ from gateway.cli.main import main
 from gateway.cli.record.known_key import known_key
 from gateway.incident.evidence import judge_recordings
 from gateway.messages import NewestStatement
-from gateway.pki.issue import Holder
 from gateway.pki.signing_key import fingerprint, load_or_create_key
-from gateway.pki.site_folder import utc_now
+from gateway.pki.site_folder import Holder, utc_now
 from gateway.recording.format.content import RecordingHeader
 from tests.gateway.pki.site import Site, vouch
 from tests.gateway.recording.conftest import GATEWAY, START_NS, Record

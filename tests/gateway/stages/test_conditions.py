@@ -9,9 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from gateway.messages import MotionState
-from gateway.stages.conditions.gates import MotionContext
-from gateway.stages.conditions.verdict import ConditionResult, judge_condition
-from gateway.stages.conditions.window import ConditionWindow
+from gateway.stages.condition import ConditionResult, MotionContext, judge_condition
+from gateway.stages.condition_window import ConditionWindow
 
 RATE_HZ, NOISE_G, DM_G = 100.0, 0.0004, 0.002
 Array = NDArray[np.float64]

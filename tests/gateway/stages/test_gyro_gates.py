@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gateway.stages.conditions.gates import MotionContext
-from gateway.stages.conditions.verdict import ConditionResult, judge_condition
-from gateway.stages.conditions.window import ConditionWindow
+from gateway.stages.condition import ConditionResult, MotionContext, judge_condition
+from gateway.stages.condition_window import ConditionWindow
 
 RATE_HZ, NOISE_G, DM_G, PERIOD_S = 100.0, 0.0004, 0.002, 6.0
 PHI_MAX_RAD, RHO = math.radians(8), 0.3

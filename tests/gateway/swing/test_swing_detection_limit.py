@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gateway.numerics.spikes import lone_spikes
+from gateway.numerics.foreign_readings import lone_spikes
 from gateway.swing.offline import estimate_swing
 from gateway.swing.rig import MountedHousing
 from tests.gateway.swing.conftest import Simulate

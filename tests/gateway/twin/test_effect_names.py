@@ -11,7 +11,7 @@ from gateway.twin.effects import EFFECTS
 GATEWAY = Path(__file__).parents[3] / "gateway"
 OTHER_MEANINGS = {
     "messages/": "causes of a condition, as the gateway recognises them live",
-    "stages/conditions/": "the same causes",
+    "stages/condition": "the same causes",
     "motion/": "states of the motion, as the gateway publishes them",
     "pipeline/motion": "the same states",
     "measurement/motion": "the same states",

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from devices.pendulum.small_swing import period_ratio
+from gateway.numerics.foreign_readings import MIN_SPIKE_SIGMA
 from gateway.numerics.spectrum import periodogram
-from gateway.numerics.spikes import MIN_SPIKE_SIGMA
 from gateway.numerics.stats import normal_quantile, robust_sigma, smallest_steps
 
 Array = NDArray[np.float64]

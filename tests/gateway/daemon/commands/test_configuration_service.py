@@ -11,7 +11,7 @@ import pytest
 
 from gateway.authorization.caller import Caller, Role
 from gateway.configuration.loading import load_text
-from gateway.configuration.trial import MAX_TRIAL_STARTS
+from gateway.configuration.remote_change import MAX_TRIAL_STARTS
 from gateway.daemon.commands.configuration_service import DEADLINE_S, HEALTHY_S, ConfigurationService, TrialSupervisor
 from gateway.daemon.commands.requests import RemoteRequest
 from gateway.recalibration.requests import ApplyConfiguration, ProposeConfiguration, ReadConfiguration, Request

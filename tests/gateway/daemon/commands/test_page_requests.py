@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.daemon.commands.page_requests import PIN_GUESSED, SignInWatch
-from gateway.daemon.commands.security_log import SecurityLog
-from gateway.daemon.runtime.faults import FaultRegister
+from gateway.daemon.commands.rpc_server import PIN_GUESSED, SignInWatch
+from gateway.daemon.commands.security import SecurityLog
+from gateway.daemon.runtime.worker import FaultRegister
 
 
 @pytest.mark.parametrize(("state", "words"), [("replaced", "has a new one"), ("void", "no new one can be written")])

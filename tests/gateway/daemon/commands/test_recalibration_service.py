@@ -13,9 +13,9 @@ from devices.block import DeviceInfo, SampleBlock
 from devices.host_clock import HostClock
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.store import CalibrationStore
-from gateway.daemon.commands.recalibration_service import PipelineInstruction, ProcessedBlock, RecalibrationService
 from gateway.daemon.commands.requests import RemoteRequest
-from gateway.daemon.runtime.wall_clock import WallClockMonitor
+from gateway.daemon.commands.worker import PipelineInstruction, ProcessedBlock, RecalibrationService
+from gateway.daemon.runtime.host import WallClockMonitor
 from gateway.daemon.storage.calibration_provider import CalibrationProvider
 from gateway.messages import Verdict
 from gateway.recalibration.recalibration import Recalibration

@@ -9,14 +9,12 @@ import zenoh
 
 from devices.host_clock import HostClock
 from gateway.authorization.message_signature import MessageSigner
-from gateway.daemon.commands.authorisation import refuse_all
-from gateway.daemon.commands.page_requests import SignInWatch
-from gateway.daemon.commands.recalibration_service import RecalibrationService
 from gateway.daemon.commands.requests import RequestDispatcher
-from gateway.daemon.commands.rpc_server import INBOX, RESERVED_FOR_ANSWERS, RpcServer
-from gateway.daemon.commands.security_log import SecurityLog
-from gateway.daemon.runtime.faults import FaultRegister
-from gateway.daemon.runtime.wall_clock import WallClockMonitor
+from gateway.daemon.commands.rpc_server import INBOX, RESERVED_FOR_ANSWERS, RpcServer, SignInWatch
+from gateway.daemon.commands.security import SecurityLog, refuse_all
+from gateway.daemon.commands.worker import RecalibrationService
+from gateway.daemon.runtime.host import WallClockMonitor
+from gateway.daemon.runtime.worker import FaultRegister
 from gateway.daemon.storage.calibration_provider import CalibrationProvider
 from gateway.recalibration.recalibration import Recalibration
 from tests.waiting import wait_until

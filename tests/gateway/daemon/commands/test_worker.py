@@ -10,11 +10,10 @@ import pytest
 
 from devices.host_clock import HostClock
 from gateway.daemon.commands import worker as command_worker
-from gateway.daemon.commands.recalibration_service import ProcessedBlock, RecalibrationService
 from gateway.daemon.commands.requests import RemoteRequest
-from gateway.daemon.commands.worker import INBOX, RESERVED, CommandWorker
-from gateway.daemon.runtime.faults import FaultRegister
-from gateway.daemon.runtime.wall_clock import WallClockMonitor
+from gateway.daemon.commands.worker import INBOX, RESERVED, CommandWorker, ProcessedBlock, RecalibrationService
+from gateway.daemon.runtime.host import WallClockMonitor
+from gateway.daemon.runtime.worker import FaultRegister
 from gateway.daemon.storage.calibration_provider import CalibrationProvider
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.requests import Cancel

@@ -1,5 +1,9 @@
-"""`plumbline doctor --device` against models of the chips at the bus."""
+"""`plumbline doctor --device` against models of the chips at the bus, and for sensors on a serial port."""
 
+import os
+import pty
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -7,20 +11,28 @@ import pytest
 from numpy.typing import NDArray
 
 from devices.axes_map import SAME_AXES
+from devices.block import RadioStatus, SampleBlock
 from devices.clock import Clock
 from devices.device import Device
 from devices.i2c.chips import CHIPS
 from devices.i2c.fifo_accelerometer import FifoAccelerometer
-from gateway.configuration.device_sections import I2cDevice
+from gateway.configuration.device_sections import I2cDevice, NodeDevice
 from gateway.configuration.loading import validate
 from gateway.configuration.model import Configuration
-from gateway.daemon.doctor.check_result import CheckResult
-from gateway.daemon.doctor.device_check import check_self_test, examine_device, sketch_housing
+from gateway.daemon.doctor import CheckResult
+from gateway.daemon.doctor.device_check import (
+    check_self_test,
+    examine_device,
+    examine_ports,
+    examine_radio,
+    sketch_housing,
+)
 from tests.devices.i2c.adxl345_chip import Adxl345Chip
 from tests.devices.i2c.adxl355_chip import Adxl355Chip, Adxl357Chip
 from tests.devices.i2c.chip_bus import ChipBus
 from tests.devices.i2c.i2c_chip import FakeClock, I2cChip
 from tests.devices.i2c.lis3dh_chip import Lis3dhChip
+from tests.devices.usb_tree import UsbTree
 
 
 def results_of(device: dict[str, Any], *chips: I2cChip) -> list[CheckResult]:
@@ -161,3 +173,57 @@ def test_a_missing_bus_is_reported() -> None:
     results = examined({"kind": "adxl355", "bus": 5}, Adxl355Chip(FakeClock()))
     assert results["probe"][0][0] == "bad"
     assert "/dev/i2c-5: no such bus" in results["probe"][0][1]
+
+
+@pytest.fixture
+def terminal() -> Iterator[str]:
+    master, slave = pty.openpty()
+    yield os.ttyname(slave)
+    os.close(slave)
+    os.close(master)
+
+
+def section(port: str) -> NodeDevice:
+    return NodeDevice(kind="node", node=7, port=port)
+
+
+def lines(results: Iterator[CheckResult]) -> list[tuple[str, str]]:
+    return [(result.grade, result.text) for result in results]
+
+
+def test_adapters_are_listed_and_the_configured_one_is_named(tmp_path: Path, terminal: str) -> None:
+    tree = UsbTree(tmp_path)
+    tree.plug_in("ttyUSB4", terminal)
+    listed = f"USB adapters with a serial port: {tree.folders.dev}/ttyUSB4 is usb:0403:6015:DN01 (FT231X USB UART)"
+    assert lines(examine_ports(section("usb:0403:6015:DN01"), tree.folders)) == [
+        ("note", listed),
+        ("good", f"usb:0403:6015:DN01 is {tree.folders.dev}/ttyUSB4"),
+    ]
+    assert lines(examine_ports(section("/dev/ttyUSB4"), tree.folders)) == [("note", listed)]
+
+
+def test_an_adapter_that_is_not_there_is_bad(tmp_path: Path) -> None:
+    results = lines(examine_ports(section("usb:0403:6015"), UsbTree(tmp_path).folders))
+    assert results[0] == ("note", "USB adapters with a serial port: none")
+    assert results[1][0] == "bad"
+    assert "no such adapter; plug it in" in results[1][1]
+
+
+def block(radio: RadioStatus | None) -> SampleBlock:
+    return SampleBlock(np.array([1], np.int64), np.zeros((1, 3)), radio=radio)
+
+
+@pytest.mark.parametrize(
+    ("status", "expected"),
+    [
+        (RadioStatus(3.71, 30.0, False, -67.0), ("good", "battery 3.71 V, 30 % charged, signal -67 dBm")),
+        (RadioStatus(3.31, None, True, None), ("note", "battery 3.31 V, battery is low: charge or change it")),
+        (RadioStatus(battery_low=False), ("good", "battery is not low")),
+    ],
+)
+def test_battery_and_signal_are_stated(status: RadioStatus, expected: tuple[str, str]) -> None:
+    assert lines(examine_radio([block(status), block(None)])) == [expected]
+
+
+def test_a_sensor_with_a_cable_has_neither() -> None:
+    assert lines(examine_radio([block(None)])) == []

@@ -4,11 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from gateway.configuration.bus_section import find_problems
 from gateway.configuration.loading import validate
 from gateway.daemon.doctor.security_check import examine_security
-from gateway.pki.check_files import find_problems
-from gateway.pki.issue import Holder
-from gateway.pki.site_folder import utc_now
+from gateway.pki.site_folder import Holder, utc_now
 from tests.gateway.pki.site import Site
 
 Table = dict[str, object]

@@ -1,4 +1,4 @@
-"""The relay drops whatever dies or hangs: the gateway, its thread, the process that switches, the output."""
+"""When the relay drops: by the alerts, and with whatever dies or hangs: the gateway, its thread, the process, the output."""
 
 import os
 import signal
@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,10 @@ import pytest
 
 from gateway.configuration.relay_section import CommandRelay, GpioRelay
 from gateway.daemon.outputs import relay_worker
-from gateway.daemon.outputs.relay_worker import RelayWorker
-from gateway.daemon.runtime.faults import FaultRegister
-from gateway.messages import ActiveAlert, Alert
-from gateway.relay.protocol import ENERGISE
+from gateway.daemon.outputs.relay_watchdog import ENERGISE
+from gateway.daemon.outputs.relay_worker import RelayLogic, RelayWorker
+from gateway.daemon.runtime.worker import FaultRegister
+from gateway.messages import ActiveAlert, Alert, Level
 from tests.gateway.daemon.outputs.relay_script import FakeGpioChip, ScriptedRelay
 from tests.system.conftest import ROOT
 from tests.values import present
@@ -169,7 +170,7 @@ def test_a_command_that_does_not_exist_is_a_fault_and_no_end(tmp_path: Path, sta
 PARENT = """
 import sys, time
 from gateway.configuration.relay_section import CommandRelay
-from gateway.daemon.runtime.faults import FaultRegister
+from gateway.daemon.runtime.worker import FaultRegister
 from gateway.daemon.outputs.relay_worker import RelayWorker
 from tests.gateway.daemon.outputs.test_relay_worker import NORMAL
 worker = RelayWorker(CommandRelay(kind="command", command=[sys.argv[1]], watchdog_s=60.0), FaultRegister())
@@ -278,3 +279,108 @@ def test_a_chip_that_is_not_there_is_a_fault_and_no_end(start: Start) -> None:
     wait_until(lambda: worker.faults["relay_restarted"] >= 1, "another attempt")
     assert worker.state == "failed"
     assert worker.is_alive()
+
+
+UNKNOWN_S = 5.0
+
+
+def settings(**changes: Any) -> CommandRelay:
+    return CommandRelay(kind="command", command=["relay"], **{"unknown_s": UNKNOWN_S, **changes})
+
+
+def active(level: Level, rule: str = "swing", value_deg: float | None = 7.0, by: str | None = None) -> ActiveAlert:
+    return ActiveAlert(
+        rule=rule, level=level, since_ns=0, value_deg=value_deg, acknowledged_by=by, text=f"{rule} {level}"
+    )
+
+
+def alert(*alerts: ActiveAlert) -> Alert:
+    rank: list[Level] = ["normal", "unknown", "warn", "trip"]
+    level = rank[max((rank.index(each.level) for each in alerts), default=0)]
+    return Alert(
+        time_ns=0,
+        clock="synchronised",
+        sequence=0,
+        level=level,
+        validity="valid",
+        event="standing",
+        active=[*alerts],
+        text="text",
+    )
+
+
+ALL_NORMAL = alert()
+
+
+def logic(**changes: Any) -> RelayLogic:
+    """One that has seen a known level."""
+    known = RelayLogic(settings(**changes))
+    assert known.judge(ALL_NORMAL, 0.0).energised
+    return known
+
+
+def test_the_relay_stays_released_until_a_level_is_known() -> None:
+    relay = RelayLogic(settings())
+    assert not relay.judge(alert(active("unknown")), 0.0).energised
+    assert not relay.judge(alert(active("unknown")), 1.0).energised
+    assert relay.judge(ALL_NORMAL, 2.0).energised
+
+
+@pytest.mark.parametrize(("drop_at", "level", "energised"), [
+    ("trip", "trip", False), ("trip", "warn", True), ("warn", "warn", False), ("warn", "trip", False),
+])  # fmt: skip
+def test_the_configured_level_drops_the_relay(drop_at: str, level: Level, energised: bool) -> None:
+    decision = logic(drop_at=drop_at).judge(alert(active(level)), 1.0)
+    assert decision.energised is energised
+    assert decision.reason == ("" if energised else f"swing {level}")
+
+
+def test_a_trip_drops_the_relay_while_its_value_is_not_known() -> None:
+    assert not logic().judge(alert(active("trip", value_deg=None)), 1.0).energised
+
+
+def test_an_unknown_level_drops_the_relay_after_its_time_and_a_known_one_brings_it_back() -> None:
+    relay = logic()
+    unknown = alert(active("unknown", value_deg=None))
+    assert relay.judge(unknown, UNKNOWN_S).energised
+    decision = relay.judge(unknown, UNKNOWN_S + 0.1)
+    assert not decision.energised
+    assert decision.reason.startswith("not known for more than 5 s")
+    assert relay.judge(ALL_NORMAL, UNKNOWN_S + 1.0).energised
+
+
+def test_a_warning_without_a_known_value_counts_as_unknown() -> None:
+    relay = logic()
+    assert relay.judge(alert(active("warn", value_deg=None)), 1.0).energised
+    assert not relay.judge(alert(active("warn", value_deg=None)), UNKNOWN_S + 1.1).energised
+
+
+def test_a_warning_does_not_hide_that_another_rule_is_unknown() -> None:
+    relay = logic()
+    both = alert(active("warn"), active("unknown", "lean", None))
+    assert not relay.judge(both, UNKNOWN_S + 0.1).energised
+
+
+def test_a_warning_of_the_calibration_has_no_value_and_is_not_unknown() -> None:
+    assert logic().judge(alert(active("warn", "calibration", None)), UNKNOWN_S + 1.0).energised
+
+
+@pytest.mark.parametrize("validity", ["no_samples", "suspended", "uncalibrated", "not_known"])
+def test_a_normal_level_that_is_not_valid_counts_as_unknown(validity: Any) -> None:
+    relay = logic()
+    assert relay.judge(replace(ALL_NORMAL, validity=validity), UNKNOWN_S).energised
+    assert not relay.judge(replace(ALL_NORMAL, validity=validity), UNKNOWN_S + 0.1).energised
+    assert relay.judge(replace(ALL_NORMAL, validity="valid"), UNKNOWN_S + 0.2).energised
+
+
+def test_an_acknowledged_incident_holds_the_relay_dropped_unless_it_drives_a_horn() -> None:
+    acknowledged = alert(active("trip", by="ann"))
+    assert not logic().judge(acknowledged, 1.0).energised
+    horn = logic(ignore_acknowledged=True)
+    assert horn.judge(acknowledged, 1.0).energised
+    assert not horn.judge(alert(active("trip", by="ann"), active("trip", "lean")), 1.0).energised
+
+
+def test_a_level_without_an_entry_of_its_rule_drops_the_relay() -> None:
+    trip = Alert(time_ns=0, clock="synchronised", sequence=0, level="trip", event="standing", active=[], text="?")
+    assert not logic().judge(trip, 1.0).energised

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from devices.host_clock import HostClock
+from gateway.daemon.runtime.host import STEP_NS, WallClockMonitor
 from gateway.daemon.runtime.instance import FolderError, InstanceError, InstanceLock
-from gateway.daemon.runtime.wall_clock import STEP_NS, WallClockMonitor
 from gateway.service_state import ServiceNotifier
 from tests.values import present
 

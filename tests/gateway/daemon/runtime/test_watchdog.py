@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.daemon.runtime.faults import FaultRegister
 from gateway.daemon.runtime.supervision import Watchdog
-from gateway.daemon.runtime.worker import BoundedQueue, Worker
+from gateway.daemon.runtime.worker import BoundedQueue, FaultRegister, Worker
 from gateway.service_state import ServiceNotifier
 from tests.waiting import wait_until
 

@@ -10,9 +10,8 @@ import pytest
 from devices.block import DeviceInfo, SampleBlock
 from devices.device import EndOfRecording
 from devices.errors import TransferError
-from gateway.daemon.runtime.faults import FaultRegister
-from gateway.daemon.runtime.worker import BoundedQueue
-from gateway.daemon.sampling.sampler import DeviceReopened, Sampler, SamplerItem
+from gateway.daemon.runtime.worker import BoundedQueue, FaultRegister
+from gateway.daemon.sampling.sampler import Sampler, SamplerItem
 from tests.waiting import PATIENCE_S, wait_until
 
 INFO = DeviceInfo(kind="test", device_id="t-1", unit="counts", odr_hz=100.0, units_per_g=1000.0)
@@ -78,9 +77,9 @@ def test_a_lost_device_is_opened_again_until_it_answers() -> None:
     sampler, items = run(device)
     first, reopened, last = items
     assert isinstance(first, SampleBlock)
-    assert isinstance(reopened, DeviceReopened)
+    assert isinstance(reopened, DeviceInfo)
     assert isinstance(last, SampleBlock)
-    assert reopened.info.device_id == "t-2"
+    assert reopened.device_id == "t-2"
     assert sampler.reopened == 1
     assert not sampler.recovering
 
@@ -107,7 +106,7 @@ def test_a_device_that_did_not_answer_at_start_is_opened_when_it_does() -> None:
     assert sampler.recovering
     sampler.start()
     assert sampler.ended.wait(PATIENCE_S)
-    assert isinstance(queue.get(0.0), DeviceReopened)
+    assert isinstance(queue.get(0.0), DeviceInfo)
     assert isinstance(queue.get(0.0), SampleBlock)
     assert faults.counts == {"device_failures": 1}
     assert faults.standing == {}

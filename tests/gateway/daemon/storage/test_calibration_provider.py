@@ -15,7 +15,7 @@ from gateway.atomic_io import write_durably
 from gateway.calibration.drift.rest_monitor import NS_PER_HOUR
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.store import CalibrationStore
-from gateway.daemon.runtime.faults import FaultRegister
+from gateway.daemon.runtime.worker import FaultRegister
 from gateway.daemon.storage.calibration_provider import CalibrationProvider, DriftStateStore
 from gateway.daemon.storage.recording_worker import CalibrationChange, RecordingWorker
 from gateway.pipeline.drift_monitor import DriftMonitor

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.daemon.runtime.faults import FaultRegister
+from gateway.daemon.runtime.worker import FaultRegister
 from gateway.daemon.storage.recording_worker import MAX_WAITING_RECORDS, ROOM_S, STALLED_S, RecordingWorker
 from gateway.messages import Samples
 from gateway.pipeline.outgoing_message import EncodedMessage, encode_message

@@ -1,1 +1,0 @@
-"""The condition of a reading: static, quasi-static, swinging, disturbed or unknown."""
