@@ -14,8 +14,9 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel
 
+from gateway.authorization.authoriser import Authoriser, SignedRequest
 from gateway.authorization.caller import Caller, CallerLimits, NotAuthorised, RateLimit, TokenBucket
-from gateway.authorization.credential import VOUCHER_FIELD, Authoriser, SignedRequest
+from gateway.authorization.credential import VOUCHER_FIELD
 from gateway.daemon.commands.security import Refusal, SecurityLog
 from gateway.recalibration.requests import Request, RequestAnswer, RequestError, parse_payload
 from gateway.verbs import VERBS, Verb

@@ -17,8 +17,8 @@ import zenoh
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import to_json
 
+from gateway.authorization.authoriser import SignedRequest
 from gateway.authorization.caller import Caller, NotAuthorised, Role, require_role
-from gateway.authorization.credential import SignedRequest
 from gateway.authorization.message_signature import MessageSigner, Question, join_signature
 from gateway.bus.session import describe_links
 from gateway.daemon.commands.requests import RemoteRequest, RequestDispatcher, RequestHandler

@@ -17,8 +17,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.atomic_io import append_line, write_private
+from gateway.authorization.authoriser import Authoriser
 from gateway.authorization.caller import RateLimit, TokenBucket
-from gateway.authorization.credential import TOKEN_BYTES, TOKEN_NAME, Authoriser, parse_token
+from gateway.authorization.credential import TOKEN_BYTES, TOKEN_NAME, parse_token
 from gateway.configuration.bus_section import TlsSection
 from gateway.errors import PlumblineError
 from gateway.extras import what_is_missing

@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
+from gateway.authorization.authoriser import Authoriser, SignedRequest
 from gateway.authorization.caller import Caller, NotAuthorised, Role
 from gateway.authorization.certificates import CertificateVerifier, SiteAuthority
-from gateway.authorization.credential import Authoriser, SignedRequest, prove_by_token
+from gateway.authorization.credential import prove_by_token
 from gateway.bus.credentials import load_credentials
 from gateway.pki.inspect import CertificateError, parse_authorities, revoked_serials
 from gateway.pki.signing_key import SigningKey

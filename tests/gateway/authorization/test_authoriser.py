@@ -7,15 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gateway.authorization.authoriser import CODE_BITS, MAX_REMEMBERED, WINDOW_S, Authoriser, SignedRequest
 from gateway.authorization.caller import Caller, NotAuthorised, Role
-from gateway.authorization.credential import (
-    CODE_BITS,
-    MAX_REMEMBERED,
-    WINDOW_S,
-    Authoriser,
-    SignedRequest,
-    prove_by_token,
-)
+from gateway.authorization.credential import prove_by_token
 from tests.values import present
 
 BOOT = "0123456789ab"
