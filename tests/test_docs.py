@@ -90,6 +90,17 @@ def test_every_path_that_the_docs_name_exists() -> None:
         assert [name for name in named if not (ROOT / name).exists()] == [], page
 
 
+def test_every_test_that_the_docs_name_exists() -> None:
+    present = [path.with_suffix("").as_posix() for path in (ROOT / "tests").rglob("test_*.py")]
+    named = {
+        (page.relative_to(ROOT), name.removesuffix(".py"))
+        for page in DOCS.rglob("*.md")
+        for name in re.findall(r"`((?:[\w.-]+/)*test_\w+(?:\.py)?)`", page.read_text())
+    }
+    assert {(page, name) for page, name in named if not any(path.endswith(f"/{name}") for path in present)} == set()
+    assert len(named) > 30
+
+
 def test_every_package_that_the_docs_name_exists() -> None:
     for page in [*ROOT.glob("*.md"), *DOCS.rglob("*.md")]:
         named = re.findall(r"`((?:gateway|devices|tests)(?:\.\w+)*)`", page.read_text())
