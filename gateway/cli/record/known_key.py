@@ -50,7 +50,7 @@ class KnownKey:
         return ""
 
 
-def known_key(given: str | None, ca: Path | None, paths: Sequence[Path]) -> KnownKey:
+def key_of_recordings(given: str | None, ca: Path | None, paths: Sequence[Path]) -> KnownKey:
     """Return the key for recordings in order of time, one at least.
 
     Raises `InputError` and `KeyFileError` for an option that cannot be read, `RecordingError` for a recording.

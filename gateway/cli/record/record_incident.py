@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from gateway.cli.argument_types import above_zero, recording_time, whole_number
 from gateway.cli.command import command, one_of, option
 from gateway.cli.output import JSON_OPTION
-from gateway.cli.record.known_key import KEY_OPTION, known_key
+from gateway.cli.record.known_key import KEY_OPTION, key_of_recordings
 from gateway.cli.recording_options import CA_OPTION, PATHS_OPTION
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
     from gateway.incident.evidence import judge_recordings
     from gateway.incident.incident_report import PAGE_FILE, write_report
 
-    known = known_key(arguments.key, arguments.ca, [segment.path for segment in timeline.segments])
+    known = key_of_recordings(arguments.key, arguments.ca, [segment.path for segment in timeline.segments])
     refusal = None if known.vouched is None else known.vouched.refusal
     made = datetime.now(tz=UTC)
     origin = datetime.fromtimestamp((window.origin_ns + timeline.span().wall_offset_ns) / 1e9, tz=UTC)

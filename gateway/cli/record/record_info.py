@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from gateway.cli.command import command, option
 from gateway.cli.output import JSON_OPTION
-from gateway.cli.record.known_key import KEY_OPTION, known_key
+from gateway.cli.record.known_key import KEY_OPTION, key_of_recordings
 from gateway.cli.recording_options import CA_OPTION, PATHS_OPTION, SELECTION_OPTIONS, interval
 from gateway.errors import ANSWER_IS_NO, WITH_LOSSES
 
@@ -108,7 +108,7 @@ def run_verify(arguments: argparse.Namespace) -> int:
     from gateway.recording.reading.timeline import list_recordings
 
     paths = list_recordings(arguments.paths)
-    known = known_key(arguments.key, arguments.ca, paths)
+    known = key_of_recordings(arguments.key, arguments.ca, paths)
     key, vouched = known.public_key, known.vouched
     heard = [statement for path in arguments.heard for statement in read_statements(path)]
     heard += [] if known.heard is None or known.heard.public_key != key else [known.heard]

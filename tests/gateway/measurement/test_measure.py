@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from devices.pendulum.pendulum import start_motion
-from devices.recording import Recording
 from devices.simulated.crane import Crane
 from gateway.measurement.measure import measure, summarise_conditions
-from gateway.measurement.source import Source, read_source
+from gateway.measurement.source import read_source
 from gateway.measurement.swing import combine_parts
-from gateway.recording.reading.interval import RecordingExtent
 from gateway.swing.estimate import SwingEstimate, SwingPeak
 from gateway.swing.rig import MountedHousing
+from tests.gateway.measurement.simulated_source import source_of
 
 HOUSING = MountedHousing(length_m=9.0, position_m=4.5, gravity_m_s2=9.80665)
 RATE_HZ, NOISE_G, DURATION_S = 50.0, 0.0004, 40.0
@@ -80,23 +79,13 @@ def test_swings_on_both_sides_of_a_long_gap_are_measured(gap_s: float) -> None:
     force_g = np.concatenate([crane.specific_force_m_s2(part) for part in np.array_split(time_s, 20)]) / 9.80665
     force_g = np.tile(force_g, (2, 1)) + np.random.default_rng(3).normal(0, NOISE_G, (2 * len(time_s), 3))
     time_s = np.concatenate([time_s, time_s + DURATION_S + gap_s])
-    none_lost = np.zeros(len(time_s), dtype=np.int64)
-    recording = Recording(time_s=time_s, raw=force_g, unit="g", lost_before=none_lost, unusable_before=none_lost.copy())
-    source = Source(
-        files=(Path("log.csv"),),
-        recording=recording,
-        extent=RecordingExtent(0.0, float(time_s[-1]), None),
-        force_g=force_g,
-        permissible_norm_error_g=0.01,
-        calibration="as recorded",
-        noise_g=NOISE_G,
-        housing=HOUSING,
-    )
+    source = source_of(time_s, force_g, HOUSING, NOISE_G)
     swing = measure(source).swing
     assert swing.coverage95_rad is not None
     low_rad, high_rad = swing.coverage95_rad
     assert low_rad < math.radians(5.0) < high_rad < math.radians(5.2)
-    alone = measure(replace(source, recording=recording.part(0, len(time_s) // 2), force_g=force_g[: len(time_s) // 2]))
+    half = len(time_s) // 2
+    alone = measure(replace(source, recording=source.recording.part(0, half), force_g=force_g[:half]))
     assert len(swing.swings) >= 2 * len(alone.swing.swings) > 4
     assert swing.reasons[0] == "estimated in 2 parts between long gaps"
 

@@ -5,14 +5,12 @@ import io
 import json
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from devices.pendulum.pendulum import start_motion
-from devices.recording import Recording
 from devices.simulated.crane import Crane
 from devices.simulated.schedule import Event, Hoist, TrolleyMove
 from gateway.measurement.measure import Measurement, measure
@@ -21,8 +19,8 @@ from gateway.measurement.report import as_json, as_text
 from gateway.measurement.source import Source
 from gateway.measurement.swing import estimate_source_swing
 from gateway.motion.history import MotionPhase
-from gateway.recording.reading.interval import RecordingExtent
 from gateway.swing.rig import MountedHousing
+from tests.gateway.measurement.simulated_source import source_of
 from tests.values import present
 
 HOUSING = MountedHousing(length_m=9.4, above_load_m=4.5, gravity_m_s2=9.80665)
@@ -43,18 +41,7 @@ def recorded(events: tuple[Event, ...], swing_deg: float = 2.0) -> tuple[Source,
     time_s = np.arange(0, DURATION_S, 1 / RATE_HZ)
     force_g = crane(events, swing_deg).specific_force_m_s2(time_s) / 9.80665
     force_g += np.random.default_rng(3).normal(0, NOISE_G, force_g.shape)
-    none_lost = np.zeros(len(time_s), dtype=np.int64)
-    recording = Recording(time_s=time_s, raw=force_g, unit="g", lost_before=none_lost, unusable_before=none_lost.copy())
-    source = Source(
-        files=(Path("log.csv"),),
-        recording=recording,
-        extent=RecordingExtent(0.0, float(time_s[-1]), None),
-        force_g=force_g,
-        permissible_norm_error_g=0.01,
-        calibration="as recorded",
-        noise_g=NOISE_G,
-        housing=HOUSING,
-    )
+    source = source_of(time_s, force_g, HOUSING, NOISE_G)
     return source, float(np.degrees(crane(events, swing_deg).truth(time_s).rope_angle_rad.max()))
 
 

@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 
 from gateway.bus.known_gateways import known_statement, remember_statement
 from gateway.cli.main import main
-from gateway.cli.record.known_key import known_key
+from gateway.cli.record.known_key import key_of_recordings
 from gateway.incident.evidence import judge_recordings
 from gateway.messages import NewestStatement
 from gateway.pki.signing_key import fingerprint, load_or_create_key
@@ -147,7 +147,7 @@ def test_a_report_of_an_incident_judges_by_the_same_keys(
     paths = record(START_NS, segments=1)
 
     def judged(ca: Path | None) -> tuple[str, str]:
-        known = known_key(None, ca, paths)
+        known = key_of_recordings(None, ca, paths)
         refusal = None if known.vouched is None else known.vouched.refusal
         verdict = judge_recordings(paths, known.public_key, said_by=known.said_by, refusal=refusal)
         return verdict.kind, verdict.sentences[0]
