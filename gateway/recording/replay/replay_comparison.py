@@ -1,11 +1,11 @@
 """The comparison of recorded messages with those that were computed again: every byte, or every number within a tolerance."""
 
 import json
-from collections import Counter, defaultdict
+from collections import Counter, deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from math import isclose
-from typing import Any
+from typing import Any, TypeVar
 
 from gateway.pipeline.outgoing_message import OutgoingMessage
 from gateway.recording.format.content import decimals_of, encode_recorded
@@ -20,6 +20,7 @@ PROSE = frozenset({"text", "reasons", "change"})
 RELATIVE_TOLERANCE = 1e-6
 """Relative difference of numbers that count as equal. Basis: a choice; above the rounding of a sum, below any recorded digit."""
 MISSING = "(none)"
+Waiting = TypeVar("Waiting", RecordedMessage, OutgoingMessage)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,27 +93,34 @@ class ReplayComparison:
     compared: Counter[str] = field(default_factory=Counter)
     differing: Counter[str] = field(default_factory=Counter)
     first: ReplayDifference | None = None
-    _recorded: dict[tuple[str, int], list[RecordedMessage]] = field(default_factory=lambda: defaultdict(list))
-    _recomputed: dict[tuple[str, int], list[OutgoingMessage]] = field(default_factory=lambda: defaultdict(list))
+    _recorded: dict[tuple[str, int], deque[RecordedMessage]] = field(default_factory=dict)
+    """Those that wait for their counterpart, by topic and time."""
+    _recomputed: dict[tuple[str, int], deque[OutgoingMessage]] = field(default_factory=dict)
 
     def add_recorded(self, message: RecordedMessage) -> None:
         """Take a recorded message."""
-        self._recorded[message.topic, message.log_time_ns].append(message)
+        key = message.topic, message.log_time_ns
+        if (counterpart := _take_first(self._recomputed, key)) is None:
+            self._recorded.setdefault(key, deque()).append(message)
+        else:
+            self._compare(message, counterpart)
 
     def add_recomputed(self, message: OutgoingMessage) -> None:
         """Take a message that was computed again."""
-        self._recomputed[TOPICS[message.topic].path, message.log_time_ns].append(message)
+        key = TOPICS[message.topic].path, message.log_time_ns
+        if (counterpart := _take_first(self._recorded, key)) is None:
+            self._recomputed.setdefault(key, deque()).append(message)
+        else:
+            self._compare(counterpart, message)
 
-    def compare_until(self, until_ns: int) -> None:
-        """Compare everything before a time."""
-        keys = sorted(key for key in {*self._recorded, *self._recomputed} if key[1] < until_ns)
-        for key in keys:
-            recorded, recomputed = self._recorded.pop(key, []), self._recomputed.pop(key, [])
-            for place in range(max(len(recorded), len(recomputed))):
-                self._compare(
-                    recorded[place] if place < len(recorded) else None,
-                    recomputed[place] if place < len(recomputed) else None,
-                )
+    def end_waiting(self, until_ns: int) -> None:
+        """Count what waits from before a time: it has no counterpart."""
+        for key in [key for key in self._recorded if key[1] < until_ns]:
+            for recorded in self._recorded.pop(key):
+                self._compare(recorded, None)
+        for key in [key for key in self._recomputed if key[1] < until_ns]:
+            for recomputed in self._recomputed.pop(key):
+                self._compare(None, recomputed)
 
     def _compare(self, recorded: RecordedMessage | None, recomputed: OutgoingMessage | None) -> None:
         topic = recorded.topic if recorded is not None else TOPICS[recomputed.topic].path if recomputed else ""
@@ -161,6 +169,17 @@ class ReplayComparison:
                 yield path, before, after
         elif before != after:
             yield path, before, after
+
+
+def _take_first(waiting: dict[tuple[str, int], deque[Waiting]], key: tuple[str, int]) -> Waiting | None:
+    """Remove and return the first of the messages that wait under a key; None where none does."""
+    messages = waiting.get(key)
+    if messages is None:
+        return None
+    first = messages.popleft()
+    if not messages:
+        del waiting[key]
+    return first
 
 
 def _difference(recorded: RecordedMessage, path: str, before: Any, after: Any) -> ReplayDifference:

@@ -96,7 +96,7 @@ class ReplayRun:
             end_ns = step.end_ns or end_ns
         is_torn = not self._timeline.segments[-1].is_closed
         if self._mode == "same":
-            self._comparison.compare_until(
+            self._comparison.end_waiting(
                 end_ns if is_torn else 2**63
             )  # what follows from the last block may be cut off
         return ReplayResult(
@@ -119,7 +119,7 @@ class ReplayRun:
         """Choose how exactly the results of this and the next steps are compared."""
         if step.segment.boot_id != self._boot_id:
             self._boot_id, self._sequence = step.segment.boot_id, -1
-            self._comparison.compare_until(step.segment.from_ns)
+            self._comparison.end_waiting(step.segment.from_ns)
             self._comparison.tolerance = self._platform_tolerance(step.segment)
         block, sequence = (step.next_block, step.next_sequence) if step.block is None else (step.block, step.sequence)
         missing = sequence - self._sequence - 1
@@ -130,7 +130,7 @@ class ReplayRun:
 
     def _compare_from(self, time_ns: int, step: ReplayStep, why: str) -> None:
         """Compare within a tolerance, from this time on."""
-        self._comparison.compare_until(step.segment.from_ns if step.block is None else int(step.block.time_ns[0]))
+        self._comparison.end_waiting(step.segment.from_ns if step.block is None else int(step.block.time_ns[0]))
         self._comparison.tolerance = AFTER_START
         if self._warm_up_ns is not None:
             why, time_ns = f"a warm-up of {self._warm_up_ns / 1e9:g} s", self._from_ns
@@ -167,7 +167,7 @@ class ReplayRun:
                     self._recomputed.count(TOPICS[outgoing.topic].path, outgoing.log_time_ns, 0)
                     self._recomputed.add(outgoing.message, outgoing.log_time_ns)
         if self._mode == "same":
-            self._comparison.compare_until(step.end_ns - MAX_COUNTERPART_DELAY_NS)
+            self._comparison.end_waiting(step.end_ns - MAX_COUNTERPART_DELAY_NS)
 
     def _note(self, message: StepMessage, file: RecordingFile) -> None:
         """Add a recorded message to the summary, which knows the others by their number."""
