@@ -104,8 +104,11 @@ def fit_ramps(ramps: Sequence[Ramp], reference_c: float) -> RampRegression:
 def _needed(full: RecordingCoefficients) -> tuple[int, int]:
     """Return the degrees of offset and sensitivity; the last four coefficients are T and T² of both."""
     u = np.sqrt(np.diag(full.covariance))
-    limit = student_quantile(QUADRATIC_LEVEL, full.freedom)
-    offset, sensitivity = (2 if abs(full.values[place]) > limit * u[place] else 1 for place in (-3, -1))
+    row = np.eye(len(u))
+    limit = [student_quantile(QUADRATIC_LEVEL, max(full.freedom_of(row[place]), 1.0)) for place in (-3, -1)]
+    offset, sensitivity = (
+        2 if abs(full.values[place]) > each * u[place] else 1 for place, each in zip((-3, -1), limit, strict=True)
+    )
     return offset, sensitivity
 
 
@@ -156,7 +159,7 @@ class _RampModel:
         self._plays = [np.zeros((len(ramps), blocks, 0)), *(width_g * in_blocks)]
         straight = self.systems(0.0, 0, [(2, 2)] * 3)
         white, _ = self._grid.estimate(straight)
-        self._variance = [white.solve(*system, axes=3).sigma ** 2 for system in straight]
+        self._variance = [white.solve(*system).sigma ** 2 for system in straight]
 
     def explain(
         self, degrees: Sequence[tuple[int, int]], lags_s: Mapping[int, float] | None = None
@@ -212,7 +215,7 @@ class _RampModel:
     def fits(self, one: _Explanation, lag_s: float, axes: Sequence[int] = range(3)) -> list[RecordingCoefficients]:
         """Return the fits of axes by a hypothesis at a lag."""
         systems = self.systems(lag_s, one.play, one.degrees)
-        return [one.noise.solve(*systems[axis], axes=3) for axis in axes]
+        return [one.noise.solve(*systems[axis]) for axis in axes]
 
     def axis_regression(self, axis: int, explanations: Sequence[_Explanation]) -> AxisRegression:
         """Return the polynomials of an axis: the mean over the hypotheses, and their spread in the covariance."""

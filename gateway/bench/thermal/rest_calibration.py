@@ -206,7 +206,7 @@ class _RestModel:
         fits = []
         for readings in np.delete(self._rests.corrected_g, self._along, axis=1).T:
             system = self.system(lag_s, readings)
-            fits.append(self.grid.estimate([system])[0].solve(*system, axes=1))
+            fits.append(self.grid.estimate([system])[0].solve(*system))
         return np.array([fit.values[1] for fit in fits]), np.array([fit.covariance[1, 1] for fit in fits])
 
 
@@ -227,7 +227,7 @@ def _slope_of_axis(rests: _Rests, along: int, known_c: float, to_axis: Array) ->
         noise, _ = model.grid.estimate([model.system(lag_s, model.error_g(lag_s, across_g))])
 
     def fit(at_s: float, change_g: Array) -> RecordingCoefficients:
-        return noise.solve(*model.system(at_s, model.error_g(at_s, change_g)), axes=1)
+        return noise.solve(*model.system(at_s, model.error_g(at_s, change_g)))
 
     def slope(at_s: float, change_g: Array) -> float:
         return float(to_axis @ np.insert(change_g, along, fit(at_s, change_g).values[1]))

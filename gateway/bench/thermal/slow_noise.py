@@ -6,7 +6,8 @@ Each recording is cut into blocks of equally many readings, which carry equal in
 
 with white noise, flicker (a spectrum of 1/f) and drift independent between recordings. Their ratios are common to all axes: six
 attitudes determine two slopes by six, and the rest shows by how much recordings differ beyond their noise. The ratios are found
-by restricted likelihood (Patterson and Thompson 1971), the coefficients by generalised least squares.
+by restricted likelihood (Patterson and Thompson 1971), the coefficients by generalised least squares. A variance has the
+degrees of freedom that its scatter over the possible ratios leaves it.
 """
 
 from collections.abc import Sequence
@@ -23,6 +24,8 @@ FLICKER_TIMES = 6
 RATIOS = (0.0, *np.geomspace(0.03, 1000.0, 10).tolist())
 """Variances of flicker and of drift that may be, over the white variance of a block. Basis: below
 the least neither shows in fifty blocks, beyond the largest there is no white noise, and neighbours are hardly told apart."""
+MIN_PROBABILITY = 1e-3
+"""Least probability of ratios that are kept. Basis: a choice; below it the degrees of freedom do not change."""
 System = tuple[Array, Array, Array]
 """Design, (recordings, blocks, p), readings, (recordings, blocks), and what is known of the coefficients, (p,)."""
 
@@ -52,15 +55,20 @@ class RecordingCoefficients:
     """Effect on the coefficients of one standard deviation of drift of each recording, shape (p, recordings)."""
     freedom: int
     """Degrees of freedom of the blocks."""
-    drift_freedom: int
-    """Degrees of freedom of the variance of drift."""
+    possible: tuple[tuple[float, Array], ...]
+    """Covariances of the coefficients by the ratios that may be, with their probabilities; none where the ratios are known."""
+
+    def freedom_of(self, row: Array) -> float:
+        """Return the degrees of freedom of the variance of row . values: of the blocks, and of the ratios (GUM G.3)."""
+        variances = np.array([row @ covariance @ row for _, covariance in self.possible])
+        share = np.array([probability for probability, _ in self.possible])
+        mean = float(share @ variances)
+        scatter = float(share @ np.square(variances / mean - 1)) if mean > 0 else 0.0
+        return 1 / (scatter / 2 + 1 / self.freedom)
 
     def coverage_factor(self, row: Array) -> float:
-        """Return the factor of a two-sided 95 % interval of row . values, by the Welch-Satterthwaite formula (GUM G.4.1)."""
-        variance = float(row @ self.covariance @ row)
-        share = min(float(np.sum((row @ self.drift_root) ** 2)) / variance, 1.0) if variance > 0 else 0.0
-        freedom = 1 / (share**2 / self.drift_freedom + (1 - share) ** 2 / self.freedom)
-        return student_quantile(0.975, max(freedom, 1.0))
+        """Return the factor of a two-sided 95 % interval of row . values."""
+        return student_quantile(0.975, max(self.freedom_of(row), 1.0))
 
 
 def block_means(values: Array, blocks: int) -> Array:
@@ -72,14 +80,17 @@ def block_means(values: Array, blocks: int) -> Array:
 class RecordingNoise:
     """The noise of recordings whose blocks lie at the same places of -1/2 to 1/2 of their duration, shape (blocks,)."""
 
-    def __init__(self, place: Array, ratios: NoiseRatios) -> None:
+    def __init__(
+        self, place: Array, ratios: NoiseRatios, possible: Sequence[tuple[float, "RecordingNoise"]] = ()
+    ) -> None:
+        """`possible`: the noises by other ratios that may be, with their probabilities."""
         apart = np.abs(np.subtract.outer(place, place))
         times = np.geomspace(1 / len(place), 1.0, FLICKER_TIMES)
         correlation = np.mean([np.exp(-apart / time) for time in times], axis=0)
         lower = np.linalg.cholesky(
             np.eye(len(place)) + ratios.flicker * correlation + ratios.drift * np.outer(place, place)
         )
-        self._place, self._ratios = place, ratios
+        self._place, self._ratios, self._possible = place, ratios, possible
         self._whitener = np.linalg.inv(lower)
         constant = self._whitener.sum(axis=1)
         self._free = self._whitener - np.outer(constant, constant @ self._whitener) / (constant @ constant)
@@ -99,11 +110,11 @@ class RecordingNoise:
         coefficients = np.linalg.solve(free.T @ free, free.T @ answer)
         return np.asarray(answer - free @ coefficients)
 
-    def solve(self, design: Array, reading: Array, precision: Array, axes: int) -> RecordingCoefficients:
+    def solve(self, design: Array, reading: Array, precision: Array) -> RecordingCoefficients:
         """Return the coefficients for a design (recordings, blocks, p) and readings (recordings, blocks).
 
         `precision`, (p,), is what is known of the coefficients beforehand: the white variance of a block over that of a
-        coefficient about 0. `axes` is the number of axes that share the variance of drift.
+        coefficient about 0.
         """
         recordings, _, size = design.shape
         before = np.hstack([np.zeros((size, recordings)), np.diag(np.sqrt(precision))])
@@ -124,7 +135,10 @@ class RecordingNoise:
             drift=sigma * float(np.sqrt(self._ratios.drift)),
             drift_root=inverse @ (orthogonal[: reading.size].T @ line) * sigma * np.sqrt(self._ratios.drift),
             freedom=freedom,
-            drift_freedom=max(axes * (recordings - size), 1),
+            possible=tuple(
+                (probability, noise.solve(design, reading, precision).covariance)
+                for probability, noise in self._possible
+            ),
         )
 
     def _whiten(self, design: Array) -> Array:
@@ -139,9 +153,9 @@ class NoiseGrid:
     def __init__(self, place: Array, *, has_drift: bool = True) -> None:
         self._place = place
         self._ratios = list(product(RATIOS, RATIOS if has_drift else (0.0,)))
-        noises = [RecordingNoise(place, NoiseRatios(*ratios)) for ratios in self._ratios]
-        self._information = np.array([noise.information for noise in noises])
-        self._log_determinant = np.array([noise.log_determinant for noise in noises])
+        self._noises = [RecordingNoise(place, NoiseRatios(*ratios)) for ratios in self._ratios]
+        self._information = np.array([noise.information for noise in self._noises])
+        self._log_determinant = np.array([noise.log_determinant for noise in self._noises])
         none = np.array([(flicker == 0) + (drift == 0) for flicker, drift in self._ratios])
         before = (len(RATIOS) // 2) ** none.astype(np.float64)
         self._log_before = np.log(before / before.sum())
@@ -156,10 +170,11 @@ class NoiseGrid:
         likelihood = self._log_before + sum(self._likelihood(*axis) for axis in axes)
         largest = float(likelihood.max())
         weight = np.exp(likelihood - largest)
-        flicker, drift = np.average(self._ratios, axis=0, weights=weight)
-        return RecordingNoise(self._place, NoiseRatios(float(flicker), float(drift))), largest + float(
-            np.log(weight.sum())
-        )
+        evidence = largest + float(np.log(weight.sum()))
+        weight /= weight.sum()
+        flicker, drift = (weight @ np.array(self._ratios)).tolist()
+        possible = [each for each in zip(weight.tolist(), self._noises, strict=True) if each[0] > MIN_PROBABILITY]
+        return RecordingNoise(self._place, NoiseRatios(flicker, drift), possible), evidence
 
     def _likelihood(self, design: Array, reading: Array, precision: Array) -> Array:
         """Return the restricted logarithmic likelihood of an axis at each of the ratios, its white variance integrated out."""

@@ -25,12 +25,25 @@ def test_blocks_hold_equally_many_rows() -> None:
 
 def test_white_noise_alone_is_ordinary_least_squares() -> None:
     design, reading = planted(np.random.default_rng(1), 0.0)
-    found = RecordingNoise(PLACE, NoiseRatios()).solve(design, reading, np.zeros(1), axes=1)
+    found = RecordingNoise(PLACE, NoiseRatios()).solve(design, reading, np.zeros(1))
     full = np.hstack([np.kron(np.eye(6), np.ones((40, 1))), design.reshape(-1, 1)])
     expected, rest, *_ = np.linalg.lstsq(full, reading.ravel(), rcond=None)
     np.testing.assert_allclose(found.values, expected)
     variance = float(rest[0]) / (240 - 7)
     assert found.covariance[-1, -1] == pytest.approx(variance * np.linalg.inv(full.T @ full)[-1, -1])
+
+
+def test_a_variance_has_the_freedom_that_its_scatter_over_the_possible_ratios_leaves() -> None:
+    noise = RecordingNoise(PLACE, NoiseRatios())
+    design, reading = planted(np.random.default_rng(1), 0.0)
+    row = np.eye(7)[-1]
+    assert noise.solve(design, reading, np.zeros(1)).freedom_of(row) == pytest.approx(240 - 7)
+    possible = [(0.5, noise), (0.5, RecordingNoise(PLACE, NoiseRatios(drift=100.0)))]
+    found = RecordingNoise(PLACE, NoiseRatios(drift=50.0), possible).solve(design, reading, np.zeros(1))
+    one, other = (row @ covariance @ row for _, covariance in found.possible)
+    relative = (other - one) / (other + one)  # standard deviation over mean of two equally probable values
+    assert found.freedom_of(row) == pytest.approx(1 / (relative**2 / 2 + 1 / (240 - 7)))
+    assert found.coverage_factor(row) > 2
 
 
 @pytest.mark.slow
@@ -39,9 +52,7 @@ def test_intervals_hold_with_and_without_a_drift_that_looks_like_the_slope(drift
     hits, widths = [], []
     for seed in range(60):
         design, reading = planted(np.random.default_rng(seed), drift)
-        found = (
-            NoiseGrid(PLACE).estimate([(design, reading, np.zeros(1))])[0].solve(design, reading, np.zeros(1), axes=1)
-        )
+        found = NoiseGrid(PLACE).estimate([(design, reading, np.zeros(1))])[0].solve(design, reading, np.zeros(1))
         row = np.eye(7)[-1]
         half = found.coverage_factor(row) * np.sqrt(found.covariance[-1, -1])
         hits.append(abs(found.values[-1] - 2) < half)

@@ -311,7 +311,7 @@ def test_a_hysteresis_follows_the_temperature_by_its_width() -> None:
 def test_what_dominates_the_uncertainty_is_named() -> None:
     causes = np.stack([np.diag([0.1, size]) for size in (1.0, 4.0, 9.0, 2.0)])
     fit = RecordingNoise(np.linspace(-0.5, 0.5, 4), NoiseRatios()).solve(
-        np.ones((2, 4, 1)).cumsum(axis=1), np.eye(2, 4), np.zeros(1), 1
+        np.ones((2, 4, 1)).cumsum(axis=1), np.eye(2, 4), np.zeros(1)
     )
     found = AxisRegression(np.zeros(2), np.ones(0), causes, np.zeros((2, 3)), fit)
     assert found.dominant(np.array([0.0, 1.0])) == "lag of the thermometer"
