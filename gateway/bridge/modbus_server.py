@@ -21,6 +21,8 @@ from gateway.configuration.section import host_and_port
 from gateway.errors import InputError
 
 log = logging.getLogger("plumbline.modbus")
+LOOK_S = 0.1
+"""Time between two looks at what is known, whether or not somebody asks. Basis: a choice; readings come ten times a second."""
 LONGEST_FRAME_S = 2.0
 """A request that has begun is complete, and an answer taken, within this time. Basis: a choice; a lost packet is repeated
 within less."""
@@ -68,10 +70,18 @@ class ModbusServer:
             ) from error
         started()
         try:
-            await server.serve_forever()
+            async with asyncio.TaskGroup() as tasks:
+                tasks.create_task(server.serve_forever())
+                tasks.create_task(self._keep_looking())
         finally:
             for connection in list(self._used_s):
                 connection.transport.abort()
+
+    async def _keep_looking(self) -> None:
+        """Follow the gateway also without a client, so that the first one gets the present state, and the heartbeat rises."""
+        while True:
+            self._snapshot()
+            await asyncio.sleep(LOOK_S)
 
     async def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         peer = writer.get_extra_info("peername")

@@ -51,15 +51,19 @@ class Serving:
 
     def __init__(self, **settings: float) -> None:
         self.port = unused_port()
-        self.snapshot = FINE
+        self.snapshot, self.looks = FINE, 0
         self._server = ModbusServer(
-            ModbusSection.model_validate({"listen": f"127.0.0.1:{self.port}", **settings}), lambda: self.snapshot
+            ModbusSection.model_validate({"listen": f"127.0.0.1:{self.port}", **settings}), self._look
         )
         self._loop = asyncio.new_event_loop()
         started = threading.Event()
         self._thread = threading.Thread(target=self._run, args=(started,), daemon=True)
         self._thread.start()
         assert started.wait(10)
+
+    def _look(self) -> PlantSnapshot:
+        self.looks += 1
+        return self.snapshot
 
     def _run(self, started: threading.Event) -> None:
         self._task = self._loop.create_task(self._server.serve(started.set))
@@ -85,6 +89,10 @@ def serving() -> Iterator[Serving]:
     serving = Serving(max_connections=4, idle_s=0.5)
     yield serving
     serving.stop()
+
+
+def test_the_gateway_is_followed_before_a_client_asks(serving: Serving) -> None:
+    wait_until(lambda: serving.looks > 2, "looks at what is known")
 
 
 def test_no_two_values_share_a_register_and_all_are_read_at_once() -> None:
