@@ -16,7 +16,7 @@ from obstore.exceptions import BaseError
 from gateway.archive.admission import segment_of
 from gateway.archive.index import BATCH_FILES, Files, change_files
 from gateway.archive.rows import RECORDINGS, RESULTS, IndexedFile, schema_of
-from gateway.archive.source import RecordingSource, reason_of_store
+from gateway.archive.source import DELETED, RecordingSource, reason_of_store
 from gateway.archive.tables import MAX_ATTEMPTS, Archive, ArchiveError, row_places, select, sql_in
 from gateway.errors import InputError
 
@@ -99,6 +99,7 @@ def _delete_answers(archive: Archive, files: list[IndexedFile], writers: set[str
 
 def _delete_file(source: RecordingSource, path: str) -> None:
     try:
+        obstore.put(source.store, path + DELETED, b"")
         obstore.delete(source.store, path)
     except (BaseError, OSError) as error:
         raise InputError(

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from obstore.store import RetryConfig
 
 SUFFIX = ".mcap"
+DELETED = ".deleted"
+"""Behind the name of a recording: an empty object that keeps the recording from being uploaded again."""
 PATIENT: "RetryConfig" = {
     "max_retries": 8,
     "retry_timeout": timedelta(seconds=30),

@@ -15,7 +15,7 @@ from obstore.exceptions import AlreadyExistsError, BaseError
 from obstore.store import LocalStore, ObjectStore
 
 from devices.errors import RecordingError
-from gateway.archive.source import SUFFIX, open_object_store, reason_of_store
+from gateway.archive.source import DELETED, SUFFIX, open_object_store, reason_of_store
 from gateway.bus.untrusted import GATEWAY_KEY
 from gateway.errors import InputError
 from gateway.file_input import read_toml
@@ -69,7 +69,7 @@ class UploadResult:
     sent: int
     sent_bytes: int
     present: int
-    """Segments that were there already."""
+    """Segments that were there already, or were deleted there."""
     left: int
     """Finished segments that are not there yet: the window has closed."""
     unfinished: int
@@ -143,7 +143,7 @@ class Uploader:
                 continue
             if name is None:
                 unfinished += 1
-            elif name in known:
+            elif not known.isdisjoint((name, name + DELETED)):
                 present += 1
             elif self._limits.window is not None and self._limits.window.wait_s(self._now()):
                 left += 1

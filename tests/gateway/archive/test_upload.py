@@ -79,6 +79,17 @@ def test_a_second_pass_sends_nothing(fleet: list[SmallCrane], tmp_path: Path) ->
     assert first.startswith(f"yard/crane-1/hook/{fleet[0].files[0].stem}-")
 
 
+def test_what_was_deleted_in_the_store_is_not_sent_again(tmp_path: Path) -> None:
+    crane, store, table = SmallCrane(tmp_path / "data").record(), tmp_path / "store", tmp_path / "table"
+    assert sent(crane.folder, store).sent == 3
+    assert main(["archive", "index", str(store), "--into", str(table)]) == 0
+    rule = ["--before", "2030-01-01", "--by", "ann", "--because", "kept for a year", "--yes"]
+    assert main(["archive", "delete", str(store), "--table", str(table), *rule]) == 0
+    assert names(store) == []
+    assert sent(crane.folder, store) == UploadResult(0, 0, 3, 0, 0, ())
+    assert names(store) == []
+
+
 @pytest.mark.slow
 def test_an_upload_that_was_killed_goes_on_where_it_was(fleet: list[SmallCrane], s3: S3Server) -> None:
     prefix = f"s3://{s3.bucket}/killed"
