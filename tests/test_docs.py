@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from gateway.topics import TOPICS
+from gateway.verbs import VERBS
 from tests.generated_docs import DOCS, PAGES
 
 ROOT = Path(__file__).parents[1]
@@ -50,6 +51,11 @@ def anchors(page: Path) -> set[str]:
 
 
 @pytest.mark.slow
+def test_the_table_of_verbs_has_all_of_them() -> None:
+    rows = re.findall(r"^\| ([a-z_, ]+) \|", (DOCS / "reference" / "requests.md").read_text(), re.MULTILINE)
+    assert VERBS.keys() <= {name for row in rows for name in row.split(", ")}
+
+
 def test_every_relative_link_leads_to_a_file_and_a_heading() -> None:
     broken = []
     for page in pages():
