@@ -1,5 +1,6 @@
 """The example configurations are accepted, and say what they claim."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -7,7 +8,8 @@ import pytest
 from gateway.bridge.settings import load_settings
 from gateway.configuration.device_sections import DEVICE_SECTIONS
 from gateway.configuration.loading import load
-from gateway.configuration.model import Configuration
+from gateway.configuration.model import AlertsSection, Configuration
+from gateway.stages.alerts import DECISION_FACTOR
 
 FOLDER = Path(__file__).parents[1] / "config"
 KINDS = {f"{kind}.toml": kind for kind in DEVICE_SECTIONS if kind != "replay"}
@@ -34,3 +36,11 @@ def test_the_simulated_example_is_the_embedded_default() -> None:
     example, embedded = load(FOLDER / "simulated.toml", {}), Configuration()
     assert example.housing_position_m == embedded.housing_position_m
     assert example.model_copy(update={"housing": embedded.housing}) == embedded
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_what_is_compared_with_the_limits_is_said_as_the_code_has_it(name: str) -> None:
+    said = (AlertsSection.__doc__ or "").partition(", ")[2].rstrip(".")
+    assert f"the angle plus {DECISION_FACTOR:g} standard uncertainties" in said
+    heading = re.findall(r"^\[alerts\] *# (.*)$", (FOLDER / name).read_text(), re.MULTILINE)
+    assert heading in ([said], [])

@@ -137,7 +137,7 @@ class FilterSection(Section):
 
 
 class AlertsSection(Section):
-    """Limits of the alerts, compared with the angle plus half its standard uncertainty."""
+    """Limits of the alerts, compared with the angle plus 0.75 standard uncertainties, less for a later peak."""
 
     warn_deg: float = Field(4.0, gt=0, lt=90, description="warning level of the swing")
     trip_deg: float = Field(6.0, gt=0, lt=90, description="trip level of the swing")
