@@ -281,7 +281,7 @@ class AlertReceiver:
                 send_question(self._session, f"{key}/rpc/alerts", question, ANSWER_S, take)
 
     def _judge(self) -> Iterator[AlertEvent]:
-        """Yield the states that have changed."""
+        """Yield the states that have changed; the first one once the gateway has spoken, or has had the time to."""
         now_s = time.monotonic()
         info = None if self._session is None else self._session.info
         is_linked = info is not None and bool(info.routers_zid() or info.peers_zid())
@@ -291,7 +291,8 @@ class AlertReceiver:
         self._linked = is_linked
         for key, gateway in self._gateways.items():
             state, doubt = gateway.judge(now_s, PATIENCE_S, is_linked=is_linked)
-            if state != gateway.state:
+            is_awaited = gateway.state is None and gateway.presence.alert is None and state is GatewayState.NOT_KNOWN
+            if state != gateway.state and not is_awaited:
                 gateway.state = state
                 yield AlertEvent(key, state=state, standing=gateway.presence.alert, doubt=doubt)
 

@@ -170,6 +170,18 @@ class Radio:
         os.close(self._theirs)
 
 
+def test_the_first_state_is_what_the_gateway_says(start_gateway: StartGateway, router: BusRouter) -> None:
+    start_gateway(CHATTERING, environment=connected(router))
+    first = Follower(router)
+    first.until_state(GatewayState.FINE)
+    second = Follower(router)
+    second.until(lambda: [event for event in second.events if event.state], "a state")
+    states = [event.state for event in second.events if event.state]
+    for follower in (first, second):
+        follower.receiver.close()
+    assert states == [GatewayState.FINE]
+
+
 def test_a_consumer_tells_a_sensor_that_is_gone_and_one_without_calibration(
     start_gateway: StartGateway, router: BusRouter
 ) -> None:
