@@ -36,6 +36,7 @@ def run_check(arguments: argparse.Namespace) -> int:
     from gateway.configuration.bus_section import find_problems
     from gateway.configuration.loading import ConfigurationError, load, missing_files, require_sensor
     from gateway.errors import InputError
+    from gateway.languages import missing_texts
 
     configuration = load(arguments.file)
     if problems := list(find_problems(configuration.bus.tls.files)):
@@ -44,6 +45,9 @@ def run_check(arguments: argparse.Namespace) -> int:
         require_sensor(configuration, str(arguments.file))
     if missing := missing_files(configuration):
         raise ConfigurationError(f"{arguments.file}: {'; '.join(missing)}")
+    language = configuration.page.language
+    if lacking := missing_texts(language):
+        raise ConfigurationError(f"{arguments.file}: page.language: {language}.json lacks {', '.join(lacking)}")
     print(f"{arguments.file}: good; {configuration.device.kind} as {configuration.gateway.key}")
     if configuration.housing_position_m is None:
         print("note: [housing] position_m or above_load_m is not given; without it there is no swing estimate")
