@@ -1,6 +1,7 @@
-// The view from above: the swing as an ellipse about the lean, and the limits as circles. The farthest point of the ellipse is
-// at phi_max, the angle from the vertical; a thin line shows the upper end of its interval, which the alerts use. A dot shows where the
-// load is now. The crane's own words stand at the ends of the axes.
+// The view from above: the angle that decides as an ellipse about the lean, in the direction of the last swing, and the limits as
+// circles. The outer circle is the limit at any time, and what lies beyond is drawn on it, in its colour. The farthest point of the
+// ellipse is at the deciding angle from the vertical. A dot shows where the load is now. The crane's own words stand at the ends of the
+// axes.
 
 import {degrees, directionWords, isKnown} from "./number.js";
 import {addShape} from "./svg.js";
@@ -8,7 +9,6 @@ import {text} from "./texts.js";
 
 const RADIUS = 98;
 const NAME_RADIUS = 114;
-const TRAIL_SWINGS = 6;
 const STEP_RAD = Math.PI / 60;
 
 const at = (deg, azimuthDeg) => {
@@ -19,44 +19,34 @@ const at = (deg, azimuthDeg) => {
 export class Bullseye {
   constructor(svg) {
     this.svg = svg;
-    this.swings = [];
-    this.scaleDeg = null;
     this.ground = addShape(svg, "g", {});
     this.moving = addShape(svg, "g", {});
   }
 
   clear() {
-    this.swings = [];
     this.moving.replaceChildren();
     addShape(this.moving, "text", {class: "none", x: 0, y: -8}, text("no_reading"));
     this.svg.setAttribute("aria-label", text("no_reading"));
   }
 
-  draw(state) {
+  // `value` is the angle that decides, with half its interval; null: it is not known.
+  draw(state, value) {
     const {swing, motion} = state.topics;
-    this.setScale(state.page, swing);
-    this.remember(swing);
+    this.drawLimits(state.page);
     this.moving.replaceChildren();
-    this.swings.forEach((past, i) => {
-      const newest = i === this.swings.length - 1;
-      this.drawSwing(past, newest ? "swing" : "swing past", newest ? 1 : 0.12 + (0.3 * i) / TRAIL_SWINGS);
-    });
-    this.drawUpperEnd(swing);
+    if (value !== null) this.drawAngle(value, swing);
     this.drawLean(swing);
     this.drawLoad(motion);
     if (this.moving.childElementCount === 0) addShape(this.moving, "text", {class: "none", x: 0, y: -8}, text("never"));
     this.svg.classList.toggle("doubtful", !state.verdict.sound);
-    this.svg.setAttribute("aria-label", describe(swing, state.page.directions));
+    this.svg.setAttribute("aria-label", describe(value, swing, state.page.directions));
   }
 
-  // The limits set the scale, so that the picture keeps its meaning; a larger swing enlarges it.
-  setScale(page, swing) {
-    const reach = Math.max(swing?.phi_max_deg ?? 0, swing?.lean_deg ?? 0, Math.min(swing?.coverage95_deg?.[1] ?? 0, 45));
-    const scaleDeg = Math.max(1.25 * page.trip_deg, Math.ceil((1.05 * reach) / 5) * 5 * (reach > 1.2 * page.trip_deg));
-    const drawn = JSON.stringify([scaleDeg, page.directions]);
+  drawLimits(page) {
+    const drawn = JSON.stringify([page.warn_deg, page.trip_deg, page.directions]);
     if (drawn === this.drawn) return;
     this.drawn = drawn;
-    this.scaleDeg = scaleDeg;
+    this.limitDeg = page.trip_deg;
     this.ground.replaceChildren();
     addShape(this.ground, "circle", {class: "field", r: RADIUS + 5});
     for (const [a, b] of [[-RADIUS, 0], [0, -RADIUS]]) {
@@ -68,54 +58,44 @@ export class Bullseye {
       addShape(this.ground, "text", {class: "axis-name", x: nameX, y: nameY, transform: `rotate(${turn} ${nameX} ${nameY})`}, name);
     }
     for (const [name, azimuthDeg] of [["warn", 225], ["trip", 315]]) {
-      const r = page[`${name}_deg`] * this.perDeg();
+      const r = this.radius(page[`${name}_deg`]);
       addShape(this.ground, "circle", {class: `limit ${name}`, r});
       const label = at(r, azimuthDeg);
       addShape(this.ground, "text", {class: "limit-name", x: label.x, y: label.y + 4}, `${page[`${name}_deg`]}°`);
     }
   }
 
-  perDeg() {
-    return RADIUS / this.scaleDeg;
+  // Return the distance from the centre of an angle, at most that of the limit.
+  radius(deg) {
+    return (RADIUS * Math.min(deg, this.limitDeg)) / this.limitDeg;
   }
 
-  remember(swing) {
-    if (!swing || !isKnown(swing.phi_max_deg) || !swing.swinging) this.swings = [];
-    else if (this.swings.at(-1)?.time_ns !== swing.time_ns) this.swings = [...this.swings, swing].slice(-TRAIL_SWINGS);
-  }
-
-  drawSwing(swing, css, opacity) {
-    const middle = at((swing.lean_deg ?? 0) * this.perDeg(), swing.lean_azimuth_deg ?? 0);
-    if (!isKnown(swing.azimuth_deg)) { // without a known direction all are possible
-      addShape(this.moving, "circle", {class: css, r: swing.phi_max_deg * this.perDeg(), opacity});
+  drawAngle({angleDeg, halfDeg}, swing) {
+    const css = angleDeg >= this.limitDeg ? "swing beyond" : "swing";
+    if (angleDeg <= halfDeg || !isKnown(swing?.azimuth_deg)) { // without a known direction all are possible
+      addShape(this.moving, "circle", {class: css, r: this.radius(angleDeg <= halfDeg ? angleDeg + halfDeg : angleDeg)});
       return;
     }
-    const rx = semiMajorDeg(swing) * this.perDeg();
-    const ry = Math.max((swing.minor_phi_max_deg ?? 0) * this.perDeg(), 0.5);
+    const shown = {...swing, phi_max_deg: Math.min(angleDeg, this.limitDeg)};
+    const middle = at(this.radius(swing.lean_deg ?? 0), swing.lean_azimuth_deg ?? 0);
+    const rx = this.radius(semiMajorDeg(shown)), ry = Math.min(Math.max(this.radius(swing.minor_phi_max_deg ?? 0), 0.5), rx);
     const turn = `translate(${middle.x} ${middle.y}) rotate(${-swing.azimuth_deg})`;
-    const group = addShape(this.moving, "g", {class: css, transform: turn, opacity});
+    const group = addShape(this.moving, "g", {class: css, transform: turn});
     addShape(group, "ellipse", {rx, ry});
     for (const side of [-1, 1]) {
       addShape(group, "line", {x1: side * rx, y1: -6, x2: side * rx, y2: 6});
     }
   }
 
-  drawUpperEnd(swing) {
-    const highDeg = swing?.coverage95_deg?.[1];
-    if (!isKnown(highDeg)) return;
-    const azimuth_deg = swing.swinging ? swing.azimuth_deg : null;
-    this.drawSwing({...swing, azimuth_deg, phi_max_deg: Math.min(highDeg, this.scaleDeg)}, "swing upper", 1);
-  }
-
   drawLean(swing) {
     if (!isKnown(swing?.lean_deg) || !isKnown(swing?.lean_azimuth_deg)) return;
-    const {x, y} = at(swing.lean_deg * this.perDeg(), swing.lean_azimuth_deg);
+    const {x, y} = at(this.radius(swing.lean_deg), swing.lean_azimuth_deg);
     addShape(this.moving, "path", {class: "lean", d: `M${x - 7} ${y}h14M${x} ${y - 7}v14`});
   }
 
   drawLoad(motion) {
     if (!isKnown(motion?.angle_deg) || !isKnown(motion?.azimuth_deg)) return;
-    const {x, y} = at(Math.min(motion.angle_deg, this.scaleDeg) * this.perDeg(), motion.azimuth_deg);
+    const {x, y} = at(this.radius(motion.angle_deg), motion.azimuth_deg);
     addShape(this.moving, "circle", {class: "load", cx: x, cy: y, r: 7});
   }
 }
@@ -143,9 +123,9 @@ export function semiMajorDeg(swing) {
   return (low + high) / 2;
 }
 
-function describe(swing, directions) {
-  if (!swing || !isKnown(swing.phi_max_deg)) return text("never");
-  const way = isKnown(swing.azimuth_deg) ? text("along", {direction: directionWords(swing.azimuth_deg, directions)}) : "";
-  const lean = isKnown(swing.lean_deg) ? text("lean_words", {angle: degrees(swing.lean_deg)}) : "";
-  return text("swing_words", {angle: degrees(swing.phi_max_deg)}) + way + lean;
+function describe(value, swing, directions) {
+  if (value === null) return text("never");
+  const way = isKnown(swing?.azimuth_deg) ? text("along", {direction: directionWords(swing.azimuth_deg, directions)}) : "";
+  const lean = isKnown(swing?.lean_deg) ? text("lean_words", {angle: degrees(swing.lean_deg)}) : "";
+  return text("swing_words", {angle: degrees(value.angleDeg)}) + way + lean;
 }

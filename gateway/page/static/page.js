@@ -100,7 +100,7 @@ function show() {
     mounting.draw(state.page.directions);
     showScreens(gone);
     if (gone) bullseye.clear();
-    else bullseye.draw(state);
+    else bullseye.draw(state, deciding(state.topics.motion));
     if (nowS() - trendS >= TREND_S) {
       trendS = nowS();
       trend.draw(state.page, state.time_ns + waitedS * 1e9, state.alert_log.alerts);

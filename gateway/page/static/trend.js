@@ -1,5 +1,6 @@
 // The trend of the last ten minutes: the swing with its 95 % interval as a band, the limits as lines, the alarms as bars at the
-// bottom, and gaps where data are missing. The scale follows the limits, so that the picture keeps its meaning.
+// bottom, and gaps where data are missing. The limits alone set the scale, so that the picture keeps its meaning: what lies beyond it
+// is drawn at its upper edge.
 
 import {nowS} from "./link.js";
 import {addShape} from "./svg.js";
@@ -9,8 +10,7 @@ import {timeOfDay} from "./time.js";
 const SPAN_S = 600;
 const WIDTH = 1000, HEIGHT = 100;
 const TICK_S = 120;
-const BEYOND_LIMIT = 1.3;
-const STEP_DEG = 5;
+const BEYOND_LIMIT = 1.3; // upper edge, in units of the limit
 
 export class Trend {
   constructor(svg, labels, times) {
@@ -37,8 +37,7 @@ export class Trend {
 
   // `timeNs` is the time of the newest data, `alerts` the list of alerts.
   draw({warn_deg: warnDeg, trip_deg: tripDeg}, timeNs, alerts) {
-    const highestDeg = Math.max(0, ...this.points.map((point) => Math.min(point.high ?? point.phi ?? 0, 90)));
-    const topDeg = highestDeg <= BEYOND_LIMIT * tripDeg ? BEYOND_LIMIT * tripDeg : Math.ceil(highestDeg / STEP_DEG) * STEP_DEG;
+    const topDeg = BEYOND_LIMIT * tripDeg;
     const x = (ageS) => (WIDTH * (1 - ageS / SPAN_S)).toFixed(1);
     const y = (deg) => (HEIGHT * (1 - Math.min(deg, topDeg) / topDeg)).toFixed(1);
     this.svg.replaceChildren();

@@ -75,6 +75,8 @@ class Scene:
         self.incident: str | None = "b00t-1"
         self.acknowledged_by: str | None = None
         self.time_to_peak_s = 1.7
+        self.expected_deg: float | None = None
+        """The coming peak; None: phi_max_deg."""
         self.angle_share = 0.5
         """Of the present angle in the coming peak."""
         self.ends_in_s: float | None = None
@@ -111,10 +113,11 @@ class Scene:
     def motion(self, sequence: int = 0, time_ns: int = SAMPLE_TIME_NS) -> Motion:
         low_deg, high_deg = self.coverage95_deg or (None, None)
         known = high_deg is not None and low_deg is not None
+        peak_deg = self.phi_max_deg if self.expected_deg is None else self.expected_deg
         return Motion(
             **self._header(sequence, time_ns),
             state=self.state if known else "unknown",
-            angle_deg=self.angle_share * (self.phi_max_deg or 0.0) if known else None,
+            angle_deg=self.angle_share * (peak_deg or 0.0) if known else None,
             u_deg=0.1 if known else None,
             azimuth_deg=self.azimuth_deg,
             rate_deg_s=0.5,
@@ -126,10 +129,10 @@ class Scene:
             length_u_m=0.1,
             phi_max_deg=self.phi_max_deg if known else None,
             phi_max_u_deg=self.phi_max_u_deg if known else None,
-            predicted_phi_max_deg=self.phi_max_deg,
+            predicted_phi_max_deg=peak_deg,
             predicted_u_deg=self.phi_max_u_deg,
             time_to_peak_s=self.time_to_peak_s,
-            coasting_phi_max_deg=self.phi_max_deg,
+            coasting_phi_max_deg=peak_deg,
             coasting_u_deg=self.phi_max_u_deg,
             coasting_time_to_peak_s=self.time_to_peak_s,
             lean_deg=self.lean_deg,

@@ -148,6 +148,73 @@ def test_the_coming_peak_is_the_one_that_alerts_judge(page: PageUnderTest, brows
         assert shown == expected
 
 
+DECIDING = "motion => import('/peak.js').then(each => each.deciding(motion))"
+
+
+@pytest.mark.parametrize(
+    ("present_deg", "peak_deg", "angle_deg", "is_expected"),
+    [
+        (0.06, 0.14, 0.06, False),  # at rest: a peak of the noise
+        (1.0, 0.19, 1.0, False),
+        (0.06, 0.25, 0.25, True),
+        (5.4, 5.5, 5.5, False),  # at the turning point
+        (1.0, 5.5, 5.5, True),
+    ],
+)
+def test_a_peak_is_expected_only_where_it_is_more_than_noise(
+    page: PageUnderTest, browser: Browser, present_deg: float, peak_deg: float, angle_deg: float, is_expected: bool
+) -> None:
+    motion = {
+        "angle_deg": present_deg,
+        "u_deg": 0.07,
+        "predicted_phi_max_deg": peak_deg,
+        "predicted_u_deg": 0.07,
+        "time_to_peak_s": 1.5,
+    }
+    shown = Screen(browser, page.url).page.evaluate(DECIDING, motion)
+    assert (shown["angleDeg"], shown["inS"] > 0) == (angle_deg, is_expected)
+
+
+RADII = """() => [...document.querySelectorAll('#bullseye .limit, #bullseye circle.swing')]
+  .map((each) => [each.classList[0], Number(each.getAttribute('r'))])"""
+
+
+def test_seen_from_above_the_limits_stay_and_the_angle_is_the_deciding_one(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser
+) -> None:
+    gateway.scene.azimuth_deg = None  # so that the swing is a circle
+    screen = Screen(browser, page.url)
+    limits = [["limit", pytest.approx(98 * 4 / 6)], ["limit", 98]]
+    for expected_deg, last_deg, radius in ((3.0, 7.3, 49.0), (12.4, 3.0, 98.0), (1.5, 12.4, 24.5)):
+        gateway.scene.expected_deg, gateway.scene.phi_max_deg = expected_deg, last_deg
+        gateway.scene.coverage95_deg = [last_deg - 0.5, 40.0]
+        screen.text("#phi", f"{expected_deg}°")
+        assert screen.page.evaluate(RADII) == [*limits, ["swing", pytest.approx(radius)]]
+        label = re.compile(rf"swing {re.escape(str(expected_deg))}°")
+        expect(screen.page.locator("#bullseye")).to_have_attribute("aria-label", label)
+        expect(screen.page.locator("#bullseye .beyond")).to_have_count(int(expected_deg > 6))
+
+
+TREND = """() => import('/trend.js').then(({Trend}) => {
+  const part = (name) => document.createElementNS('http://www.w3.org/2000/svg', name);
+  const trend = new Trend(part('svg'), document.createElement('div'), document.createElement('div'));
+  const limit = () => Number(trend.svg.querySelector('.limit.trip').getAttribute('d').match(/M0 ([\\d.]+)/)[1]);
+  const heights = [];
+  for (const high of [3, 60, 3]) {
+    trend.add([[heights.length, 1, 2, 1, high, true]]);
+    trend.draw({warn_deg: 4, trip_deg: 6}, 1e18, []);
+    heights.push(100 - limit());
+  }
+  return heights;
+})"""
+
+
+def test_one_wide_interval_does_not_change_the_scale_of_the_trend(page: PageUnderTest, browser: Browser) -> None:
+    heights = Screen(browser, page.url).page.evaluate(TREND)
+    assert len(set(heights)) == 1
+    assert 60 <= heights[0] <= 80
+
+
 STEADY = """() => import('/steady.js').then(({Steady}) => {
   let nowS = 0;
   const steady = new Steady(() => nowS);
