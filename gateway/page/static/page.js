@@ -54,6 +54,7 @@ let trendS = 0;
 let announced = null;
 let announcedS = -Infinity;
 let knownS = nowS(); // when the angle was last known, or never
+let wasKnown = false; // of this gateway, or of one before its restart
 
 const link = new Link(
   (history) => trend.replace(history.points),
@@ -115,10 +116,13 @@ function show() {
 const unacknowledged = (alarms) =>
   alarms.filter((one) => !one.acknowledged_by).map((one) => ({key: one.incident ?? one.rule, level: one.level}));
 
-// Return the alarm that nobody watches the swing: no gateway, no samples, suspended, or an angle that is not known any more.
-function lossOfView(verdict) {
-  if (verdict.word !== "UNKNOWN" || !state?.last_good) knownS = nowS();
-  const lost = UNMONITORED.has(verdict.word) || nowS() - knownS > UNKNOWN_SOUNDS_S;
+// Return the alarm that nobody watches the swing: no gateway, no samples, suspended, or an angle that is not known any more. A gateway
+// that has started again does not end it before it knows the angle.
+function lossOfView({word}) {
+  const isUnmonitored = UNMONITORED.has(word), isKnownNow = !isUnmonitored && word !== "UNKNOWN";
+  wasKnown ||= isKnownNow || Boolean(state?.last_good);
+  if (isKnownNow || !wasKnown) knownS = nowS();
+  const lost = isUnmonitored || nowS() - knownS > UNKNOWN_SOUNDS_S;
   return lost ? [{key: "view", level: "lost"}] : [];
 }
 

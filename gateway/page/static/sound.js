@@ -1,7 +1,8 @@
 // The alarm tone: a fast series for the limit, one long low tone where the swing is not monitored, two tones for a warning; until
 // somebody acknowledges the alarm, the operator silences it on this screen, or it ends. Losing the gateway ends none.
-// A browser plays sound only after somebody has touched the page, so the button says whether the tone can be heard.
+// A browser plays sound only after somebody has touched the page, wherever that is; the button says whether the tone can be heard.
 
+import {setText} from "./facts.js";
 import {text} from "./texts.js";
 
 const PATTERNS = {
@@ -21,6 +22,9 @@ export class Sound {
     this.silenced = new Map();
     this.lastS = -Infinity;
     button.addEventListener("click", () => this.press());
+    for (const touch of ["click", "keydown"]) {
+      document.addEventListener(touch, ({target}) => { if (!button.contains(target)) this.turnOn(); }, {capture: true});
+    }
   }
 
   // Note the active alerts: identity and level of each.
@@ -30,6 +34,8 @@ export class Sound {
     const level = this.level();
     const audible = this.context?.state === "running";
     this.button.dataset.state = level ? "alarm" : audible ? "on" : "off";
+    this.button.classList.toggle("mute", !audible);
+    setText("sound-word", audible ? "" : text("mute"));
     const label = level && audible ? text("silence") : audible ? text("sound_on") : text("sound_off");
     if (this.button.getAttribute("aria-label") !== label) {
       this.button.setAttribute("aria-label", label);
@@ -55,6 +61,10 @@ export class Sound {
       this.silenced = new Map(this.alarms);
       return;
     }
+    this.turnOn();
+  }
+
+  turnOn() {
     this.context ??= new AudioContext();
     this.context.resume();
   }

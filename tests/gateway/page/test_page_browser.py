@@ -9,7 +9,7 @@ from playwright.sync_api import Browser, Page, expect
 from gateway.motion.estimate import MotionEstimate, PeakEstimate
 from gateway.units import degrees
 from tests.gateway.page.conftest import FakeGateway, PageUnderTest
-from tests.page_sound import LIMIT_HZ, LOST_HZ, turn_sound_on, wait_for_tone
+from tests.page_sound import LIMIT_HZ, LOST_HZ, NOTE_TONES, turn_sound_on, wait_for_tone
 
 pytestmark = pytest.mark.slow
 
@@ -361,6 +361,52 @@ def test_field_values_are_not_interpreted_as_markup(
     expect(screen.page).to_have_title("WARNING · Crane 3")
     expect(screen.page.locator("img, script:not([src])")).to_have_count(0)
     assert screen.errors == []
+def test_a_restart_of_the_gateway_does_not_end_the_tone_before_the_angle_is_known(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser
+) -> None:
+    gateway.scene.level = "trip"
+    screen = Screen(browser, page.url)
+    screen.shows("LIMIT", "octagon")
+    turn_sound_on(screen.page)
+    page.process.kill()
+    screen.shows("STALE", "hourglass")
+    gateway.scene.level = "unknown"
+    gateway.scene.motion_reasons = ["too short a stretch"]
+    gateway.scene.swinging = gateway.scene.coverage95_deg = None
+    page.start_again()
+    screen.shows("NOT KNOWN", "question")
+    wait_for_tone(screen.page, LOST_HZ)
+    screen.page.locator("#sound").click()
+    expect(screen.page.locator("#sound")).to_have_attribute("data-state", "on")  # a person has heard it
+    gateway.scene.level, gateway.scene.swinging, gateway.scene.coverage95_deg = "normal", True, [2.1, 2.5]
+    screen.shows("OK", "circle")
+    expect(screen.page.locator("#sound")).to_have_attribute("data-state", "on")
+
+
+def test_a_gateway_that_has_just_started_is_no_loss(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser
+) -> None:
+    gateway.scene.swinging = gateway.scene.coverage95_deg = None
+    screen = Screen(browser, page.url)
+    screen.shows("NOT KNOWN", "question")
+    turn_sound_on(screen.page)
+    screen.page.wait_for_timeout(3000)
+    expect(screen.page.locator("#sound")).to_have_attribute("data-state", "on")
+
+
+@pytest.mark.parametrize("touched", ["#to-alerts", "#acknowledge", "#title"])
+def test_the_first_touch_turns_the_sound_on_wherever_it_is(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser, touched: str
+) -> None:
+    gateway.scene.level = "trip"
+    screen = Screen(browser, page.url)
+    screen.text("#sound-word", "no sound")
+    screen.page.evaluate(NOTE_TONES)
+    screen.page.locator(touched).click()
+    wait_for_tone(screen.page, LIMIT_HZ)
+    screen.text("#sound-word", "")
+
+
 
 
 def test_the_operator_is_told_only_of_faults_that_ask_for_action(
