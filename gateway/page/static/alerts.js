@@ -6,7 +6,8 @@ import {setText} from "./facts.js";
 import {hasText, text} from "./texts.js";
 import {timeOfDay} from "./time.js";
 
-const CELLS = ["", "", "what", "", "", "by"];
+const CELLS = ["from", "to", "what", "largest", "limit", "by"];
+const LABELLED = ["largest", "limit"]; // on a phone, which has no room for the head of the table
 
 export class AlertList {
   constructor(body, acknowledger) {
@@ -64,6 +65,8 @@ const keyOf = (alert) => `${alert.incident ?? alert.rule} ${alert.since_ns}`;
 
 function makeRow() {
   const row = document.createElement("tr");
-  row.append(...CELLS.map((className) => Object.assign(document.createElement("td"), {className})));
+  row.setAttribute("role", "row");
+  row.append(...CELLS.map((className) => Object.assign(document.createElement("td"), {className, role: "cell"})));
+  for (const name of LABELLED) row.querySelector(`.${name}`).dataset.label = text(`alert_${name}`);
   return row;
 }

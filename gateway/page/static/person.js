@@ -49,6 +49,7 @@ export class Person {
   ask(after = null) {
     this.after = after;
     setText("sign-in-error", "");
+    window.scrollTo(0, 0); // to the big number, on a phone
     if (!this.dialog.open) this.dialog.showModal();
     element(element("sign-in-name").value ? "sign-in-pin" : "sign-in-name").focus();
   }

@@ -16,10 +16,11 @@ from gateway.languages import LANGUAGES, read_texts
 from gateway.messages import NO_SESSION, SessionPose
 from gateway.page.channel import CraneDirections
 from tests.gateway.page.conftest import FakeGateway, PageUnderTest, Scene
+from tests.values import present
 
 pytestmark = pytest.mark.slow
 
-PANEL, DESKTOP, PHONE = (800, 480), (1280, 800), (390, 844)
+PANEL, DESKTOP, PHONE, SMALL_PHONE = (800, 480), (1280, 800), (390, 844), (320, 568)
 SMALLEST_TEXT_PX = 15.9  # 16, with a rounding error of the unit
 DIRECTIONS = {
     "en": CraneDirections(plus_x="trolley out", minus_x="trolley in", plus_y="bridge right", minus_y="bridge left"),
@@ -158,14 +159,14 @@ def shown_page(request: pytest.FixtureRequest, browser: Browser) -> Iterator[Sho
 def test_no_text_is_cut_in_any_state(shown_page: ShownPage, state: str) -> None:
     shown_page.show(state)
     window = shown_page.window
-    for size in (PANEL, DESKTOP, PHONE):
+    for size in (PANEL, DESKTOP, PHONE, SMALL_PHONE):
         window.set_viewport_size({"width": size[0], "height": size[1]})
         for screen in ("", "#alerts", "#service"):
             window.evaluate("(hash) => { location.hash = hash; }", screen)
             expect(window.locator(f"#to-{screen[1:] or 'swing'}")).to_have_attribute("aria-current", "page")
             window.wait_for_timeout(250)
             assert window.evaluate("layout.cut()") == [], (size, screen)
-            scrolls = size == PHONE or screen == "#service"  # a phone and the service screen scroll
+            scrolls = size in (PHONE, SMALL_PHONE) or screen == "#service"  # a phone and the service screen scroll
             assert window.evaluate("(acrossOnly) => layout.outside(acrossOnly)", scrolls) == [], (size, screen)
 
 
@@ -179,12 +180,70 @@ def test_the_dialog_fits_every_size(
     window.locator("#sign-in-name").fill("Ann")
     window.keyboard.press("Enter")
     expect(window.locator("#sign-in-error")).not_to_be_empty()
-    for size in (PANEL, DESKTOP, PHONE):
+    for size in (PANEL, DESKTOP, PHONE, SMALL_PHONE):
         window.set_viewport_size({"width": size[0], "height": size[1]})
         window.wait_for_timeout(100)
         assert window.evaluate("layout.cut()") == [], size
-        assert window.evaluate("(acrossOnly) => layout.outside(acrossOnly)", size == PHONE) == [], size
+        is_phone = size in (PHONE, SMALL_PHONE)
+        assert window.evaluate("(acrossOnly) => layout.outside(acrossOnly)", is_phone) == [], size
+        assert not _overlap(window, "#sign-in", "#phi"), size
     window.close()
+
+
+def _overlap(window: Page, *selectors: str) -> bool:
+    first, second = (present(window.locator(selector).first.bounding_box()) for selector in selectors)
+    return all(
+        first[start] < second[start] + second[length] and second[start] < first[start] + first[length]
+        for start, length in (("x", "width"), ("y", "height"))
+    )
+
+
+def _height(window: Page, selector: str) -> float:
+    return float(present(window.locator(selector).first.bounding_box())["height"])
+
+
+def test_names_are_as_high_as_keys(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
+    window = _open(browser, page.url, PANEL)
+    _trip(gateway.scene)
+    window.locator("#acknowledge").click()
+    for size in (PANEL, PHONE):
+        window.set_viewport_size({"width": size[0], "height": size[1]})
+        assert _height(window, "#sign-in-names button") == _height(window, "#keypad button")
+
+
+@pytest.mark.parametrize("size", [PHONE, SMALL_PHONE])
+def test_a_phone_shows_alerts_and_their_buttons_at_once(shown_page: ShownPage, size: tuple[int, int]) -> None:
+    shown_page.show("TRIP")
+    window = shown_page.window
+    window.set_viewport_size({"width": size[0], "height": size[1]})
+    window.evaluate("location.hash = '#alerts'")
+    button = window.locator("#alert-rows button")
+    expect(button).to_be_in_viewport(ratio=1)
+    for cell in ("from", "to", "what", "largest", "limit"):
+        assert not _overlap(window, "#alert-rows .by", f"#alert-rows td.{cell}"), cell
+    assert _height(window, "header") + _height(window, ".status") < 0.4 * size[1]
+    assert _height(window, ".status") - _height(window, "#sentence") < 0.2 * size[1]
+    window.evaluate("location.hash = ''")
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_aligning_fits_the_panel(
+    gateway: FakeGateway, page_in_language: PageUnderTest, browser: Browser, language: str
+) -> None:
+    window = _open(browser, page_in_language.url + "/#align", PANEL)
+    assert gateway.speaking.is_set()
+    expect(window.locator("#align-pitch")).to_have_text(re.compile(r"\d"))
+    expect(window.locator("html")).to_have_attribute("lang", language)
+    assert window.evaluate("layout.cut()") == []
+
+
+def test_the_labels_of_the_trend_lie_on_no_value(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
+    window = _open(browser, page.url, PANEL)
+    assert gateway.speaking.is_set()
+    for name in ("warn", "trip"):
+        expect(window.locator(f"#trend-labels .{name}")).to_be_visible()
+        assert not _overlap(window, "#trend", f"#trend-labels .{name}")
+    assert not _overlap(window, "#trend-labels .warn", "#trend-labels .trip")
 
 
 def test_no_text_of_the_panel_is_smaller_than_16_px(
