@@ -1,5 +1,6 @@
 """What a new browser gets of the past: the swing of the last minutes as a trend, and the alerts of the last shift."""
 
+import secrets
 from collections import deque
 from dataclasses import dataclass
 from itertools import islice
@@ -44,6 +45,8 @@ class History:
     def __init__(self) -> None:
         self._points: deque[TrendPoint] = deque(maxlen=MAX_HISTORY_POINTS)
         self._next = 0
+        self.id = secrets.token_hex(4)
+        """Tells whose points a browser has: the indices begin anew with each process."""
 
     @property
     def next_index(self) -> int:

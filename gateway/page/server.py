@@ -9,6 +9,8 @@ import signal
 import socket
 import sys
 import time
+from collections.abc import Mapping
+from typing import Any
 
 from starlette.applications import Starlette
 from starlette.requests import Request
@@ -19,6 +21,7 @@ from gateway.page import metrics
 from gateway.page.actions import Actions, GatewayRequests
 from gateway.page.channel import ANSWER, PARAMETERS, Frame, Parameters, parse_parameters, receive_frame
 from gateway.page.guard import AllowedHosts, Guard
+from gateway.page.history import History
 from gateway.page.http_server import HttpServer, json_response, log_to_stderr, static_routes
 from gateway.page.hub import EventStream, event
 from gateway.page.state import PageState
@@ -31,6 +34,10 @@ MAX_PUSH_INTERVAL_S = 0.25
 GATHER_S = 0.01
 """Short wait that joins the messages of one block into one push. Basis: a choice; a block's messages come within milliseconds,
 and 10 ms are not seen."""
+SELDOM_CHANGED = ("alert_log", "page")
+"""Parts of the state that a push has only where they have changed; the list of alerts is by far the largest."""
+MAX_INDEX_DIGITS = 12
+"""Of a number that a browser sends. Basis: a choice; more points than come in the life of a computer."""
 MAX_FRAMES_AT_ONCE = 256
 """Frames that are taken before browsers are served again. Basis: a choice; more than come between two pushes, and no browser
 waits for a flood."""
@@ -50,8 +57,9 @@ def make_application(state: PageState, hub: EventStream, actions: Actions, hosts
     async def api_events(request: Request) -> Response:
         address = request.client.host if request.client else ""
         now_s = time.monotonic()
-        history = {"points": state.history.rows(since=0, now_s=now_s)}
-        greeting = event("history", history, number=0) + event("state", state.summary(now_s), number=0)
+        missing = state.history.rows(since=_first_missing(state.history, request.query_params), now_s=now_s)
+        history = {"id": state.history.id, "points": missing}
+        greeting = event("state", state.summary(now_s), number=0) + event("history", history, number=0)
         return StreamingResponse(hub.stream(address, greeting), media_type="text/event-stream")
 
     async def prometheus(_request: Request) -> Response:
@@ -144,6 +152,7 @@ class Page:
 
     async def _push_forever(self) -> None:
         shown, number = 0, 0
+        before: dict[str, Any] = {}
         while True:
             await self._wait_for_news()
             now_s = time.monotonic()
@@ -151,7 +160,9 @@ class Page:
             if len(self._hub):
                 number += 1
                 points = self._state.history.rows(since=shown, now_s=now_s)
-                self._hub.publish(event("state", {**self._state.summary(now_s), "points": points}, number=number))
+                present = self._state.summary(now_s)
+                self._hub.publish(event("change", {**changes(before, present), "points": points}, number=number))
+                before = present
             shown = self._state.history.next_index
             await asyncio.sleep(PUSH_INTERVAL_S - GATHER_S)
 
@@ -163,6 +174,24 @@ class Page:
             return
         await asyncio.sleep(GATHER_S)
         self._news.clear()
+
+
+def changes(before: Mapping[str, Any], present: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a state without what has not changed since the push before: messages, and the parts that seldom do.
+
+    A browser that came in between has the same or newer: none of these ever takes an earlier value again.
+    """
+    shown = before.get("topics", {})
+    topics = {name: message for name, message in present["topics"].items() if message != shown.get(name)}
+    kept = [key for key in SELDOM_CHANGED if key in before and before[key] == present[key]]
+    return {**{key: value for key, value in present.items() if key not in kept}, "topics": topics}
+
+
+def _first_missing(history: History, query: Mapping[str, str]) -> int:
+    """Return the index of the first point that a browser has not got; 0 where it has none of this history."""
+    after = query.get("after", "")
+    is_known = query.get("history") == history.id and after.isdecimal()
+    return int(after) + 1 if is_known and len(after) <= MAX_INDEX_DIGITS else 0
 
 
 def _receive_parameters(channel: socket.socket) -> Parameters:

@@ -57,12 +57,13 @@ let knownS = nowS(); // when the angle was last known, or never
 let wasKnown = false; // of this gateway, or of one before its restart
 
 const link = new Link(
-  (history) => trend.replace(history.points),
+  (history) => trend.take(history),
   (pushed) => {
     state = pushed;
     trend.add(pushed.points ?? []);
     show();
   },
+  () => trend.known(),
 );
 
 // Return the server's verdict with the operator's sentence, or STALE or NO DATA without a connection to the server.
@@ -79,7 +80,7 @@ function verdictNow() {
 function steadySentence() {
   if (state.verdict.word !== steadyWord) steady.clear();
   steadyWord = state.verdict.word;
-  return sentence(state.verdict, state, steady.keep, nowS() - link.arrivedS);
+  return sentence(state.verdict, state, steady.keep, link.ageS());
 }
 
 function show() {
@@ -90,7 +91,7 @@ function show() {
     const alarms = standing(state?.topics.alert);
     sound.update([...unacknowledged(alarms), ...lossOfView(verdict)]);
     if (state === null) return;
-    const waitedS = nowS() - link.arrivedS;
+    const waitedS = link.ageS();
     const gone = GONE.has(verdict.word);
     acknowledger.show(gone ? [] : alarms);
     person.show(state.page.names);

@@ -18,12 +18,20 @@ export class Trend {
     this.labels = labels;
     this.times = times;
     this.points = [];
+    this.history = null; // the server's name of it, another one after its restart
   }
 
-  // Rows of the server: index, age in s, phi_max, low, high, sound.
-  replace(rows) {
-    this.points = [];
-    this.add(rows);
+  // Take the history of a server, or what was missing of it. Rows: index, age in s, phi_max, low, high, sound.
+  take({id, points}) {
+    if (id !== this.history) this.points = [];
+    this.history = id;
+    this.add(points);
+  }
+
+  // Return what is there of the history, for the server.
+  known() {
+    const newest = this.points.at(-1);
+    return newest === undefined || this.history === null ? "" : `?history=${this.history}&after=${newest.index}`;
   }
 
   add(rows) {

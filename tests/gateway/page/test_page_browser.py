@@ -241,6 +241,36 @@ LATE = """() => import('/link.js').then(({Link}) => {
 })"""
 
 
+FIRST_LATE = """() => import('/link.js').then(async ({Link}) => {
+  window.EventSource = class { addEventListener() {} close() {} };
+  const link = new Link(() => {}, () => {});
+  const wait = (ms) => new Promise((done) => setTimeout(done, ms));
+  const take = (now_s) => { link.receive({now_s, page: {stale_s: 1.0}}); return [link.complaint(), link.ageS()]; };
+  await wait(1600);
+  const first = take(100); // made when it was asked for, or later
+  link.source.onerror();
+  link.source.onopen();
+  await wait(100);
+  const next = take(101.6);
+  await wait(1500);
+  link.source.onerror();
+  link.source.onopen();
+  const restarted = take(5); // a host that has started again has another clock
+  return [first, next, restarted];
+})"""
+
+
+def test_the_first_push_already_shows_how_late_it_is(page: PageUnderTest, browser: Browser) -> None:
+    """The age of data is at most the time since they were asked for; a new connection does not make them young again."""
+    (first, first_s), (next_, next_s), (restarted, restarted_s) = Screen(browser, page.url).page.evaluate(FIRST_LATE)
+    assert first == {"key": "page_slow", "seconds": "2"}
+    assert 1.5 < first_s < 3.0
+    assert next_ is None
+    assert next_s < 1.0
+    assert restarted is None
+    assert restarted_s < 1.0
+
+
 def test_late_pushes_are_stale(page: PageUnderTest, browser: Browser) -> None:
     screen = Screen(browser, page.url)
     complaints = screen.page.evaluate(LATE)
@@ -331,36 +361,6 @@ def test_an_angle_that_is_not_known_any_more_sounds(
     wait_for_tone(screen.page, LOST_HZ)
 
 
-def test_the_page_shows_the_loss_and_return_of_its_server(
-    gateway: FakeGateway, page: PageUnderTest, browser: Browser
-) -> None:
-    screen = Screen(browser, page.url)
-    screen.shows("OK", "circle")
-    page.process.send_signal(19)  # SIGSTOP: connected and silent, as a host that hangs
-    screen.shows("STALE", "hourglass")
-    page.process.send_signal(18)  # SIGCONT
-    screen.shows("OK", "circle")
-    page.process.kill()
-    screen.shows("STALE", "hourglass")
-    screen.text("#phi", "—")
-    page.start_again()
-    screen.shows("OK", "circle")
-    assert gateway.speaking.is_set()
-
-
-def test_field_values_are_not_interpreted_as_markup(
-    gateway: FakeGateway, page: PageUnderTest, browser: Browser
-) -> None:
-    screen = Screen(browser, page.url)
-    gateway.scene.level = "warn"
-    gateway.scene.alert_text = gateway.scene.recording_error = gateway.scene.device_kind = HOSTILE
-    gateway.scene.reasons, gateway.scene.trusted = [HOSTILE + "!"], False
-    screen.shows("WARNING", "triangle")
-    expect(screen.page.locator("#reasons li").first).to_contain_text("<img src=x")
-    expect(screen.page.locator("#fact-recording dd")).to_contain_text("<img src=x")
-    expect(screen.page).to_have_title("WARNING · Crane 3")
-    expect(screen.page.locator("img, script:not([src])")).to_have_count(0)
-    assert screen.errors == []
 def test_a_restart_of_the_gateway_does_not_end_the_tone_before_the_angle_is_known(
     gateway: FakeGateway, page: PageUnderTest, browser: Browser
 ) -> None:
@@ -407,6 +407,36 @@ def test_the_first_touch_turns_the_sound_on_wherever_it_is(
     screen.text("#sound-word", "")
 
 
+def test_the_page_shows_the_loss_and_return_of_its_server(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser
+) -> None:
+    screen = Screen(browser, page.url)
+    screen.shows("OK", "circle")
+    page.process.send_signal(19)  # SIGSTOP: connected and silent, as a host that hangs
+    screen.shows("STALE", "hourglass")
+    page.process.send_signal(18)  # SIGCONT
+    screen.shows("OK", "circle")
+    page.process.kill()
+    screen.shows("STALE", "hourglass")
+    screen.text("#phi", "—")
+    page.start_again()
+    screen.shows("OK", "circle")
+    assert gateway.speaking.is_set()
+
+
+def test_field_values_are_not_interpreted_as_markup(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser
+) -> None:
+    screen = Screen(browser, page.url)
+    gateway.scene.level = "warn"
+    gateway.scene.alert_text = gateway.scene.recording_error = gateway.scene.device_kind = HOSTILE
+    gateway.scene.reasons, gateway.scene.trusted = [HOSTILE + "!"], False
+    screen.shows("WARNING", "triangle")
+    expect(screen.page.locator("#reasons li").first).to_contain_text("<img src=x")
+    expect(screen.page.locator("#fact-recording dd")).to_contain_text("<img src=x")
+    expect(screen.page).to_have_title("WARNING · Crane 3")
+    expect(screen.page.locator("img, script:not([src])")).to_have_count(0)
+    assert screen.errors == []
 
 
 def test_the_operator_is_told_only_of_faults_that_ask_for_action(

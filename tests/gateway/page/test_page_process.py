@@ -97,19 +97,42 @@ def test_updates_are_pushed(gateway: FakeGateway, page: PageUnderTest) -> None:
         assert response.headers.get_content_type() == "text/event-stream"
         events = _events(response)
         assert next(events) == {"retry": "500"}
-        history, first = next(events), next(events)
+        first, history = next(events), next(events)
         assert history["event"] == "history"
         assert json.loads(history["data"])["points"][0][2] == 2.3
         assert (first["event"], json.loads(first["data"])["verdict"]["word"]) == ("state", "OK")
         gateway.scene.phi_max_deg = 3.7
         pushed = [next(events) for _ in range(10)]
-        while (last := json.loads(pushed[-1]["data"]))["topics"]["swing"]["phi_max_deg"] != 3.7:
+        while (last := json.loads(pushed[-1]["data"]))["topics"].get("swing", {}).get("phi_max_deg") != 3.7:
             pushed.append(next(events))
     numbers = [int(event["id"]) for event in pushed]
     assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+    assert {event["event"] for event in pushed} == {"change"}
     assert last["topics"]["calibration"]["record"] == {}
     indices = [row[0] for event in pushed for row in json.loads(event["data"])["points"]]
     assert indices == list(range(indices[0], indices[-1] + 1))
+
+
+@pytest.mark.usefixtures("gateway")
+def test_what_has_not_changed_and_what_a_browser_has_of_the_history_is_not_sent_again(page: PageUnderTest) -> None:
+    wait_until(_is(page, "OK"), "OK")
+    parts = ("alert_log", "page")
+
+    def first_events(query: str, count: int) -> list[Any]:
+        with urllib.request.urlopen(f"{page.url}/api/events{query}", timeout=PATIENCE_S) as response:
+            events = _events(response)
+            next(events)
+            return [json.loads(next(events)["data"]) for _ in range(count)]
+
+    state, history, _, *pushed = first_events("", 8)
+    assert all(part in state for part in parts)
+    assert all(part not in push for part in parts for push in pushed)
+    assert all("verdict" in push and "age_s" in push for push in pushed)
+    newest = history["points"][-1][0]
+    again = first_events(f"?history={history['id']}&after={newest}", 2)[1]
+    assert [row[0] for row in again["points"]] == list(range(newest + 1, newest + 1 + len(again["points"])))
+    for query in (f"?history=other&after={newest}", f"?history={history['id']}&after=-1", "?after=x"):
+        assert first_events(query, 2)[1]["points"][0][0] == history["points"][0][0]
 
 
 def test_invalid_payloads_are_ignored(gateway: FakeGateway, page: PageUnderTest) -> None:
