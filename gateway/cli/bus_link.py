@@ -92,8 +92,15 @@ def gateway_client(arguments: argparse.Namespace) -> "Iterator[GatewayClient]":
             print(f"plumbline: {client.key}: {printable(str(client.doubt))}", file=sys.stderr)
 
 
-def fleet_client(arguments: argparse.Namespace, key_pattern: str) -> "closing[FleetClient]":
-    """Join the bus that `--connect` names, and leave it at the end; `key_pattern`: the gateways to listen to."""
-    from gateway.bus.fleet_client import FleetClient
+def fleet_client(
+    arguments: argparse.Namespace, key_pattern: str, beside_states: tuple[str, ...] = ()
+) -> "closing[FleetClient]":
+    """Join the bus that `--connect` names, and leave it at the end.
 
-    return closing(FleetClient(connect_endpoint(arguments), key_pattern, client_credentials(arguments)))
+    `key_pattern`: the gateways to listen to; `beside_states`: topics that are wanted, too.
+    """
+    from gateway.bus.fleet_client import FleetClient
+    from gateway.topics import STATE_TOPICS
+
+    topics = (*STATE_TOPICS, *beside_states)
+    return closing(FleetClient(connect_endpoint(arguments), key_pattern, client_credentials(arguments), topics))

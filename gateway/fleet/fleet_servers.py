@@ -46,7 +46,7 @@ MAX_PUSH_AGE_S = 1.5
 """A browser without a push for this time shows that its data are old. Basis: three pushes."""
 CARD_STYLES: dict[FleetWord, VerdictStyle] = {
     **{word: STYLES[word] for word in get_args(Word)},
-    "MISSING": VerdictStyle("MISSING", "black", "empty"),
+    "MISSING": VerdictStyle("MISSING", "grey", "empty"),
     "GONE": VerdictStyle("GONE", "black", "hourglass"),
     "DUPLICATE": VerdictStyle("DUPLICATE", "violet", "slash"),
     "FAULT": VerdictStyle("FAULT", "amber", "triangle"),
@@ -120,7 +120,9 @@ def _card(status: GatewayStatus) -> dict[str, Any]:
         "colour": style.colour,
         "shape": style.shape,
         "reasons": status.reasons,
+        "last_alarm": status.last_alarm,
         "swing": None if status.swing is None else asdict(status.swing),
+        "motion": None if status.motion is None else asdict(status.motion),
         "source": status.source,
         "authenticated": status.authenticated,
         "level": status.level,

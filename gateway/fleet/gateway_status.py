@@ -3,26 +3,38 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
+from math import inf
 from typing import Literal
 
-from gateway.messages import ActiveAlert, Alert, Calibration, Condition, Health, Level, SessionPhase, Swing, Validity
+from gateway.messages import (
+    ActiveAlert,
+    Alert,
+    Calibration,
+    Condition,
+    Health,
+    Level,
+    Motion,
+    SessionPhase,
+    Swing,
+    Validity,
+)
 from gateway.messages.calibration import created_utc
-from gateway.page.verdict import STYLES, PageEvidence, Word, is_fresh, is_swing_known, verdict
+from gateway.page.verdict import ALARMS, STYLES, PageEvidence, PageVerdict, Word, is_fresh, is_swing_known, verdict
 from gateway.topics import KEY_PREFIX
 from gateway.units import DAY_S
 
 FleetWord = Literal["MISSING", "GONE", "DUPLICATE", "FAULT", "BATTERY LOW"] | Word
 """The words of the operator's page, and five that only a list of gateways needs."""
+_LOSSES: tuple[FleetWord, ...] = ("GONE", "STALE", "NO DATA", "DUPLICATE", "MISSING")
 STATE_LABELS: dict[FleetWord, str] = {
-    "MISSING": "MISSING",
-    "GONE": "GONE",
-    "DUPLICATE": "DUPLICATE",
-    **{word: style.label for word, style in STYLES.items() if word != "OK"},
+    **{word: STYLES[word].label for word in ALARMS},
+    **{word: STYLES[word].label if word in STYLES else word for word in _LOSSES},
+    **{word: style.label for word, style in STYLES.items() if word not in {*ALARMS, *_LOSSES, "OK"}},
     "FAULT": "FAULT",
     "BATTERY LOW": "BATTERY LOW",
     "OK": STYLES["OK"].label,
 }
-"""In the order of urgency, the labels that people read."""
+"""In the order of urgency, the labels that people read: alarms, what cannot be seen, what is not to be trusted."""
 SOURCES = {"simulated": "SIMULATION", "replay": "REPLAY"}
 """What people read of a gateway whose samples no sensor takes, by the kind of its device."""
 
@@ -84,6 +96,10 @@ class GatewayStatus:
     level: Level = "unknown"
     swing: SwingReading | None = None
     """None where the reading is not sound."""
+    motion: Motion | None = None
+    """From which a page takes the angle that decides; None where the reading is not sound, or motions are not received."""
+    last_alarm: Word | None = None
+    """The alarm that stood when the gateway, or who it is, was lost; None: none, or it stands now."""
     battery_percent: float | None = None
     battery_v: float | None = None
     signal_dbm: float | None = None
@@ -137,6 +153,7 @@ def gateway_status(
         state, reasons = "BATTERY LOW", ["the battery of the sensor is low"]
     if health is not None and health.changed_limits:
         reasons = [*reasons, *health.changed_limits]
+    is_sound = judged.sound and evidence.gateway and not duplicate
     current = alert is not None and evidence.gateway and is_fresh(evidence, "alert")
     if alert is not None and evidence.doubt is not None and alert.level == "normal":
         current = False
@@ -146,7 +163,9 @@ def gateway_status(
         reasons=tuple(reasons),
         alive=evidence.gateway,
         level=alert.level if alert is not None and current else "unknown",
-        swing=_swing(evidence) if judged.sound and evidence.gateway and not duplicate else None,
+        swing=_swing(evidence) if is_sound else None,
+        motion=evidence.get(Motion) if is_sound and evidence.age_s.get("motion", inf) <= evidence.stale_s else None,
+        last_alarm=None if state in ALARMS else _alarm(judged),
         battery_percent=None if health is None else health.battery_percent,
         battery_v=None if health is None else health.battery_v,
         signal_dbm=None if health is None else health.signal_dbm,
@@ -162,6 +181,10 @@ def gateway_status(
         seen_s=seen_s,
         causes=status_causes(evidence),
     )
+
+
+def _alarm(judged: PageVerdict) -> Word | None:
+    return next((word for word in (judged.word, *judged.also) if word in ALARMS), None)
 
 
 def missing_gateway(key: str) -> GatewayStatus:

@@ -92,8 +92,15 @@ def _smallest_first(value: float | None) -> float:
     return inf if value is None else value
 
 
+def _urgency(status: GatewayStatus) -> tuple[int, int]:
+    """Return the place of a state; behind the alarms that stand come those that nobody can see any more."""
+    if status.last_alarm is None:
+        return URGENCY[status.state], 0
+    return URGENCY["WARN"], 1 + URGENCY[status.last_alarm]
+
+
 SORTS: dict[str, Callable[[GatewayStatus], Any]] = {
-    "state": lambda status: URGENCY[status.state],
+    "state": _urgency,
     "name": lambda status: status.key,
     "swing": lambda status: _largest_first(
         None if status.swing is None else status.swing.phi_max_deg or status.swing.upper95_deg

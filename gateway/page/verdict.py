@@ -42,7 +42,7 @@ STYLES: dict[Word, VerdictStyle] = {
 }
 """In the order of precedence."""
 
-ALARMS = ("TRIP", "WARN")
+ALARMS: tuple[Word, ...] = ("TRIP", "WARN")
 
 USUAL_INTERVAL_S = {"tilt": 0.1, "swing": 1.0, "condition": 0.5, "alert": HEARTBEAT_S}
 """The topics on which a verdict depends, and the longest usual interval between two messages. Definition: the periods at which

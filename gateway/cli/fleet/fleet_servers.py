@@ -74,7 +74,8 @@ def run_page(arguments: argparse.Namespace) -> int:
 
     state = FleetState(expected_gateways(arguments))
     host, port = arguments.listen
-    with _open_listener(arguments) as listener, fleet_client(arguments, NamePatterns().key_pattern) as client:
+    pattern = NamePatterns().key_pattern
+    with _open_listener(arguments) as listener, fleet_client(arguments, pattern, ("motion",)) as client:
         log_to_stderr("fleet page")
         fleet = LiveFleet(client, state, FleetQuery())
         print(f"serving the page of all cranes at http://{written(host, port)}/", flush=True)

@@ -3,6 +3,7 @@
 import {cardSentence} from "./card_sentence.js";
 import {Link} from "./link.js";
 import {ago, degrees, NONE, upwards} from "./number.js";
+import {deciding} from "./peak.js";
 import {addSymbols} from "./shapes.js";
 import {followLanguage, text} from "./texts.js";
 import {timeWithZone} from "./time.js";
@@ -57,9 +58,9 @@ function makeCard() {
   const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
   svg.setAttribute("aria-hidden", "true");
   svg.append(document.createElementNS("http://www.w3.org/2000/svg", "use"));
-  band.append(svg, document.createElement("strong"));
+  band.append(svg, document.createElement("strong"), part("span", "last"));
   const foot = part("p", "foot");
-  foot.append(part("span", "swing"), part("span", "doubt"), part("span", "source"), part("span", "age"));
+  foot.append(part("span", "swing"), part("span", "expected"), part("span", "doubt"), part("span", "source"), part("span", "age"));
   card.append(part("h2", "name"), band, part("p", "why"), foot);
   card.prepend(band);
   return card;
@@ -73,11 +74,14 @@ function fill(card, gateway) {
   card.dataset.colour = gateway.colour;
   card.querySelector("use").setAttribute("href", `#shape-${gateway.shape}`);
   set(".state strong", text(`word_${gateway.word}`));
+  set(".last", gateway.last_alarm === null ? "" : text("last_known", {words: text(`word_${gateway.last_alarm}`)}));
   set(".source", gateway.source);
   set(".doubt", gateway.authenticated || gateway.word === "NOT AUTHENTICATED" ? "" : text("word_NOT AUTHENTICATED"));
   fillName(card.querySelector(".name"), gateway);
   set(".why", cardSentence(gateway));
-  set(".swing", swingText(gateway.swing));
+  const value = deciding(gateway.motion);
+  set(".swing", angleText(value));
+  set(".expected", value?.inS > 0 ? text("expected") : "");
   set(".age", gateway.seen_s === null ? text("fleet_never_seen") : ago(gateway.seen_s));
 }
 
@@ -90,9 +94,10 @@ function fillName(heading, {site, crane, sensor, page}) {
   else heading.replaceChildren(Object.assign(document.createElement("a"), {href: page, textContent: name, rel: "noopener noreferrer"}));
 }
 
-function swingText(swing) {
-  if (swing === null) return NONE;
-  return swing.swinging ? degrees(swing.phi_max_deg) : `≤ ${upwards(swing.upper95_deg)}`;
+// The number is that of the crane's own page.
+function angleText(value) {
+  if (value === null) return NONE;
+  return value.angleDeg > value.halfDeg ? degrees(value.angleDeg) : `≤ ${upwards(value.angleDeg + value.halfDeg)}`;
 }
 
 // Tell a screen reader when the number of cranes that ask for action changes.

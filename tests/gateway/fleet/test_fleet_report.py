@@ -51,7 +51,7 @@ def test_what_no_sensor_measures_is_marked_in_the_list(device: str | None, label
 
 
 def test_the_most_urgent_gateway_comes_first() -> None:
-    assert names(report()) == ["yard-b/c9/hook", "yard-a/c2/hook", "yard-b/c1/hook", "yard-a/c1/hook"]
+    assert names(report()) == ["yard-a/c2/hook", "yard-b/c9/hook", "yard-b/c1/hook", "yard-a/c1/hook"]
     assert names(report(FleetQuery(sort="name")))[0] == "yard-a/c1/hook"
     assert names(report(FleetQuery(sort="battery")))[:2] == ["yard-b/c1/hook", "yard-a/c2/hook"]
     assert names(report(FleetQuery(sort="swing")))[0] == "yard-a/c1/hook"
@@ -96,9 +96,9 @@ def test_an_accepted_state_is_no_fault_and_a_lost_router_always_is_one() -> None
 
 def test_the_first_line_is_the_summary_and_the_reason_stands_in_the_row() -> None:
     lines = report().lines()
-    assert lines[0] == "4 gateways, 3 not well: 1 MISSING, 1 LIMIT, 1 DISTURBED, 1 OK"
-    assert lines[3].split()[:3] == ["yard-a/c2/hook", "LIMIT", "trip"]
-    assert lines[3].endswith("over the limit")
+    assert lines[0] == "4 gateways, 3 not well: 1 LIMIT, 1 MISSING, 1 DISTURBED, 1 OK"
+    assert lines[2].split()[:3] == ["yard-a/c2/hook", "LIMIT", "trip"]
+    assert lines[2].endswith("over the limit")
     assert "2.00 deg u 0.10" in lines[5]
 
 
@@ -121,7 +121,7 @@ def test_gateways_that_nobody_expects_are_noted_and_are_no_fault() -> None:
 def test_the_json_has_every_gateway_with_its_names() -> None:
     content = report().as_json()
     assert content["counts"] == {"OK": 1, "TRIP": 1, "DISTURBED": 1, "MISSING": 1}
-    assert content["gateways"][1]["site"] == "yard-a"
+    assert content["gateways"][0]["site"] == "yard-a"
     assert content["not_well"] == [key("yard-a/c2/hook"), key("yard-b/c1/hook"), key("yard-b/c9/hook")]
 
 
@@ -147,3 +147,18 @@ def test_a_wrong_list_of_expected_gateways_names_the_line(tmp_path: Path, text: 
 )
 def test_ages_have_the_largest_fitting_unit(age_s: float, text: str) -> None:
     assert format_age(age_s) == text
+
+
+def test_what_cannot_be_seen_comes_behind_the_alarms_that_stand_and_first_of_it_what_was_in_alarm() -> None:
+    fleet = [
+        missing_gateway(key("a/1/hook")),
+        status("a/2/hook", "UNCALIBRATED"),
+        status("a/3/hook", "STALE"),
+        status("a/4/hook", "GONE", last_alarm="WARN"),
+        status("a/5/hook", "STALE", last_alarm="TRIP"),
+        status("a/6/hook", "GONE"),
+        status("a/7/hook", "WARN"),
+        status("a/8/hook", "TRIP"),
+    ]
+    found = make_report(fleet, FleetQuery(), expected=frozenset(), connected=True, invalid=0, time_utc=NOW)
+    assert [name.split("/")[1] for name in names(found)] == list("87546312")

@@ -54,6 +54,8 @@ def test_a_gateway_that_sends_and_is_within_its_limits_is_ok(scene: Scene) -> No
     assert (status.state, status.level, status.alive, status.seen_s) == ("OK", "normal", True, 0.5)
     assert status.swing is not None
     assert (status.swing.phi_max_deg, status.swing.u_deg) == (2.3, 0.1)
+    assert status.motion is not None
+    assert (status.motion.predicted_phi_max_deg, status.last_alarm) == (2.3, None)
     assert fleet.state.complete
 
 
@@ -63,6 +65,7 @@ def test_an_alert_level_is_the_state(scene: Scene, level: Any, state: str) -> No
     fleet = Fleet()
     fleet.hear_all(scene, 10.0)
     assert (fleet.status(10.5).state, fleet.status(10.5).level) == (state, level)
+    assert fleet.status(10.5).last_alarm is None
 
 
 def test_silence_makes_a_gateway_stale_and_its_level_and_swing_unknown(scene: Scene) -> None:
@@ -88,6 +91,7 @@ def test_a_gateway_whose_token_is_withdrawn_is_gone(scene: Scene) -> None:
     fleet.inbox.put_alive(f"{KEY}/alive", False)
     status = fleet.status(10.1)
     assert (status.state, status.level, status.swing) == ("GONE", "unknown", None)
+    assert status.last_alarm == "TRIP"
 
 
 def test_an_expected_gateway_that_was_never_seen_is_missing(scene: Scene) -> None:

@@ -175,6 +175,25 @@ def test_what_asks_for_action_comes_first(site: Site, serve: Callable[..., str],
     expect(names.first).to_have_text("north-yard / crane-1 / hook")
     site.remove("crane-1")
     expect(words.first).to_have_text("GONE")
+    expect(window.locator("#cards .last")).to_have_text(["last: LIMIT", "", ""])
+    site.scenes["crane-2"].level = "warn"
+    expect(words).to_have_text(["WARNING", "GONE", "UNCALIBRATED"])
+    window.close()
+
+
+def test_a_card_shows_the_number_of_the_cranes_own_page(
+    site: Site, serve: Callable[..., str], browser: Browser
+) -> None:
+    scene = site.add("crane-1")
+    scene.level, scene.expected_deg, scene.phi_max_deg = "trip", 6.2, 3.9
+    window = _open(browser, serve())
+    number, expected = window.locator("#cards .swing"), window.locator("#cards .expected")
+    expect(number).to_have_text("6.2°")
+    expect(expected).to_have_text("expected")
+    scene.time_to_peak_s, scene.angle_share = 0.0, 1.0
+    expect(expected).to_have_text("")
+    scene.expected_deg, scene.level = 0.1, "normal"
+    expect(number).to_have_text("≤ 0.3°")
     window.close()
 
 
@@ -200,9 +219,9 @@ def test_cards_say_why_in_the_language_of_the_page(
     site.remove("crane-7")
     expect(window.locator("#cards .why")).to_have_text(
         [
-            "Erwartet, und nie gesehen.",
-            "Das Gateway wurde beendet oder ist nicht verbunden.",
             "Pendeln bis 6,4°; Grenze 6,0°. Endet unter 3,0°.",
+            "Das Gateway wurde beendet oder ist nicht verbunden.",
+            "Erwartet, und nie gesehen.",
             "Der Sensor ist nicht kalibriert. Der Winkel kann um mehrere Grad falsch sein.",
             "Die Kraft ist nicht die einer hängenden Last.",
             "Das Pendeln ist zurzeit unbekannt.",

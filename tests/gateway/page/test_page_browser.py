@@ -229,13 +229,15 @@ def test_a_sentence_keeps_its_form_for_two_seconds(page: PageUnderTest, browser:
     assert Screen(browser, page.url).page.evaluate(STEADY) == ["a", "a", "a", "b", "b", "a", "a"]
 
 
-LATE = """() => import('/link.js').then(({Link}) => {
+LATE = """() => import('/link.js').then(async ({Link}) => {
   window.EventSource = class { addEventListener() {} close() {} };
   const link = new Link(() => {}, () => {});
-  const complaints = [100.0, 100.1, 98.0].map((now_s) => {
+  const complaints = [];
+  for (const [waitMs, now_s] of [[0, 100.0], [100, 100.1], [2000, 100.2]]) {
+    await new Promise((done) => setTimeout(done, waitMs));
     link.receive({now_s, page: {stale_s: 1.0}});
-    return link.complaint();
-  });
+    complaints.push(link.complaint());
+  }
   link.source.onerror();
   return [...complaints, link.complaint()];
 })"""

@@ -192,10 +192,9 @@ def test_the_dialog_fits_every_size(
 
 def _overlap(window: Page, *selectors: str) -> bool:
     first, second = (present(window.locator(selector).first.bounding_box()) for selector in selectors)
-    return all(
-        first[start] < second[start] + second[length] and second[start] < first[start] + first[length]
-        for start, length in (("x", "width"), ("y", "height"))
-    )
+    across = first["x"] < second["x"] + second["width"] and second["x"] < first["x"] + first["width"]
+    down = first["y"] < second["y"] + second["height"] and second["y"] < first["y"] + first["height"]
+    return across and down
 
 
 def _height(window: Page, selector: str) -> float:
