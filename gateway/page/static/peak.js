@@ -4,7 +4,7 @@ import {isKnown} from "./number.js";
 
 const NORMAL_975 = 1.959964;
 const SOON_S = 0.05; // a peak that comes sooner is the present angle
-const NOISE_FACTOR = 3; // standard uncertainties: one peak in a hundred of a load at rest reaches them
+const NOISE_FACTOR = 3; // standard uncertainties: of a load at rest one peak in a hundred reaches them
 
 // Return the next peak as alerts judge it (MotionEstimate.expected_peak): halfway between a pivot that keeps its acceleration and
 // one that coasts, at the time of the larger of both; null where it is not known.
@@ -23,15 +23,15 @@ export function comingPeak(motion) {
 }
 
 // Return the larger of the present angle and the coming peak, with half its 95 % interval and the time until then; null where the
-// present angle is not known. A peak that can be noise is none, and one that cannot be told from the present angle is not expected: its
-// time is 0, as that of the present angle.
+// present angle is not known. A peak that can be noise, or cannot be told from the present angle, is not expected: its time is 0, as
+// that of the present angle.
 export function deciding(motion) {
   if (!isKnown(motion?.angle_deg) || !isKnown(motion.u_deg)) return null;
   const peak = comingPeak(motion);
-  const isNone = peak === null || !isKnown(peak.uDeg) || peak.inS <= SOON_S || peak.angleDeg <= NOISE_FACTOR * peak.uDeg;
-  if (isNone || peak.angleDeg <= motion.angle_deg) {
+  if (peak === null || !isKnown(peak.uDeg) || peak.inS <= SOON_S || peak.angleDeg <= motion.angle_deg) {
     return {angleDeg: motion.angle_deg, halfDeg: NORMAL_975 * motion.u_deg, inS: 0};
   }
   const halfDeg = NORMAL_975 * peak.uDeg;
-  return {angleDeg: peak.angleDeg, halfDeg, inS: peak.angleDeg - motion.angle_deg > halfDeg ? peak.inS : 0};
+  const isExpected = peak.angleDeg > NOISE_FACTOR * peak.uDeg && peak.angleDeg - motion.angle_deg > halfDeg;
+  return {angleDeg: peak.angleDeg, halfDeg, inS: isExpected ? peak.inS : 0};
 }

@@ -154,7 +154,8 @@ DECIDING = "motion => import('/peak.js').then(each => each.deciding(motion))"
 @pytest.mark.parametrize(
     ("present_deg", "peak_deg", "angle_deg", "is_expected"),
     [
-        (0.06, 0.14, 0.06, False),  # at rest: a peak of the noise
+        (0.06, 0.14, 0.14, False),  # at rest: a peak of the noise
+        (0.02, 0.20, 0.20, False),
         (1.0, 0.19, 1.0, False),
         (0.06, 0.25, 0.25, True),
         (5.4, 5.5, 5.5, False),  # at the turning point
