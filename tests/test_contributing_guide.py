@@ -112,7 +112,7 @@ def test_an_alert_rule_changes_the_files_of_the_guide_and_is_raised_and_recorded
     tree.insert(rules, RULE, before='SWING = AlertRule("swing"')
     tree.insert(rules, '    AlertRule("sway", _sway_limits, _sway_reading),\n', before=")\nRULE_NAMES")
     for language in LANGUAGES:
-        texts = '  "rule_sway": "Sway", "sway_alarm": "The rope is at {angle}; limit {limit}.",\n'
+        texts = '  "rule_sway": "Sway", "sway_alarm": "The rope is at {angle}; {limit}.",\n'
         tree.insert(f"gateway/languages/{language}.json", texts, before='  "decimal_mark"')
     row = "| `sway` | the present angle | `sway_trip_deg` |\n"
     tree.insert("docs/reference/messages.md", row, before="| `calibration` | the [drift watch]")

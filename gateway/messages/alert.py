@@ -37,6 +37,17 @@ class ActiveAlert:
             description="time until it ends or steps down if the angle stays as low as now; null: it is not low enough"
         ),
     ] = None
+    next_level: Annotated[
+        Level | None,
+        Field(description="level that follows then: a trip becomes a warning first; null: from a drift watch"),
+    ] = None
+    next_below_deg: Annotated[
+        float | None, Field(description="level below which the angle must stay for the hold time until then, degrees")
+    ] = None
+    expected_in_s: Annotated[
+        float | None,
+        Field(description="time until value_deg is reached: that of a coming peak, 0 for the present angle"),
+    ] = None
     estimate_deg: Annotated[
         float | None, Field(description="best estimate of the angle of which value_deg is the upper end, degrees")
     ] = None

@@ -17,7 +17,7 @@ from gateway.pipeline.incidents import (
     reading_text,
     refuted_text,
 )
-from gateway.stages.alerts import Reading, RuleState, ends_in_s, event_between, judge, judge_alarm, overall_level
+from gateway.stages.alerts import Reading, RuleState, event_between, judge, judge_alarm, next_step, overall_level
 from gateway.stages.condition import ConditionResult
 from gateway.units import degrees
 
@@ -191,7 +191,7 @@ class AlertManager:
         limit_rad, clear_rad = self._levels_rad(rule)
         largest_deg, largest_upper_deg = _largest_deg(incident)
         limits = self._limits.get(rule)
-        remaining_s = None if limits is None else ends_in_s(state, limits)
+        step = None if limits is None else next_step(state, limits)
         return ActiveAlert(
             rule=rule,
             level=state.level,
@@ -199,7 +199,10 @@ class AlertManager:
             value_deg=None if reading is None else degrees(reading.value_rad),
             limit_deg=_rounded_degrees(limit_rad),
             clear_deg=_rounded_degrees(clear_rad),
-            ends_in_s=None if remaining_s is None else round(remaining_s, 1),
+            ends_in_s=None if step is None or step.in_s is None else round(step.in_s, 1),
+            next_level=None if step is None else step.level,
+            next_below_deg=None if step is None else _rounded_degrees(step.below_rad),
+            expected_in_s=None if reading is None else round(reading.expected_in_s, 1),
             estimate_deg=None if reading is None else degrees(reading.best_rad),
             is_bound=None if reading is None else reading.is_bound(limit_rad),
             incident=None if incident is None else incident.id,

@@ -151,16 +151,33 @@ def _level_of(value_rad: float, limits: Limits) -> Level:
     return "normal"
 
 
-def ends_in_s(state: RuleState, limits: Limits) -> float | None:
-    """Return the time, from the last known value, until a warning or a trip ends or steps down if the value stays as it is.
+@dataclass(frozen=True, slots=True)
+class NextStep:
+    """What follows a warning or a trip."""
 
-    None: it is not low enough.
-    """
-    steps_down = state.level == "trip" and limits.warn_rad is not None
-    since_s = state.below_step_down_since_s if steps_down else state.below_clear_since_s
-    if since_s is None or state.level not in ("warn", "trip"):
+    level: Level
+    below_rad: float
+    """Level below which the value must stay for the hold time."""
+    in_s: float | None
+    """Time until then, from the last known value, if the value stays as low as it is; None: it is not low enough."""
+
+
+def next_step(state: RuleState, limits: Limits) -> NextStep | None:
+    """Return what follows a warning or a trip, of the steps that `judge` takes the first one; None: neither stands."""
+    if state.level not in ("warn", "trip"):
         return None
-    return max(0.0, since_s + limits.hold_s - state.known_s)
+    steps = [_step("normal", limits.clear_rad, state.below_clear_since_s, state, limits)]
+    if state.level == "trip" and limits.warn_rad is not None:
+        step_down_rad = STEP_DOWN_SHARE * limits.trip_rad
+        steps.append(_step("warn", step_down_rad, state.below_step_down_since_s, state, limits))
+    if all(step.in_s is None for step in steps):
+        return max(steps, key=lambda step: step.below_rad)
+    return min(steps, key=lambda step: math.inf if step.in_s is None else step.in_s)  # normal where both are due
+
+
+def _step(level: Level, below_rad: float, since_s: float | None, state: RuleState, limits: Limits) -> NextStep:
+    in_s = None if since_s is None else max(0.0, since_s + limits.hold_s - state.known_s)
+    return NextStep(level, below_rad, in_s)
 
 
 def judge_alarm(state: RuleState, *, is_active: bool, time_s: float) -> RuleState:

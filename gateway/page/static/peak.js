@@ -3,7 +3,7 @@
 import {isKnown} from "./number.js";
 
 const NORMAL_975 = 1.959964;
-const SOON_S = 0.05; // a peak that comes sooner is the present angle
+export const SOON_S = 0.05; // a peak that comes sooner is the present angle
 const NOISE_FACTOR = 3; // standard uncertainties: of a load at rest one peak in a hundred reaches them
 
 // Return the next peak as alerts judge it (MotionEstimate.expected_peak): halfway between a pivot that keeps its acceleration and

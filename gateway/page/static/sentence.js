@@ -1,7 +1,7 @@
 // The operator's sentence: what happens, and what to expect, in two lines at most.
 
-import {ago, degrees, isKnown, upwards} from "./number.js";
-import {deciding} from "./peak.js";
+import {ago, degrees, isKnown} from "./number.js";
+import {SOON_S} from "./peak.js";
 import {hasText, text} from "./texts.js";
 
 const ALARMS = ["trip", "warn"];
@@ -44,26 +44,32 @@ function highest(alert) {
   return null;
 }
 
-// Return why an alarm stands, and when it ends: the angle is the upper end of the interval of the big number, or the largest one
-// since the alarm began where the swing is low enough for the alarm to end.
+// Return why an alarm stands, and what follows: the angle is the one that was compared, or the largest one since the alarm began
+// where the angle is low enough for the level to end.
 function alarmSentence(alarm, motion, keep, ageS) {
   if (alarm === null) return "";
-  const limit = degrees(alarm.limit_deg), angle = upwards(alarm.value_deg);
-  const clears = isKnown(alarm.clear_deg) ? text("clears", {angle: degrees(alarm.clear_deg)}) : "";
-  const own = `${alarm.rule}_alarm`, isOwn = hasText(own);
-  if (isOwn && !isKnown(alarm.limit_deg) && !isKnown(alarm.value_deg)) return text(own); // the calibration has neither
-  if (!isKnown(alarm.value_deg)) return `${text("alarm_unknown")} ${clears}`;
-  if (isOwn) return `${text(own, {angle, limit})} ${clears}`;
-  const value = deciding(motion);
+  const own = `${alarm.rule}_alarm`;
+  if (hasText(own) && !isKnown(alarm.limit_deg) && !isKnown(alarm.value_deg)) return text(own); // the calibration has neither
   const isEnding = isKnown(alarm.ends_in_s) && isKnown(alarm.largest_deg);
-  const form = keep("alarm", isEnding ? "alarm_ending" : value?.inS > 0 ? "alarm_coming" : "alarm_now");
-  if (form === "alarm_ending" && isEnding) {
-    const seconds = Math.max(0, Math.ceil(alarm.ends_in_s - ageS));
-    return `${doing(motion, keep)} ${text("alarm_ending", {angle: degrees(alarm.largest_deg), limit, seconds})}`.trim();
-  }
-  const shown = form === "alarm_ending" ? "alarm_now" : form;
-  const swing = text(shown, {angle: value === null ? angle : upwards(value.angleDeg + value.halfDeg), limit});
-  return `${doing(motion, keep)} ${swing} ${clears}`.trim();
+  const now = hasText(own) ? own : alarm.expected_in_s > SOON_S ? "alarm_coming" : "alarm_now";
+  const form = keep("alarm", isEnding ? "alarm_was" : now);
+  return [doing(motion, keep), alarmText(alarm, form === "alarm_was" && !isEnding ? now : form), whatFollows(alarm, ageS)].join(" ").trim();
+}
+
+function alarmText(alarm, form) {
+  if (!isKnown(alarm.value_deg)) return text("alarm_unknown");
+  const limit = text(`at_${alarm.level}`, {angle: degrees(alarm.limit_deg)});
+  if (form !== "alarm_was") return text(form, {angle: degrees(alarm.value_deg), limit});
+  const angle = degrees(alarm.largest_deg);
+  const isBelow = alarm.largest_deg < alarm.limit_deg && angle !== degrees(alarm.limit_deg); // a bound raised it
+  return text(isBelow ? "alarm_was_below" : form, {angle, limit});
+}
+
+// Return what follows a level, and when, or below which angle.
+function whatFollows({next_level: level, next_below_deg: belowDeg, ends_in_s: inS}, ageS) {
+  if (!isKnown(belowDeg)) return "";
+  if (isKnown(inS)) return text(`${level}_in`, {seconds: Math.max(1, Math.ceil(inS - ageS))});
+  return text(`${level}_below`, {angle: degrees(belowDeg)});
 }
 
 const isActive = (session) => session?.phase === "collecting" || session?.phase === "review";

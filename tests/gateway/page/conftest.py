@@ -80,6 +80,8 @@ class Scene:
         self.angle_share = 0.5
         """Of the present angle in the coming peak."""
         self.ends_in_s: float | None = None
+        self.expected_in_s = 0.0
+        """Time until the angle that was compared."""
 
     def messages(self, sequence: int, time_ns: int) -> list[Message]:
         """One of each topic that the page reads."""
@@ -182,9 +184,12 @@ class Scene:
             level=self.level,
             since_ns=SAMPLE_TIME_NS,
             value_deg=6.4,
-            limit_deg=6.0,
+            limit_deg=4.0 if self.level == "warn" else 6.0,
             clear_deg=3.0,
             ends_in_s=self.ends_in_s,
+            next_level="warn" if self.level == "trip" else "normal",
+            next_below_deg=5.4 if self.level == "trip" else 3.0,
+            expected_in_s=self.expected_in_s,
             largest_deg=6.3,
             incident=self.incident,
             acknowledged_by=self.acknowledged_by,

@@ -300,10 +300,10 @@ def test_only_a_correct_state_is_calm(gateway: FakeGateway, page: PageUnderTest,
     screen.text("#also", "also: UNCALIBRATED")
     gateway.scene.phi_max_deg, gateway.scene.phi_max_u_deg = 6.1, 0.15
     screen.text("#phi", "6.1°")
-    screen.text("#sentence", "Load swings freely. Swing up to 6.4° expected; limit 6.0°. Clears below 3.0°.")
+    screen.text("#sentence", "Load swings freely. Swing up to 6.4°; limit 6.0°. Becomes a warning below 5.4°.")
     gateway.scene.phi_max_deg, gateway.scene.ends_in_s = 2.0, 2.6
     screen.text("#phi", "2.0°")
-    screen.text("#sentence", "Load swings freely. It was 6.3°; limit 6.0°. Ends in 3 s.")
+    screen.text("#sentence", "Load swings freely. It was 6.3°; limit 6.0°. Becomes a warning in 3 s.")
 
     gateway.speaking.clear()
     screen.shows("STALE", "hourglass")
@@ -317,6 +317,56 @@ def test_only_a_correct_state_is_calm(gateway: FakeGateway, page: PageUnderTest,
     screen.shows("DISTURBED", "zigzag")
     screen.text("#fact-condition dd", "disturbed, not trusted")
     assert screen.errors == []
+
+
+ALARM = """(active) => import('/sentence.js').then(({sentence}) =>
+  sentence({word: active.level === 'trip' ? 'TRIP' : 'WARN'}, {age_s: {alert: 0.4}, topics: {alert: {active: [active]}}}))"""
+SWING = {
+    "rule": "swing",
+    "level": "trip",
+    "value_deg": 6.36,
+    "limit_deg": 6.0,
+    "largest_deg": 5.2,
+    "expected_in_s": 1.8,
+}
+FALLS = {"next_level": "warn", "next_below_deg": 5.4, "ends_in_s": None}
+ENDS = {"next_level": "normal", "next_below_deg": 3.0, "ends_in_s": None}
+WARNING = {**SWING, **ENDS, "level": "warn", "value_deg": 4.36, "limit_deg": 4.0, "expected_in_s": 0.0}
+LEAN = {**SWING, **ENDS, "rule": "lean", "limit_deg": 3.0, "next_below_deg": 2.4, "expected_in_s": 0.0}
+ALARMS = [
+    ({**SWING, **FALLS}, "Swing up to 6.4° expected; limit 6.0°. Becomes a warning below 5.4°."),
+    ({**SWING, **FALLS, "expected_in_s": 0.0}, "Swing up to 6.4°; limit 6.0°. Becomes a warning below 5.4°."),
+    (
+        {**SWING, **FALLS, "value_deg": 5.1, "largest_deg": 7.92, "ends_in_s": 2.5},
+        "It was 7.9°; limit 6.0°. Becomes a warning in 3 s.",
+    ),
+    (
+        {**SWING, **ENDS, "value_deg": 2.1, "largest_deg": 7.92, "ends_in_s": 2.5},
+        "It was 7.9°; limit 6.0°. Ends in 3 s.",
+    ),
+    (
+        {**SWING, **FALLS, "value_deg": 5.1, "ends_in_s": 0.3},
+        "It was 5.2°, below limit 6.0°. Becomes a warning in 1 s.",
+    ),
+    (
+        {**SWING, **FALLS, "value_deg": None},
+        "The angle is not known now, and the alarm stays. Becomes a warning below 5.4°.",
+    ),
+    (WARNING, "Swing up to 4.4°; warning level 4.0°. Ends below 3.0°."),
+    ({**WARNING, "value_deg": 2.0, "ends_in_s": 2.0}, "It was 5.2°; warning level 4.0°. Ends in 2 s."),
+    (
+        {**WARNING, "value_deg": 2.0, "ends_in_s": 2.0, "largest_deg": 3.96},
+        "It was 4.0°; warning level 4.0°. Ends in 2 s.",
+    ),
+    ({**LEAN, "value_deg": 4.02}, "The rope leans 4.0°; limit 3.0°. Ends below 2.4°."),
+    ({**LEAN, "value_deg": 0.4, "largest_deg": 3.98, "ends_in_s": 2.0}, "It was 4.0°; limit 3.0°. Ends in 2 s."),
+]
+
+
+def test_an_alarm_says_what_was_compared_and_what_follows(page: PageUnderTest, browser: Browser) -> None:
+    screen = Screen(browser, page.url)
+    for active, expected in ALARMS:
+        assert screen.page.evaluate(ALARM, active) == expected
 
 
 SILENCE = """() => import('/sentence.js').then(({sentence}) =>

@@ -110,10 +110,12 @@ def test_the_text_of_a_present_angle() -> None:
     assert alert.text == "swing trip: up to 6.4 deg now (limit 6.0 deg, clears below 3.0 deg)"
     assert alert.value_deg == pytest.approx(6.44)
     assert (alert.limit_deg, alert.clear_deg) == (6.0, 3.0)
+    assert (alert.next_level, alert.next_below_deg, alert.ends_in_s, alert.expected_in_s) == ("warn", 5.4, None, 0.0)
 
 
 def test_the_text_of_a_coming_peak_states_when_it_comes() -> None:
     alert = Site().feed(6.44, in_s=1.84).active()
+    assert alert.expected_in_s == 1.8
     assert alert.text == "swing trip: up to 6.4 deg expected in 1.8 s (limit 6.0 deg, clears below 3.0 deg)"
 
 

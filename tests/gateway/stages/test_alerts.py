@@ -3,8 +3,12 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gateway.stages.alerts import (
     DECISION_FACTOR,
@@ -14,11 +18,11 @@ from gateway.stages.alerts import (
     Limits,
     Reading,
     RuleState,
-    ends_in_s,
     event_between,
     judge,
     judge_alarm,
     larger_reading,
+    next_step,
     overall_level,
 )
 
@@ -124,23 +128,54 @@ def test_since_is_the_time_of_the_last_change_of_level() -> None:
     assert state.since_s == 10.0
 
 
-def remaining_s(values: Sequence[float | None], limits: Limits = LIMITS) -> list[float | None]:
-    """The time until the level ends, after each value."""
-    state, found = RuleState("unknown", 0.0), []
-    for step, value in enumerate(values):
-        state = judge(state, value, limits, step * STEP_S)
-        found.append(ends_in_s(state, limits))
+def next_steps(values: Sequence[float | None], limits: Limits = LIMITS) -> list[Any]:
+    """Level, the value below which it follows, and the time until then, after each value."""
+    state = RuleState("unknown", 0.0)
+    found: list[Any] = []
+    for number, value in enumerate(values):
+        state = judge(state, value, limits, number * STEP_S)
+        step = next_step(state, limits)
+        found.append(None if step is None else (step.level, step.below_rad, step.in_s))
     return found
 
 
-def test_an_alert_says_when_it_ends() -> None:
+def test_an_alert_says_what_follows_and_when() -> None:
     """The trip steps down below 5.4, the warning that is left clears below 3; each counts down its own hold time."""
-    assert remaining_s([7, 5.5, 5.3, 5.3, 5.3, 5.3, 5.3]) == [None, None, 2.0, 1.5, 1.0, 0.5, None]
-    assert remaining_s([7, 2, 2, 2, 2, 2]) == [None, 2.0, 1.5, 1.0, 0.5, None]
-    assert remaining_s([4.5, 3.5, 2.9, 2.9, 3.1, 2.9]) == [None, None, 2.0, 1.5, None, 2.0]
-    assert remaining_s([7, 5, None, 5]) == [None, 2.0, None, 2.0]
-    assert remaining_s([1, 2, None]) == [None] * 3
-    assert remaining_s([7, 2, 2], replace(LIMITS, warn_rad=None)) == [None, 2.0, 1.5]
+    falls, ends = ("warn", pytest.approx(5.4)), ("normal", 3.0)
+    assert next_steps([7, 5.5, 5.3, 5.3, 5.3, 5.3, 5.3]) == [
+        (*falls, None),
+        (*falls, None),
+        *((*falls, in_s) for in_s in (2.0, 1.5, 1.0, 0.5)),
+        (*ends, None),
+    ]
+    assert next_steps([7, 2, 2, 2, 2, 2]) == [(*falls, None), *((*ends, in_s) for in_s in (2.0, 1.5, 1.0, 0.5)), None]
+    assert next_steps([7, 5, 2]) == [(*falls, None), (*falls, 2.0), (*falls, 1.5)]
+    assert next_steps([4.5, 3.5, 2.9, 2.9, 3.1, 2.9]) == [(*ends, in_s) for in_s in (None, None, 2.0, 1.5, None, 2.0)]
+    assert next_steps([7, 5, None, 5]) == [(*falls, in_s) for in_s in (None, 2.0, None, 2.0)]
+    assert next_steps([1, 2, None]) == [None] * 3
+    assert next_steps([7, 2, 2], replace(LIMITS, warn_rad=None)) == [(*ends, in_s) for in_s in (None, 2.0, 1.5)]
+
+
+@given(
+    st.lists(st.sampled_from([2.0, 2.9, 3.5, 5.0, 5.3, 5.45, 5.6, 7.0]), min_size=1, max_size=8),
+    st.sampled_from([(4.0, 3.0), (5.7, 5.5)]),
+)
+def test_what_an_alert_says_comes_true_while_the_value_stays(values: list[float], levels: tuple[float, float]) -> None:
+    limits, time_s = replace(LIMITS, warn_rad=levels[0], clear_rad=levels[1]), 0.0
+    state = RuleState("unknown")
+    for value in values:
+        time_s += STEP_S
+        state = judge(state, value, limits, time_s)
+    step = next_step(state, limits)
+    assert (step is None) == (state.level == "normal")
+    if step is None:
+        return
+    assert (values[-1] < step.below_rad) == (step.in_s is not None)
+    for after_s in np.arange(STEP_S, limits.hold_s if step.in_s is None else step.in_s, STEP_S):
+        state = judge(state, values[-1], limits, time_s + after_s)
+        assert state.level != step.level
+    if step.in_s is not None:
+        assert judge(state, values[-1], limits, time_s + step.in_s).level == step.level
 
 
 def test_unknown_ranks_between_normal_and_warn() -> None:
