@@ -24,6 +24,8 @@ export function showFacts(state, waitedS) {
   const trust = condition?.trusted ? text("trusted") : text("not_trusted");
   setFact("condition", condition ? `${condition.verdict.replace("_", " ")}, ${trust}` : NONE, Boolean(condition) && !condition.trusted);
   setFact("period", `${fixed(swing?.period_s, 2, "s")}, ${fixed(motion?.length_m, 2, "m")}`);
+  const pivot = motion?.pivot_accel_m_s2;
+  setFact("pivot", `${fixed(pivot && Math.hypot(...pivot), 2, "m/s²")}, ${fixed(motion?.hoist_m_s, 2, "m/s")}`);
   const status = calibration?.status ?? condition?.calibration;
   const calibrated = status === "calibrated" || status === "factory";
   setFact("calibration", status ? status.replace("_", " ") : NONE, Boolean(status) && !calibrated);

@@ -9,11 +9,11 @@ import {setText, showFacts} from "./facts.js";
 import {Gauge} from "./gauge.js";
 import {Link, nowS} from "./link.js";
 import {Mounting} from "./mounting.js";
-import {ago, decimal, degrees, fixed, isKnown, nearestDirection, upwards} from "./number.js";
+import {ago, decimal, degrees, isKnown, nearestDirection, upwards} from "./number.js";
 import {operatorNotice, serviceNotices} from "./notices.js";
 import {Person} from "./person.js";
 import {deciding} from "./peak.js";
-import {motionKey, sentence} from "./sentence.js";
+import {sentence} from "./sentence.js";
 import {addSymbols} from "./shapes.js";
 import {Sound} from "./sound.js";
 import {Steady} from "./steady.js";
@@ -217,15 +217,6 @@ function showTiles(swing, motion) {
   setText("lean-direction", isDirected ? direction : "");
   const limitDeg = state.page.lean_trip_deg;
   element("tile-lean").classList.toggle("bad", isKnown(leanDeg) && isKnown(limitDeg) && leanDeg >= limitDeg);
-  const key = steady.keep("doing", motionKey(motion)); // the sentence says the same
-  setText("crane-state", text(`crane_${key}`));
-  setText("crane-value", craneValue(key, motion));
-}
-
-function craneValue(key, motion) {
-  if ((key === "hoisting" || key === "lowering") && motion) return fixed(Math.abs(motion.hoist_m_s), 2, "m/s");
-  if (key === "driven" && motion?.pivot_accel_m_s2) return fixed(Math.hypot(...motion.pivot_accel_m_s2), 2, "m/s²");
-  return "";
 }
 
 setInterval(() => {

@@ -5,6 +5,8 @@ import {SOON_S} from "./peak.js";
 import {hasText, text} from "./texts.js";
 
 const ALARMS = ["trip", "warn"];
+const CERTAIN = 0.95; // probability from which on a cause is named
+const CAUSES = new Set(["driven", "wind", "hoisting"]);
 const asItIs = (_part, form) => form;
 
 // Return the sentence of a verdict. `keep` may hold back a change of what the sentence is about, by part and form;
@@ -23,17 +25,19 @@ export function sentence(verdict, state, keep = asItIs, waitedS = 0) {
   }
 }
 
-// Return what crane and load do, as a sentence.
+// Return what acts on the load, if that is all but certain, else what the load is seen to do. No reading of acceleration shows
+// whether a crane moves or rests.
 function doing(motion, keep) {
-  const key = keep("doing", motionKey(motion));
+  const key = keep("doing", causeKey(motion) ?? seenKey(motion));
   return key === "unknown" ? "" : text(key);
 }
 
-// Return the key of what crane and load do.
-export function motionKey(motion) {
-  if (!motion) return "unknown";
+function causeKey(motion) {
+  if (!(motion?.probabilities?.[motion.state] >= CERTAIN) || !CAUSES.has(motion.state)) return null;
   return motion.state === "hoisting" && motion.hoist_m_s > 0 ? "lowering" : motion.state;
 }
+
+const seenKey = (motion) => ({driven: "set_swinging", wind: "set_swinging", hoisting: "free"}[motion?.state] ?? motion?.state ?? "unknown");
 
 function highest(alert) {
   const active = alert?.active ?? [];
@@ -53,7 +57,7 @@ function alarmSentence(alarm, motion, keep, ageS) {
   const isEnding = isKnown(alarm.ends_in_s) && isKnown(alarm.largest_deg);
   const now = hasText(own) ? own : alarm.expected_in_s > SOON_S ? "alarm_coming" : "alarm_now";
   const form = keep("alarm", isEnding ? "alarm_was" : now);
-  return [doing(motion, keep), alarmText(alarm, form === "alarm_was" && !isEnding ? now : form), whatFollows(alarm, ageS)].join(" ").trim();
+  return [causeKey(motion) === null ? "" : doing(motion, keep), alarmText(alarm, form === "alarm_was" && !isEnding ? now : form), whatFollows(alarm, ageS)].join(" ").trim();
 }
 
 function alarmText(alarm, form) {

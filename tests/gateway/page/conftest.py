@@ -28,6 +28,7 @@ from gateway.messages import (
     Level,
     Message,
     Motion,
+    MotionProbabilities,
     MotionState,
     Swing,
     Tilt,
@@ -35,6 +36,7 @@ from gateway.messages import (
 )
 from gateway.page.channel import Parameters
 from gateway.recalibration.requests import Acknowledge
+from gateway.stages.condition import CAUSES
 from gateway.topics import TOPIC_OF, encode
 from tests.waiting import PATIENCE_S
 
@@ -139,12 +141,17 @@ class Scene:
             coasting_time_to_peak_s=self.time_to_peak_s,
             lean_deg=self.lean_deg,
             lean_u_deg=0.05,
-            probabilities=None,
+            probabilities=self._probabilities(),
             fast_oscillation_hz=None,
             fast_oscillation_deg=None,
             reasons=self.motion_reasons,
             text="Free swing 2.3° ± 0.2°." if known else "Swing not known: too short a stretch.",
         )
+
+    def _probabilities(self) -> MotionProbabilities:
+        """Those of a state that is certain."""
+        acts = {"driven": 0.0, "wind": 0.0, "hoisting": 0.0} | ({self.state: 1.0} if self.state in CAUSES else {})
+        return MotionProbabilities(free=1 - acts["driven"] - acts["wind"], **acts)
 
     def swing(self, sequence: int = 0, time_ns: int = SAMPLE_TIME_NS) -> Swing:
         return Swing(

@@ -5,7 +5,7 @@ const name = (element) => `${element.tagName} ${element.id || element.className}
 const texts = (element) => [...element.childNodes].filter((node) => node.nodeType === Node.TEXT_NODE && node.textContent.trim());
 const BOXES = "#cards li, .tiles > div, .facts > div, section, header, .side, button, .doing, .next, dialog, main";
 const SCROLLING = ".scroll, #title, #acknowledged, #person"; // the list of alerts scrolls, and names may end in an ellipsis
-const MOVING = ["title", "word", "sentence", "phi", "gauge", "tile-now", "tile-lean", "tile-crane", "bullseye", "trend"];
+const MOVING = ["title", "word", "sentence", "phi", "gauge", "tile-now", "tile-lean", "bullseye", "trend"];
 
 function isClipped(element) {
   const clips = getComputedStyle(element).overflowY !== "visible" && !element.matches("#service-screen, #fleet, .track");
