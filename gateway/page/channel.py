@@ -100,6 +100,8 @@ class Parameters:
     """Number of the inherited listening socket; it is filled in at the start."""
     stale_s: Positive = 1.0
     """A value older than this, beyond the usual interval of its topic, is stale."""
+    clear_deg: Positive | None = None
+    """Level below which a warning ends."""
     lean_trip_deg: Positive | None = None
     pin_file: Path | None = None
     """File with the PIN; None: nobody can acknowledge on the page."""

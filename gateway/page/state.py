@@ -160,6 +160,7 @@ class PageState:
             "title": p.title,
             "warn_deg": p.warn_deg,
             "trip_deg": p.trip_deg,
+            "clear_deg": p.clear_deg,
             "lean_trip_deg": p.lean_trip_deg,
             "stale_s": p.stale_s,
             "language": p.language,

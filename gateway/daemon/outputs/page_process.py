@@ -134,6 +134,7 @@ def page_parameters(configuration: Configuration) -> Parameters:
         key=gateway.key,
         warn_deg=alerts.warn_deg,
         trip_deg=alerts.trip_deg,
+        clear_deg=alerts.clear_deg,
         lean_trip_deg=alerts.lean_trip_deg,
         stale_s=alerts.stale_s,
         pin_file=gateway.data_dir / PIN_NAME,

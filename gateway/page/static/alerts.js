@@ -1,7 +1,7 @@
 // The list of alerts, newest first: from when to when, what, the largest value, the limit, and who acknowledged it.
 
 import {acknowledgedText} from "./acknowledge.js";
-import {degrees, isKnown, upwards} from "./number.js";
+import {degrees, isKnown} from "./number.js";
 import {setText} from "./facts.js";
 import {hasText, text} from "./texts.js";
 import {timeOfDay} from "./time.js";
@@ -37,7 +37,7 @@ export class AlertList {
       timeOfDay(alert.since_ns),
       alert.until_ns === null ? text("alert_standing") : timeOfDay(alert.until_ns),
       name,
-      upwards(alert.largest_deg),
+      degrees(alert.largest_deg),
       isKnown(alert.limit_deg) ? degrees(alert.limit_deg) : "",
     ];
     cells.forEach((content, i) => {

@@ -13,19 +13,21 @@ export class Gauge {
     this.parts = {fill: part(".fill"), band: part(".band"), now: part(".now"), warn: part(".warn"), trip: part(".trip")};
   }
 
-  draw(page, value, presentDeg) {
-    const scaleDeg = BEYOND_LIMIT * page.trip_deg;
+  // `value` has the angle and half its interval, null where none is stated; a limit is null where there is none.
+  draw(limits, value, presentDeg) {
+    const scaleDeg = BEYOND_LIMIT * limits.trip_deg;
     const share = (deg, most = 1) => `${(100 * Math.min(Math.max(deg, 0) / scaleDeg, most)).toFixed(2)}%`;
     for (const [name, key] of [["warn", "warn_at"], ["trip", "limit_at"]]) {
-      const limitDeg = page[`${name}_deg`];
-      this.parts[name].style.left = share(limitDeg);
+      const limitDeg = limits[`${name}_deg`];
+      place(this.parts[name], isKnown(limitDeg) ? share(limitDeg) : null);
       this.parts[name].firstElementChild.textContent = text(key, {angle: `${limitDeg}°`});
     }
     this.parts.fill.style.width = value === null ? "0" : share(value.angleDeg);
-    this.parts.band.style.width = value === null ? "0" : share(value.angleDeg + value.halfDeg);
+    this.parts.band.style.width = value === null ? "0" : share(value.angleDeg + (value.halfDeg ?? 0));
     place(this.parts.now, isKnown(presentDeg) ? share(presentDeg, EDGE) : null);
     const angle = value === null ? text("never") : degrees(value.angleDeg);
-    this.element.setAttribute("aria-label", text("gauge_words", {angle, warn: `${page.warn_deg}°`, trip: `${page.trip_deg}°`}));
+    const marks = Object.values(this.parts).filter((part) => part.matches(".mark") && !part.hidden);
+    this.element.setAttribute("aria-label", [angle, ...marks.map((mark) => mark.textContent)].join(", "));
   }
 }
 

@@ -12,7 +12,7 @@ import {Mounting} from "./mounting.js";
 import {ago, decimal, degrees, isKnown, nearestDirection, upwards} from "./number.js";
 import {operatorNotice, serviceNotices} from "./notices.js";
 import {Person} from "./person.js";
-import {deciding} from "./peak.js";
+import {bigNumber} from "./peak.js";
 import {sentence} from "./sentence.js";
 import {addSymbols} from "./shapes.js";
 import {Sound} from "./sound.js";
@@ -27,6 +27,7 @@ const TREND_S = 1;
 const URGENT = new Set(["TRIP", "WARN", "STALE", "NO DATA", "SUSPENDED"]);
 const ANNOUNCE_S = 10; // shortest time between two announcements that ask for no action
 const GONE = new Set(["STALE", "NO DATA"]);
+const BLIND = new Set([...GONE, "SUSPENDED", "DISTURBED", "UNKNOWN"]); // no number describes the load
 const UNMONITORED = new Set([...GONE, "SUSPENDED"]);
 const UNKNOWN_SOUNDS_S = 2; // a shorter gap in what is known asks for nothing
 const SCREENS = {"#alerts": "alerts", "#service": "service"};
@@ -95,7 +96,8 @@ function show() {
     const gone = GONE.has(verdict.word);
     acknowledger.show(gone ? [] : alarms);
     person.show(state.page.names);
-    showSwing(gone ? {} : state.topics, verdict, waitedS);
+    const blind = [verdict.word, ...verdict.also].some((word) => BLIND.has(word));
+    showSwing(blind ? {} : state.topics, verdict, waitedS);
     showFacts(state, waitedS);
     showReasons(verdict, state.topics);
     alertList.show(state.alert_log);
@@ -183,25 +185,26 @@ function showReasons(verdict, {condition, motion, health}) {
   list.replaceChildren(...texts.map((content) => Object.assign(document.createElement("li"), {textContent: content})));
 }
 
-// The number is the one that decides; an interval down to 0 is shown as its upper end alone.
-function showSwing({swing, motion}, verdict, waitedS) {
+// The number is the one that decides; a small one is shown as its upper end alone.
+function showSwing(topics, verdict, waitedS) {
+  const {swing, motion} = topics;
   document.body.classList.toggle("doubtful", !verdict.sound);
-  const value = deciding(motion);
-  const isBound = value !== null && value.angleDeg <= value.halfDeg;
-  setText("bound", isBound ? "≤ " : "");
-  setText("phi", isBound ? upwards(value.angleDeg + value.halfDeg) : degrees(value?.angleDeg));
-  setText("interval", intervalText(value, isBound, (state.age_s.motion ?? 0) + waitedS, waitedS));
+  const value = bigNumber(verdict, topics, state.page);
+  setText("angle-title", text(value?.title ?? "deciding_angle"));
+  setText("bound", value?.isBound ? "≤ " : "");
+  setText("phi", value?.isBound ? upwards(value.angleDeg + value.halfDeg) : degrees(value?.angleDeg));
+  setText("interval", intervalText(value, (state.age_s.motion ?? 0) + waitedS, waitedS));
   document.body.dataset.sampleMs = isKnown(motion?.time_ns) ? (motion.time_ns / NS_PER_MS).toFixed(1) : "";
-  gauge.draw(state.page, value, motion?.angle_deg);
+  gauge.draw(value?.limits ?? state.page, value, value?.limits.warn_deg === null ? null : motion?.angle_deg);
   showTiles(swing, motion);
 }
 
-function intervalText(value, isBound, ageS, waitedS) {
-  if (isBound) return text("no_swing");
+function intervalText(value, ageS, waitedS) {
+  if (value?.isBound) return text("no_swing");
   if (value !== null) {
-    const interval = text("plus_minus", {angle: upwards(value.halfDeg)});
+    const interval = value.halfDeg === null ? "" : text("plus_minus", {angle: upwards(value.halfDeg)});
     const inS = value.inS - ageS;
-    return inS > 0 ? `${interval}\n${text("expected_in", {seconds: decimal(inS, 1)})}` : interval;
+    return inS > 0 ? `${interval}\n${text("expected_in", {seconds: decimal(inS, 1)})}`.trim() : interval;
   }
   const good = state.last_good;
   if (!good || !isKnown(good.phi_max_deg)) return text("never");

@@ -1,5 +1,6 @@
-// The angle that decides: the one that the gateway compares with the limits.
+// The angle that decides: the one that the gateway compares with the limits, as the page shows it.
 
+import {highest} from "./alarm.js";
 import {isKnown} from "./number.js";
 
 const NORMAL_975 = 1.959964;
@@ -34,4 +35,21 @@ export function deciding(motion) {
   const halfDeg = NORMAL_975 * peak.uDeg;
   const isExpected = peak.angleDeg > NOISE_FACTOR * peak.uDeg && peak.angleDeg - motion.angle_deg > halfDeg;
   return {angleDeg: peak.angleDeg, halfDeg, inS: isExpected ? peak.inS : 0};
+}
+
+// Return the big number of a verdict, with its title and limits: the lean while a lean alarm decides, else the deciding angle; null
+// where it is not known. `halfDeg` is null where no interval can be stated; `isBound`: it is so small that its upper end says enough.
+export function bigNumber(verdict, {motion, alert}, {warn_deg, clear_deg, trip_deg}) {
+  const alarm = highest(alert);
+  if (alarm?.rule === "lean") {
+    if (!isKnown(alarm.estimate_deg)) return null;
+    const limits = {warn_deg: null, trip_deg: alarm.limit_deg};
+    return {title: "leaning_angle", limits, angleDeg: alarm.estimate_deg, halfDeg: null, inS: 0, isBound: false};
+  }
+  const value = deciding(motion);
+  if (value === null) return null;
+  const isSmall = motion.state === "rest" || value.angleDeg <= value.halfDeg;
+  const isBound = isSmall && verdict.sound && alarm === null && value.angleDeg + value.halfDeg < clear_deg;
+  const halfDeg = verdict.sound ? value.halfDeg : null;
+  return {title: "deciding_angle", limits: {warn_deg, trip_deg}, ...value, halfDeg, isBound};
 }

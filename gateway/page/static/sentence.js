@@ -1,10 +1,10 @@
 // The operator's sentence: what happens, and what to expect, in two lines at most.
 
+import {highest} from "./alarm.js";
 import {ago, degrees, isKnown} from "./number.js";
 import {SOON_S} from "./peak.js";
 import {hasText, text} from "./texts.js";
 
-const ALARMS = ["trip", "warn"];
 const CERTAIN = 0.95; // probability from which on a cause is named
 const CAUSES = new Set(["driven", "wind", "hoisting"]);
 const asItIs = (_part, form) => form;
@@ -38,15 +38,6 @@ function causeKey(motion) {
 }
 
 const seenKey = (motion) => ({driven: "set_swinging", wind: "set_swinging", hoisting: "free"}[motion?.state] ?? motion?.state ?? "unknown");
-
-function highest(alert) {
-  const active = alert?.active ?? [];
-  for (const level of ALARMS) {
-    const found = active.find((one) => one.level === level);
-    if (found) return found;
-  }
-  return null;
-}
 
 // Return why an alarm stands, and what follows: the angle is the one that was compared, or the largest one since the alarm began
 // where the angle is low enough for the level to end.

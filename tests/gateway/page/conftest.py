@@ -81,6 +81,8 @@ class Scene:
         """The coming peak; None: phi_max_deg."""
         self.angle_share = 0.5
         """Of the present angle in the coming peak."""
+        self.rule = "swing"
+        self.largest_deg = 6.3
         self.ends_in_s: float | None = None
         self.expected_in_s = 0.0
         """Time until the angle that was compared."""
@@ -186,18 +188,20 @@ class Scene:
         )
 
     def alert(self, sequence: int = 0, time_ns: int = SAMPLE_TIME_NS) -> Alert:
+        steps_down = self.rule == "swing" and self.level == "trip"
         standing = ActiveAlert(
-            rule="swing",
+            rule=self.rule,
             level=self.level,
             since_ns=SAMPLE_TIME_NS,
             value_deg=6.4,
             limit_deg=4.0 if self.level == "warn" else 6.0,
             clear_deg=3.0,
             ends_in_s=self.ends_in_s,
-            next_level="warn" if self.level == "trip" else "normal",
-            next_below_deg=5.4 if self.level == "trip" else 3.0,
+            next_level="warn" if steps_down else "normal",
+            next_below_deg=5.4 if steps_down else 3.0,
             expected_in_s=self.expected_in_s,
-            largest_deg=6.3,
+            estimate_deg=6.2,
+            largest_deg=self.largest_deg,
             incident=self.incident,
             acknowledged_by=self.acknowledged_by,
             acknowledged_ns=None if self.acknowledged_by is None else SAMPLE_TIME_NS,
@@ -303,7 +307,7 @@ class PageUnderTest:
         self.listener = socket.create_server(("127.0.0.1", 0), backlog=64)
         self.url = f"http://127.0.0.1:{self.listener.getsockname()[1]}"
         self._parameters = Parameters(
-            key=KEY, warn_deg=4.0, trip_deg=6.0, lean_trip_deg=3.0, title="Crane 3", **changes
+            key=KEY, warn_deg=4.0, trip_deg=6.0, clear_deg=3.0, lean_trip_deg=3.0, title="Crane 3", **changes
         )
         self.process = start_process(self._parameters, self.listener, self._channel.open)
 

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from gateway.messages import Level
 from gateway.motion.estimate import MotionEstimate, PeakEstimate
 from gateway.units import degrees
 from tests.gateway.page.conftest import FakeGateway, PageUnderTest
@@ -69,7 +70,7 @@ def test_the_angle_is_updated(gateway: FakeGateway, page: PageUnderTest, browser
     screen.text("#present", "3.4°")
     screen.text("#interval", "± 0.2° (95 %)")
     expect(screen.page.locator("#bullseye")).to_have_attribute("aria-label", re.compile(r"swing 3.4° along \+x / \+y"))
-    expect(screen.page.locator("#gauge")).to_have_attribute("aria-label", "swing 3.4°, warning at 4°, limit at 6°")
+    expect(screen.page.locator("#gauge")).to_have_attribute("aria-label", "3.4°, warning 4°, limit 6°")
     expect(screen.page.locator("#trend .line:not(.doubtful)")).to_have_count(1)
 
     gateway.scene.phi_max_deg, gateway.scene.phi_max_u_deg = 0.1, 0.08
@@ -319,6 +320,69 @@ def test_only_a_correct_state_is_calm(gateway: FakeGateway, page: PageUnderTest,
     screen.shows("DISTURBED", "zigzag")
     screen.text("#fact-condition dd", "disturbed, not trusted")
     assert screen.errors == []
+
+
+def test_no_interval_stands_beside_a_doubt(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
+    screen = Screen(browser, page.url)
+    screen.text("#phi", "2.3°")
+    gateway.scene.calibration = "uncalibrated"
+    screen.shows("UNCALIBRATED", "slash")
+    screen.text("#phi", "2.3°")
+    screen.text("#interval", re.compile(r"^expected in 1\.\d s$"))
+    assert screen.page.evaluate(BAND) == screen.page.evaluate(BAND.replace("band", "fill"))
+    gateway.scene.calibration, gateway.scene.trusted, gateway.scene.condition = "calibrated", False, "unknown"
+    shown: list[tuple[Level, str, str]] = [("normal", "NOT KNOWN", "question"), ("trip", "LIMIT", "octagon")]
+    for level, word, shape in shown:
+        gateway.scene.level = level
+        screen.shows(word, shape)
+        for number in ("#phi", "#present", "#lean"):
+            screen.text(number, "—")
+        expect(screen.page.locator("#interval")).to_have_text(re.compile(r"^not known; was 2\.3° "))
+    gateway.scene.condition = "disturbed"
+    screen.text("#also", "also: DISTURBED")
+    screen.text("#phi", "—")
+    assert screen.errors == []
+
+
+BAND = "document.querySelector('#gauge .band').style.width"
+
+
+def test_no_swing_is_said_of_small_swings_only(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
+    """A warning ends below 3.0."""
+    gateway.scene.phi_max_deg, gateway.scene.phi_max_u_deg = 1.9, 1.1
+    screen = Screen(browser, page.url)
+    screen.text("#phi", "1.9°")
+    screen.text("#interval", re.compile(r"^± 2\.2° \(95 %\)\s+expected in 1\.\d s$"))
+    gateway.scene.phi_max_deg, gateway.scene.phi_max_u_deg = 0.9, 0.9
+    screen.text("#interval", "no swing detected")
+    screen.text("#phi", "2.7°")
+    gateway.scene.level = "warn"
+    screen.text("#phi", "0.9°")
+    gateway.scene.level, gateway.scene.phi_max_u_deg, gateway.scene.state = "normal", 0.1, "rest"
+    screen.text("#phi", "1.1°")
+    screen.text("#interval", "no swing detected")
+
+
+def test_a_lean_alarm_shows_the_lean(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
+    screen = Screen(browser, page.url)
+    screen.text("#angle-title", "swing: now, or the larger coming peak")
+    gateway.scene.level, gateway.scene.rule = "trip", "lean"
+    screen.text("#angle-title", "lean of the rope")
+    screen.text("#phi", "6.2°")
+    screen.text("#interval", "")
+    expect(screen.page.locator("#gauge")).to_have_attribute("aria-label", "6.2°, limit 6°")
+    screen.text("#sentence", re.compile("^The rope leans 6.4°; limit 6.0°. Ends below 3.0°.$"))
+    gateway.scene.level = "normal"
+    screen.text("#angle-title", "swing: now, or the larger coming peak")
+    expect(screen.page.locator("#gauge")).to_have_attribute("aria-label", "2.3°, warning 4°, limit 6°")
+    assert screen.errors == []
+
+
+def test_list_and_sentence_state_the_same_angle(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
+    gateway.scene.level, gateway.scene.largest_deg, gateway.scene.ends_in_s = "trip", 7.92, 2.5
+    screen = Screen(browser, page.url + "#alerts")
+    screen.text("#sentence", re.compile("^It was 7.9°;"))
+    screen.text("#alert-rows td >> nth=3", "7.9°")
 
 
 ALARM = """(active) => import('/sentence.js').then(({sentence}) =>
