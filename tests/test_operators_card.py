@@ -27,6 +27,17 @@ def test_every_button_that_the_card_names_is_on_the_page(language: str) -> None:
         assert table[key].rstrip(".").lower() in section.replace("\n", " ").lower(), key
 
 
+def test_both_halves_say_the_same_in_the_same_places() -> None:
+    """Each row and each point of one language is in the other, with as many words set off."""
+    english, german = ([_outline(block) for block in half.split("\n\n")[1:]] for half in CARDS.values())
+    assert english == german
+
+
+def _outline(block: str) -> list[int]:
+    parts = block.splitlines() if block.startswith("|") else re.split(r"^- ", block, flags=re.MULTILINE)
+    return [part.count("**") for part in parts]
+
+
 def test_the_languages_of_the_card_are_those_of_the_page() -> None:
     assert set(CARDS) <= set(LANGUAGES)
 

@@ -13,15 +13,15 @@ export function cardSentence({word, alive, causes}) {
     case "DUPLICATE": return text("fleet_duplicate");
     case "FAULT": return text("fleet_fault", {parts: causes.faulty_parts.map(partName).join(", ")});
     case "BATTERY LOW": return text("note_battery");
-    case "UNKNOWN": return causes.validity === "no_samples" ? text("fleet_no_samples") : doubt(causes) ?? text("fleet_unknown");
+    case "UNKNOWN": return causes.validity === "no_samples" ? text("no_samples") : doubt(causes) ?? text("fleet_unknown");
     case "DISTURBED": return doubt(causes) ?? text("disturbed");
     default: return sentence({word}, operatorState(alive, causes));
   }
 }
 
 // Return what the operator's page would know of the gateway.
-function operatorState(alive, {alerts, session, age_s: ageS}) {
-  return {gateway: alive, age_s: {oldest: ageS}, topics: {alert: {active: alerts}, calibration: {session: {phase: session}}}};
+function operatorState(alive, {alerts, validity, session, age_s: ageS}) {
+  return {gateway: alive, age_s: {oldest: ageS}, topics: {alert: {active: alerts, validity}, calibration: {session: {phase: session}}}};
 }
 
 // Return why the reading is doubted; null where the gates do not tell.

@@ -87,5 +87,6 @@ function whenBack({topics: {swing}, last_good: good}) {
 function staleSentence(state) {
   if (!state.gateway) return text("gateway_gone");
   const silentS = state.age_s.tilt ?? Math.max(...Object.values(state.age_s), 0); // others come once in seconds
-  return text("no_new_data", {seconds: Math.round(silentS)});
+  if (state.topics.alert?.validity !== "no_samples") return text("no_new_data", {seconds: Math.round(silentS)});
+  return isKnown(state.age_s.tilt) ? `${text("no_samples")} ${text("known_last", {ago: ago(silentS)})}` : text("no_samples");
 }

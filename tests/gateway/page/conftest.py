@@ -32,6 +32,7 @@ from gateway.messages import (
     MotionState,
     Swing,
     Tilt,
+    Validity,
     Verdict,
 )
 from gateway.page.channel import Parameters
@@ -81,6 +82,7 @@ class Scene:
         """The coming peak; None: phi_max_deg."""
         self.angle_share = 0.5
         """Of the present angle in the coming peak."""
+        self.validity: Validity = "valid"
         self.rule = "swing"
         self.largest_deg = 6.3
         self.ends_in_s: float | None = None
@@ -88,12 +90,15 @@ class Scene:
         """Time until the angle that was compared."""
 
     def messages(self, sequence: int, time_ns: int) -> list[Message]:
-        """One of each topic that the page reads."""
-        return [
+        """One of each topic that the page reads, without readings those alone that do not depend on them."""
+        measured = [
             self.tilt(sequence, time_ns),
             self.motion(sequence, time_ns),
             self.swing(sequence, time_ns),
             self.judged(sequence, time_ns),
+        ]
+        return [
+            *([] if self.validity == "no_samples" else measured),
             self.alert(sequence, time_ns),
             self.calibrated(sequence, time_ns),
             self.health(sequence, time_ns),
@@ -210,6 +215,7 @@ class Scene:
         return Alert(
             **self._header(sequence, time_ns),
             level=self.level,
+            validity=self.validity,
             event="standing",
             rule=None,
             active=[] if self.level == "normal" else [standing],

@@ -233,6 +233,16 @@ def test_cards_say_why_in_the_language_of_the_page(
     window.close()
 
 
+def test_a_card_says_that_the_sensor_is_silent(site: Site, serve: Callable[..., str], browser: Browser) -> None:
+    scene = site.add("crane-1")
+    window = _open(browser, serve("--language", "de"))
+    expect(window.locator("#cards strong")).to_have_text(["OK"])
+    scene.validity = "no_samples"
+    expect(window.locator("#cards strong")).to_have_text(["VERALTET"])
+    expect(window.locator("#cards .why")).to_have_text(["Vom Sensor kommen keine Messwerte."])
+    window.close()
+
+
 def test_every_word_gate_and_part_has_a_text() -> None:
     parts = {
         name

@@ -477,6 +477,30 @@ def test_silence_is_as_old_as_the_newest_sample(gateway: FakeGateway, page: Page
     assert "1 s" in screen.page.evaluate(SILENCE)
 
 
+def test_a_silent_sensor_is_told_from_a_gateway_that_is_gone(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser
+) -> None:
+    screen = Screen(browser, page.url)
+    screen.shows("OK", "circle")
+    gateway.scene.validity = "no_samples"
+    screen.shows("STALE", "hourglass")
+    screen.text("#sentence", re.compile(r"^No readings come from the sensor. Known last (now|\d+ s ago).$"))
+    gateway.speaking.clear()
+    screen.text("#sentence", "The gateway has stopped, or it is disconnected.")
+    gateway.scene.validity = "valid"
+    gateway.speaking.set()
+    screen.shows("OK", "circle")
+
+
+def test_a_sensor_that_never_spoke_is_said_to_be_silent(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser
+) -> None:
+    gateway.scene.validity = "no_samples"
+    screen = Screen(browser, page.url)
+    screen.shows("STALE", "hourglass")
+    screen.text("#sentence", "No readings come from the sensor.")
+
+
 def test_losing_the_gateway_ends_no_tone_and_is_an_alarm_itself(
     gateway: FakeGateway, page: PageUnderTest, browser: Browser
 ) -> None:
