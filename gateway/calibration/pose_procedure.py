@@ -26,6 +26,7 @@ from gateway.calibration.poses.pose import (
 from gateway.calibration.poses.pose_finder import PoseFinder
 from gateway.calibration.record import CalibrationError, CalibrationRecord, PoseMethod
 from gateway.numerics.array import Array
+from gateway.reason import Reason, ReasonCode
 
 MAX_POSES = 200
 """Largest number of poses of one session, which bounds memory and the time of the fit. Basis: a choice; ten times a usual
@@ -71,6 +72,8 @@ class PoseProgress:
     """Whether all requested poses are taken."""
     text: str
     """One line for the rigger: what to do next, or what was wrong with the pose."""
+    hints: tuple[str, ...]
+    """The same as codes; the next face or direction is no part of them."""
 
 
 class PoseProcedure:
@@ -80,7 +83,7 @@ class PoseProcedure:
         self._plan = plan
         self._finder = PoseFinder(nominal)
         self._poses: Poses = ()
-        self._pose_text = ""
+        self._pose_hints: tuple[Reason, ...] = ()
 
     def feed(self, readings: RawReadings) -> None:
         """Process readings."""
@@ -119,7 +122,8 @@ class PoseProcedure:
             next_face=requested.face,
             next_direction=direction,
             complete=requested.direction is None,
-            text="; ".join(part for part in (self._finder.text, self._pose_text, requested.text) if part),
+            text="; ".join((self._finder.text, *self._pose_hints, requested.text)),
+            hints=tuple(hint.code for hint in (self._finder.text, *self._pose_hints)),
         )
 
     def finish(self) -> CalibrationFit:
@@ -129,15 +133,15 @@ class PoseProcedure:
 
     def _add_pose(self, pose: Pose) -> None:
         if len(self._poses) >= MAX_POSES:
-            self._pose_text = f"{MAX_POSES} poses are enough; finish"
+            self._pose_hints = (Reason("pose_enough", f"{MAX_POSES} poses are enough; finish"),)
             return
-        accepted, self._pose_text = self._plan.accept(pose, self._poses)
+        accepted, hint = self._plan.accept(pose, self._poses)
+        self._pose_hints = (hint,)
         self._poses = (*self._poses, accepted)
         still = tuple(one for one in self._poses if self._finder.was_still(one))
         if len(still) < len(self._poses):
-            self._pose_text += (
-                f"; {len(self._poses) - len(still)} earlier pose was not still by the noise seen since: take it again"
-            )
+            words = f"{len(self._poses) - len(still)} earlier pose was not still by the noise seen since: take it again"
+            self._pose_hints = (hint, Reason("pose_not_still", words))
             self._poses = still
 
 
@@ -149,13 +153,15 @@ class SixPositionPlan:
     def __init__(self, placement_u_deg: float) -> None:
         self._placement_u_deg = placement_u_deg
 
-    def accept(self, pose: Pose, earlier: Poses) -> tuple[Pose, str]:
+    def accept(self, pose: Pose, earlier: Poses) -> tuple[Pose, Reason]:
         """Return the pose as it is stored, one on no face marked as not used, and a text for the rigger."""
         if pose.face is None:
             off_deg = angle_to_face_deg(np.array(pose.mean))
-            return replace(pose, used=False), f"{off_deg:.0f} deg off the nearest face: not used; lay it on a face"
+            words = f"{off_deg:.0f} deg off the nearest face: not used; lay it on a face"
+            return replace(pose, used=False), Reason("pose_off_face", words)
         count = 1 + sum(one.face == pose.face for one in earlier)
-        return pose, f"{pose.face} taken" + (f" again: {count} are averaged" if count > 1 else "")
+        again = f" again: {count} are averaged" if count > 1 else ""
+        return pose, Reason("pose_taken", f"{pose.face} taken{again}")
 
     def request_next(self, poses: Poses) -> RequestedPose:
         """Request the first missing face; a pose that the others show to be tilted counts for none."""
@@ -181,11 +187,12 @@ class NormFitPlan:
         self._frame_u_deg = frame_u_deg
         self._parent = parent
 
-    def accept(self, pose: Pose, earlier: Poses) -> tuple[Pose, str]:
+    def accept(self, pose: Pose, earlier: Poses) -> tuple[Pose, Reason]:
         """Return the pose, and a text for the rigger, which tells one within 15 degrees of an earlier one."""
         near = next((number for number, one in enumerate(earlier, start=1) if self._is_near(pose, one)), None)
         hint = "" if near is None else f", near pose {near}: it adds little; turn it further"
-        return pose, f"pose {len(earlier) + 1} taken{hint}"
+        code: ReasonCode = "pose_taken" if near is None else "pose_near_another"
+        return pose, Reason(code, f"pose {len(earlier) + 1} taken{hint}")
 
     def _is_near(self, pose: Pose, other: Pose) -> bool:
         """Return whether two poses are within 15 degrees; zero-g offsets cancel in the difference of two readings."""

@@ -24,6 +24,7 @@ from gateway.measurement.swing import cut_to_free_swing, estimate_source_swing
 from gateway.motion.motion_monitor import MotionMonitor
 from gateway.numerics.array import Array
 from gateway.pipeline.motion_stage import motion_context
+from gateway.reason import Reason
 from gateway.stages.condition import ConditionResult, MotionContext, judge_condition
 from gateway.stages.condition_window import ConditionWindow
 from gateway.stages.lowpass import LowPass
@@ -36,7 +37,9 @@ BLOCK_S = 0.1
 """Length of the blocks in which samples enter window and motion filter. Basis: as live, `device_factory.BLOCK_S`."""
 BLOCKS_PER_VERDICT = 5
 """Definition: two verdicts per second, as live."""
-NOT_KNOWN = MotionContext(state="unknown", reasons=("where the housing is on the rope is not known",))
+NOT_KNOWN = MotionContext(
+    state="unknown", reasons=(Reason("not_configured", "where the housing is on the rope is not known"),)
+)
 FILTER = FilterSection()
 """The low-pass of a gateway without other settings."""
 NO_ANGLES = FormulaAngles(arccos_min_az=None, arcsin_max_axy=None, arctan_max_axy_min_az=None, arccos_max_az=None)

@@ -52,6 +52,10 @@ class CalibrationSession:
     suspended: Annotated[bool, Field(description="alerts are suspended, because no reading describes the load")]
     notes: Annotated[list[str], Field(description="change since the previous record, warnings of the fit")]
     text: Annotated[str, Field(description="one line: what to do now, or how the session ended")]
+    hints: Annotated[
+        list[str] | None,
+        Field(description="what to do now, or what was wrong with the pose, as codes; null: not stated"),
+    ] = None
 
 
 NO_SESSION = CalibrationSession(

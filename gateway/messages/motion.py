@@ -94,6 +94,10 @@ class Motion(Message):
     )
     reasons: Annotated[list[str], Field(description="what acts, and why the angle is not known or is less certain")]
     text: Annotated[str, Field(description="one line for the operator; its interval is that of 95 %")]
+    reason_codes: Annotated[
+        list[str] | None,
+        Field(description="the kind of each of `reasons`; null: there are none, or the message is older"),
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,4 +165,8 @@ class Condition(Message):
     calibration: CalibrationStatus
     text: Annotated[
         str | None, Field(description="one line for the operator; null in recordings made before the field existed")
+    ] = None
+    reason_codes: Annotated[
+        list[str] | None,
+        Field(description="the kind of each of `reasons`; null: there are none, or the message is older"),
     ] = None

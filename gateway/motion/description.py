@@ -6,6 +6,7 @@ from gateway.motion.estimate import MotionEstimate, MotionState
 from gateway.motion.hypotheses import probabilities
 from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
+from gateway.reason import Reason
 
 REST_RAD = np.radians(0.15)
 """Amplitude below which a load rests."""
@@ -58,7 +59,7 @@ def operator_text(estimate: MotionEstimate) -> str:
     )
 
 
-def engineer_reasons(estimate: MotionEstimate) -> tuple[str, ...]:
+def engineer_reasons(estimate: MotionEstimate) -> tuple[Reason, ...]:
     """Return what acts, with numbers, before the reasons of the estimate itself."""
     return (*_drive(estimate), *_fast_oscillation(estimate), *_askew(estimate), *estimate.reasons)
 
@@ -69,32 +70,35 @@ def _what_acts(estimate: MotionEstimate) -> str:
     return STATE_TEXTS[estimate.state]
 
 
-def _drive(estimate: MotionEstimate) -> tuple[str, ...]:
+def _drive(estimate: MotionEstimate) -> tuple[Reason, ...]:
     if estimate.state == "driven" and estimate.pivot_acceleration_m_s2 is not None:
         size_m_s2, u_m_s2 = float(np.hypot(*estimate.pivot_acceleration_m_s2)), estimate.pivot_acceleration_u_m_s2
-        return (f"the pivot accelerates by {size_m_s2:.2f} m/s^2 (u {u_m_s2:.2f})",)
+        return (Reason("pivot_accelerates", f"the pivot accelerates by {size_m_s2:.2f} m/s^2 (u {u_m_s2:.2f})"),)
     if estimate.state == "hoisting" and estimate.hoist_m_s is not None:
-        return (f"the rope's length changes by {estimate.hoist_m_s:+.2f} m/s (u {estimate.hoist_u_m_s:.2f})",)
+        words = f"the rope's length changes by {estimate.hoist_m_s:+.2f} m/s (u {estimate.hoist_u_m_s:.2f})"
+        return (Reason("rope_length_changes", words),)
     if estimate.state == "wind":
-        return ("a force pushes the load, and the pivot rests",)
+        return (Reason("wind", "a force pushes the load, and the pivot rests"),)
     return ()
 
 
-def _fast_oscillation(estimate: MotionEstimate) -> tuple[str, ...]:
+def _fast_oscillation(estimate: MotionEstimate) -> tuple[Reason, ...]:
     found = estimate.fast_oscillation
     if found is None or found.angle_rad < NOTABLE_OSCILLATION_RAD:
         return ()
-    return (
+    words = (
         f"an oscillation at {found.frequency_hz:.2f} Hz, {np.degrees(found.angle_rad):.2f} deg of the rope's angle: "
-        "a load that swings under its hook, or a rope that vibrates",
+        "a load that swings under its hook, or a rope that vibrates"
     )
+    return (Reason("fast_oscillation", words),)
 
 
-def _askew(estimate: MotionEstimate) -> tuple[str, ...]:
+def _askew(estimate: MotionEstimate) -> tuple[Reason, ...]:
     mount_rad, u_rad = estimate.mount_rad, estimate.mount_u_rad
     if mount_rad is None or u_rad is None or mount_rad - 2 * NORMAL_975 * u_rad < ASKEW_RAD:
         return ()
-    return (
+    words = (
         f"the housing stands {np.degrees(mount_rad):.1f} deg askew on the rope (u {np.degrees(u_rad):.1f}): "
-        "mount it again, or zero it",
+        "mount it again, or zero it"
     )
+    return (Reason("askew", words),)

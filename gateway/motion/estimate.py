@@ -3,6 +3,8 @@
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from gateway.reason import Reason
+
 MotionState = Literal["rest", "free", "driven", "hoisting", "wind", "unknown"]
 """What the crane or the load does: the load rests or swings freely, the pivot accelerates, the rope's length changes, a gust
 pushes the load; unknown: nothing can be said."""
@@ -76,7 +78,7 @@ class MotionEstimate:
     mount_rad: float | None = None
     """Angle between the housing's z axis and the rope."""
     mount_u_rad: float | None = None
-    reasons: tuple[str, ...] = ()
+    reasons: tuple[Reason, ...] = ()
 
     @property
     def expected_peak(self) -> PeakEstimate | None:

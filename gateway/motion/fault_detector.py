@@ -7,6 +7,7 @@ import numpy as np
 
 from gateway.motion.binning import Binning, BinNoise, ForceBin
 from gateway.numerics.array import Array
+from gateway.reason import Reason, ReasonCode
 from gateway.swing.data.bins import BINS_PER_PERIOD, Bins
 from gateway.swing.data.input_checks import find_constant_axis, find_implausible_mean
 from gateway.swing.detection.dead_axis import WINDOW_PERIODS, DeadAxis, compare_axes, contradiction_u_rel
@@ -40,7 +41,7 @@ class FaultDetector:
         self._axes: deque[DeadAxis] = deque(maxlen=PERSISTENT)
         self._contradictions: deque[float] = deque(maxlen=PERSISTENT)
         """Relative uncertainty of the angle because the axes contradict each other, of the last checks."""
-        self.fault: str | None = None
+        self.fault: Reason | None = None
         """What is wrong; None: nothing is known to be."""
 
     @property
@@ -80,7 +81,12 @@ class FaultDetector:
         if self._since_check >= CHECK_EVERY_BINS:
             self._since_check = 0
             self._check_axes(means_g)
-        self.fault = constant or find_implausible_mean(means_g[-BINS_PER_PERIOD:]) or self._silent_axis
+        found: tuple[tuple[ReasonCode, str | None], ...] = (
+            ("axis_constant", constant),
+            ("implausible_mean", find_implausible_mean(means_g[-BINS_PER_PERIOD:])),
+            ("axis_silent", self._silent_axis),
+        )
+        self.fault = next((Reason(code, words) for code, words in found if words), None)
 
     def _check_axes(self, means_g: Array) -> None:
         """Look for an axis that shows nothing of a swing that the others show."""

@@ -11,10 +11,11 @@ from gateway.motion.estimate import MotionEstimate
 from gateway.motion.gyro_reading import GyroPrior
 from gateway.motion.motion_tracker import MotionTracker
 from gateway.numerics.array import Array
+from gateway.reason import Reason
 from gateway.swing.rig import MountedHousing
 
-CONTRADICTS = "the gyroscope is left out: its rates contradict the accelerometer"
-SILENT = "the gyroscope is left out: its rates do not change at all"
+CONTRADICTS = Reason("gyro_left_out", "the gyroscope is left out: its rates contradict the accelerometer")
+SILENT = Reason("gyro_left_out", "the gyroscope is left out: its rates do not change at all")
 LEAST_EVIDENCE = -8.0
 """Log evidence of the forces with the gyroscope less that without it below which the gyroscope is left out. Basis: odds of
 1e10 before tempering."""
@@ -42,7 +43,7 @@ class GyroCheck:
         return self._use_from_s is not None and self._newest_s >= self._use_from_s and not self._is_silent
 
     @property
-    def fault(self) -> str | None:
+    def fault(self) -> Reason | None:
         """Why the gyroscope is left out; None: nothing is known to be wrong with it."""
         if self._is_silent:
             return SILENT

@@ -13,6 +13,7 @@ from gateway.motion.gyro_reading import GyroPrior
 from gateway.motion.gyro_tracker import GyroTracker
 from gateway.motion.motion_tracker import MotionTracker
 from gateway.numerics.array import Array
+from gateway.reason import Reason
 from gateway.swing.model.sensor_lowpass import delay_s
 from gateway.swing.rig import MountedHousing
 
@@ -29,11 +30,14 @@ SHORTEST_DISTANCE = 0.03
 LARGEST_AXIAL_U_G = 3.8e-3
 """Standard uncertainty of the axial reading up to which it tells a swing there. Basis: a constant axial reading of 1 + b is an
 offset or a steady circular swing of sqrt(2 b), here 5 degrees, from which on an angle counts as not known."""
-UNCALIBRATED_AT_LOAD = (
+UNCALIBRATED_AT_LOAD = Reason(
+    "uncalibrated_at_load",
     "a sensor at the load sees a swing by its axial reading alone, and it is not calibrated well enough for that; "
-    "calibrate it, or clamp the housing higher"
+    "calibrate it, or clamp the housing higher",
 )
-CONTRADICTION = "widened: x and y show another swing than z; the housing is not where stated, or a scale is wrong"
+CONTRADICTION = Reason(
+    "contradiction", "widened: x and y show another swing than z; the housing is not where stated, or a scale is wrong"
+)
 
 
 class MotionMonitor:
@@ -52,7 +56,7 @@ class MotionMonitor:
         `gyro`: what is known of the gyroscope; None: there is none.
         """
         self._rig, self._mount_u_rad, self._noise_g, self._gyro = rig, mount_u_rad, noise_g, gyro
-        self._warnings: tuple[str, ...] = ()
+        self._warnings: tuple[Reason, ...] = ()
         self.restart()
 
     def restart(self) -> None:
@@ -61,7 +65,7 @@ class MotionMonitor:
         self._faults = FaultDetector(self._rig)
         self._unclipped_s: float | None = None
 
-    def set_sensor(self, rig: MountedHousing, change_u_g: Array, warnings: tuple[str, ...]) -> None:
+    def set_sensor(self, rig: MountedHousing, change_u_g: Array, warnings: tuple[Reason, ...]) -> None:
         """Set the same housing with other uncertainties of its sensor.
 
         `change_u_g`: standard uncertainty of how far the offsets have changed, shape (3,); `warnings`: why.
@@ -114,7 +118,7 @@ class MotionMonitor:
         if (why := self._why_unknown(now_s)) is not None:
             return MotionEstimate(time_s=now_s, state="unknown", reasons=(why,))
         if estimate.angle_rad is None:
-            why = "the readings so far do not determine the angle"
+            why = Reason("undetermined", "the readings so far do not determine the angle")
             return replace(estimate, reasons=(*(estimate.reasons or (why,)), *self._warnings))
         contradiction_u = self._faults.contradiction_u_rel
         parts = (max(self._rig.scale_u), _attenuation(self._rig, estimate.period_s), self._faults.undecided_u_rel)
@@ -128,17 +132,18 @@ class MotionMonitor:
         """Whether the motion explains the readings of the last seconds."""
         return not self._outliers or self._outliers[-1][1] - self._outliers[0][1] < MOST_OUTLIERS
 
-    def _why_unknown(self, now_s: float) -> str | None:
+    def _why_unknown(self, now_s: float) -> Reason | None:
         if self._unclipped_s is None:
-            return "no reading yet"
+            return Reason("no_reading", "no reading yet")
         if self._faults.fault is not None:
             return self._faults.fault
         if not self._faults.is_ready:
-            return "less than half a swing observed"
+            return Reason("too_short", "less than half a swing observed")
         if self._is_blind_at_load():
             return UNCALIBRATED_AT_LOAD
         if now_s - self._unclipped_s > LONGEST_CLIPPING_S:
-            return f"clipped for {now_s - self._unclipped_s:.0f} s: readings reach full scale"
+            words = f"clipped for {now_s - self._unclipped_s:.0f} s: readings reach full scale"
+            return Reason("clipped_long", words)
         return None
 
     def _is_blind_at_load(self) -> bool:
@@ -175,7 +180,7 @@ def _attenuation(rig: MountedHousing, period_s: float | None) -> float:
 
 
 def _with_relative_uncertainty(
-    estimate: MotionEstimate, u_rel: float, u_rel_of_largest: float, reasons: tuple[str, ...]
+    estimate: MotionEstimate, u_rel: float, u_rel_of_largest: float, reasons: tuple[Reason, ...]
 ) -> MotionEstimate:
     """Return the estimate with other reasons and uncertainties: relative ones, and of the largest angle of the last period."""
     if estimate.angle_rad is None or estimate.u_rad is None:

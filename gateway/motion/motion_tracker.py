@@ -25,6 +25,7 @@ from gateway.motion.state_estimate import Angle, Described, describe, swing_phas
 from gateway.motion.state_vector import AXIAL_OFFSET, GYRO_BIAS, N_GYRO_STATES, N_STATES, OFFSET
 from gateway.motion.step_record import StepHistory
 from gateway.numerics.array import Array
+from gateway.reason import Reason
 from gateway.swing.rig import MountedHousing
 
 LONGEST_BIN_S, BINS_PER_PERIOD = 0.5, 20
@@ -231,10 +232,12 @@ class MotionTracker:
         """Return the motion at a time not before the newest bin."""
         newest_s = self.leader.newest_s
         if newest_s is None:
-            return MotionEstimate(time_s=now_s, state="unknown", reasons=("no reading yet",))
+            return MotionEstimate(time_s=now_s, state="unknown", reasons=(Reason("no_reading", "no reading yet"),))
         ahead_s = now_s - newest_s
         if ahead_s > LONGEST_AHEAD_S + self.bin_s or self.leader.filter.is_broken:
-            return MotionEstimate(time_s=now_s, state="unknown", reasons=("no reading that can be used",))
+            return MotionEstimate(
+                time_s=now_s, state="unknown", reasons=(Reason("no_reading", "no reading that can be used"),)
+            )
         return describe(self._state, self._rig.gravity_m_s2, now_s, ahead_s, self._largest(now_s))
 
     def _remember(self, now_s: float) -> None:

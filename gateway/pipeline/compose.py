@@ -28,6 +28,7 @@ from gateway.numerics.stats import NORMAL_975
 from gateway.pipeline.alert_manager import AlertChange
 from gateway.pipeline.incidents import IncidentRegister
 from gateway.pipeline.outgoing_message import Header
+from gateway.reason import Reason
 from gateway.stages.condition import ConditionResult
 from gateway.stages.tilt import axial_tilt, axial_tilt_uncertainty, fused_tilt, lean_direction
 from gateway.swing.estimate import FormulaAngles
@@ -93,7 +94,8 @@ def condition_message(header: Header, result: ConditionResult, correction: Corre
         verdict=result.verdict,
         cause=result.cause,
         trusted=result.trusted,
-        reasons=list(result.reasons),
+        reasons=[str(reason) for reason in result.reasons],
+        reason_codes=_codes(result.reasons),
         gates=result.gates,
         norm_g=finite(result.norm_g),
         permissible_norm_error_g=correction.permissible_norm_error_g,
@@ -129,6 +131,7 @@ def motion_message(header: Header, estimate: MotionEstimate) -> Motion:
     """Return the motion at the time of the message."""
     driven, coasting, largest = estimate.next_peak, estimate.next_peak_if_coasting, estimate.last_peak
     pivot_m_s2, fast = estimate.pivot_acceleration_m_s2, estimate.fast_oscillation
+    reasons = engineer_reasons(estimate)
     known: dict[str, Any] = {name: getattr(estimate, name) for name in COPIED}
     known |= {name: degrees(getattr(estimate, source)) for name, source in ANGLES.items()}
     return Motion(
@@ -147,7 +150,8 @@ def motion_message(header: Header, estimate: MotionEstimate) -> Motion:
         probabilities=_probabilities(estimate.probabilities),
         fast_oscillation_hz=None if fast is None else fast.frequency_hz,
         fast_oscillation_deg=None if fast is None else degrees(fast.angle_rad),
-        reasons=list(engineer_reasons(estimate)),
+        reasons=[str(reason) for reason in reasons],
+        reason_codes=_codes(reasons),
         text=operator_text(estimate),
     )
 
@@ -170,7 +174,7 @@ def swing_message(header: Header, estimate: MotionEstimate, formulas: FormulaAng
         predicted_u_deg=_u_deg(coming),
         time_to_peak_s=None if coming is None else coming.in_s,
         formulas_deg=NO_FORMULAS if formulas is None else _formulas(formulas),
-        reasons=list(engineer_reasons(estimate)),
+        reasons=[str(reason) for reason in engineer_reasons(estimate)],
     )
 
 
@@ -181,6 +185,10 @@ def is_swinging(estimate: MotionEstimate) -> bool | None:
     if estimate.state == "rest":
         return False
     return bool(estimate.amplitude_rad > max(REST_RAD, SIGNIFICANT * estimate.u_rad))
+
+
+def _codes(reasons: tuple[Reason, ...]) -> list[str] | None:
+    return [reason.code for reason in reasons] or None
 
 
 def _angle_deg(peak: PeakEstimate | None) -> float | None:

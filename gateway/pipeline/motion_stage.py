@@ -26,6 +26,7 @@ from gateway.numerics.stats import NORMAL_975
 from gateway.pipeline.compose import motion_message, swing_message
 from gateway.pipeline.outgoing_message import Header
 from gateway.pipeline.rig import configured_housing, with_sensor
+from gateway.reason import Reason
 from gateway.stages.condition import ConditionResult, MotionContext
 from gateway.swing.data.recent_extremes import RecentExtremes
 from gateway.swing.formulas import as_published
@@ -39,7 +40,7 @@ GYRO_BIAS_RAD_S_PER_K = np.radians(0.05)
 GYRO_STEP_K = 0.5
 """Change of temperature from which on the bias is widened. Basis: a choice; above the steps of a thermometer (0.1 °C), and 0.025
 deg/s of bias by `GYRO_BIAS_RAD_S_PER_K`."""
-NOT_CONFIGURED = "where the housing is on the rope is not configured"
+NOT_CONFIGURED = Reason("not_configured", "where the housing is on the rope is not configured")
 SWINGS_PER_PERIOD = 3
 """Messages of the swing in a period. Basis: a choice; the estimate covers whole periods, so that more messages say little that is
 new."""
@@ -127,16 +128,16 @@ class MotionStage:
         self._gyro_temperature_c: float | None = None
         """Temperature at which the gyroscope's bias was last widened."""
         self._swing_due_s = -math.inf
-        self.estimate = _unknown(0.0, "no reading yet")
+        self.estimate = _unknown(0.0, Reason("no_reading", "no reading yet"))
 
-    def restart(self, why: str) -> None:
+    def restart(self, why: Reason) -> None:
         """Forget the past, as while the housing is off the rope."""
         if self._monitor is not None and not self._is_new:
             self._monitor.restart()
             self._is_new = True
         self.set_unknown(why)
 
-    def set_unknown(self, why: str) -> None:
+    def set_unknown(self, why: Reason) -> None:
         """Make the motion unknown until the next samples."""
         self.estimate = _unknown(self.estimate.time_s, why)
 
@@ -223,8 +224,9 @@ class MotionStage:
         offset_u_g = change_k * self._correction.u_zero_g_offset_g_per_k
         axial_u_g = math.hypot(offset_u_g, change_k * self._correction.u_scale_factor_per_k)
         change_u_g = np.array([offset_u_g, offset_u_g, axial_u_g])
-        monitor.set_sensor(rig, change_u_g, self._correction.range_warnings(temperature_c))
+        warnings = tuple(Reason("temperature", words) for words in self._correction.range_warnings(temperature_c))
+        monitor.set_sensor(rig, change_u_g, warnings)
 
 
-def _unknown(time_s: float, why: str) -> MotionEstimate:
+def _unknown(time_s: float, why: Reason) -> MotionEstimate:
     return MotionEstimate(time_s=time_s, state="unknown", reasons=(why,))

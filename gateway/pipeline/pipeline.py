@@ -34,6 +34,7 @@ from gateway.pipeline.outgoing_message import (
     PipelineOutput,
     RateLimiter,
 )
+from gateway.reason import Reason
 from gateway.stages.alerts import Reading
 from gateway.stages.condition import ConditionResult, judge_condition
 from gateway.stages.condition_window import ConditionWindow
@@ -47,7 +48,7 @@ ACCELERATION_PERIOD_S = 0.2
 """Basis: a choice; for a display alone, the recording has the samples."""
 AT_REST = ("static", "quasi_static")
 """The verdicts at which the static tilt is that of the rope."""
-NOT_JUDGED = ConditionResult("unknown", None, False, ("no reading yet",), {}, None)
+NOT_JUDGED = ConditionResult("unknown", None, False, (Reason("no_reading", "no reading yet"),), {}, None)
 
 
 class Pipeline:
@@ -149,7 +150,7 @@ class Pipeline:
             batch = self._forces.take()
             self._lowpassed_g = batch.lowpassed_g[-1]
             yield from self._acceleration(batch, now)
-            yield from self._without_load(self._suspended, due, now)
+            yield from self._without_load(Reason("off_rope", self._suspended), due, now)
         elif due or "fresh" in self._condition.gates:  # stale readings are judged again at once
             yield from self._update(self._forces.take(), due, now)
 
@@ -183,9 +184,10 @@ class Pipeline:
         newest_ns = self._forces.newest_ns
         if newest_ns is not None and now.log_time_ns - newest_ns < self._stale_ns:
             return
-        why = "no sample yet" if newest_ns is None else "stale: no samples are coming"
+        words = "no sample yet" if newest_ns is None else "stale: no samples are coming"
         if self._suspended is not None:
-            why = f"{self._suspended}; {why}"
+            words = f"{self._suspended}; {words}"
+        why = Reason("no_samples", words)
         changed = self._set_unknown(why, {"fresh": False})
         self._motion.set_unknown(why)
         if self._condition_limiter.is_due(now.log_time_ns) or changed:
@@ -193,7 +195,7 @@ class Pipeline:
             yield self._condition_message(now)
         yield from self._apply_limits({}, why, now)
 
-    def _without_load(self, why: str, tilt_due: bool, now: MessageTime) -> Iterator[OutgoingMessage]:
+    def _without_load(self, why: Reason, tilt_due: bool, now: MessageTime) -> Iterator[OutgoingMessage]:
         """Return the messages while the housing is off the rope, when no reading describes the load."""
         changed = self._set_unknown(why, {"on_rope": False})
         self._motion.restart(why)
@@ -208,7 +210,7 @@ class Pipeline:
         changes = list(self._alerts.suspend(why, now.log_time_ns / 1e9))
         yield from self._alert_messages(changes, heartbeat, now)
 
-    def _set_unknown(self, why: str, gates: dict[str, bool]) -> bool:
+    def _set_unknown(self, why: Reason, gates: dict[str, bool]) -> bool:
         """Make the condition unknown; return whether the reason is a new one."""
         changed = self._condition.reasons != (why,)
         self._condition = ConditionResult("unknown", None, False, (why,), gates, None)

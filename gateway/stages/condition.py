@@ -12,6 +12,7 @@ import numpy as np
 
 from gateway.messages import Cause, MotionState, Verdict
 from gateway.numerics.array import Array
+from gateway.reason import Reason, ReasonCode
 from gateway.stages.condition_window import STILL_FLOOR_G, Bin, ConditionWindow, WindowFeatures
 
 ZERO_RATE_RAD_S = np.radians(2.0)
@@ -48,14 +49,14 @@ MAX_TRUSTED_U_RAD = np.radians(1.5)
 angle says no more."""
 DRIVEN_STATES: tuple[MotionState, ...] = ("driven", "hoisting", "wind")
 """States in which something acts on crane or load."""
-Decision = tuple[Verdict, Cause | None, tuple[str, ...]]
+Decision = tuple[Verdict, Cause | None, tuple[Reason, ...]]
 """Verdict, cause and reasons."""
-UNUSABLE = {
+UNUSABLE: dict[ReasonCode, str] = {
     "complete": "more than a tenth of the samples is missing",
     "axes_alive": "an axis reads exactly zero",
 }
-"""Gates without which nothing is known, and the reason."""
-DISTURBING: dict[str, tuple[Cause | None, str]] = {
+"""Gates without which nothing is known, and the reason, which has the name of its gate as code."""
+DISTURBING: dict[ReasonCode, tuple[Cause | None, str]] = {
     "not_clipped": ("clipped", "clipped: a reading reached full scale"),
     "no_impact": ("impact", "impact: a sample far from its neighbours"),
     "not_shaken": ("vibration", "vibration: too strong for a reliable mean"),
@@ -66,6 +67,11 @@ DISTURBING: dict[str, tuple[Cause | None, str]] = {
 }
 """Gates without which a reading is disturbed, with cause and reason."""
 CAUSES: dict[MotionState, Cause] = {"driven": "trolley", "hoisting": "hoisting", "wind": "wind"}
+TOO_SHORT = (Reason("too_short", "less than a second of data"),)
+FREE = Reason("free_pendulum", "moves as a free pendulum")
+SMALL_SWING = Reason("small_swing", "swings too little to be more than at rest")
+TURNING_POINT = Reason("turning_point", "at rest for too short a time: the load may be at the turning point of a swing")
+NOT_WELL_KNOWN = Reason("undetermined", "moving, and the angle is not known well enough")
 TRUSTED_VERDICTS: tuple[Verdict, ...] = ("static", "quasi_static", "swinging", "driven")
 
 
@@ -104,7 +110,7 @@ class MotionContext:
     """Position of the housing on the rope; None: as near to the load as possible."""
     is_explained: bool = True
     """The motion explains the readings."""
-    reasons: tuple[str, ...] = ()
+    reasons: tuple[Reason, ...] = ()
     """What acts, or why the angle is not known."""
 
     @property
@@ -206,7 +212,7 @@ class ConditionResult:
     verdict: Verdict
     cause: Cause | None
     trusted: bool
-    reasons: tuple[str, ...]
+    reasons: tuple[Reason, ...]
     gates: dict[str, bool]
     norm_g: float | None
 
@@ -217,7 +223,7 @@ def judge_condition(
     """Judge the window; `noise_g` is that of the device, None where it is not known."""
     bins = window.bins
     if len(bins) < MIN_VERDICT_BINS:
-        return ConditionResult("unknown", None, False, ("less than a second of data",), {"enough_data": False}, None)
+        return ConditionResult("unknown", None, False, TOO_SHORT, {"enough_data": False}, None)
     features = WindowFeatures.at(bins, noise_g)
     gates = evaluate_gates(features, window, motion, noise_g, permissible_norm_error_g)
     verdict, cause, reasons = _decide(gates, motion)
@@ -227,11 +233,11 @@ def judge_condition(
 
 def _decide(gates: dict[str, bool], motion: MotionContext) -> Decision:
     """Return verdict and cause; the reasons name what decided."""
-    if unusable := tuple(text for gate, text in UNUSABLE.items() if not gates[gate]):
+    if unusable := tuple(Reason(gate, words) for gate, words in UNUSABLE.items() if not gates[gate]):
         return "unknown", None, unusable
-    if disturbed := [entry for gate, entry in DISTURBING.items() if not gates.get(gate, True)]:
-        cause = next((cause for cause, _ in disturbed if cause is not None), None)
-        return "disturbed", cause, tuple(text for _, text in disturbed)
+    if disturbed := [(gate, *entry) for gate, entry in DISTURBING.items() if not gates.get(gate, True)]:
+        cause = next((cause for _, cause, _ in disturbed if cause is not None), None)
+        return "disturbed", cause, tuple(Reason(gate, words) for gate, _, words in disturbed)
     at_rest = gates["still"] and (gates["steady"] or (motion.state == "rest" and motion.is_below_stillness))
     if at_rest and (not motion.is_known or motion.state != "free"):
         return _decide_at_rest(gates)
@@ -241,21 +247,20 @@ def _decide(gates: dict[str, bool], motion: MotionContext) -> Decision:
 def _decide_by_motion(motion: MotionContext) -> Decision:
     if motion.is_driven:
         return "driven", CAUSES[motion.state], motion.reasons
-    reason = "moves as a free pendulum" if motion.state == "free" else "swings too little to be more than at rest"
-    return "swinging", None, (reason, *motion.reasons)
+    return "swinging", None, (FREE if motion.state == "free" else SMALL_SWING, *motion.reasons)
 
 
 def _decide_unknown(gates: dict[str, bool], motion: MotionContext) -> Decision:
     if gates["still"] and gates["norm_static"]:
-        return "unknown", None, ("still for too short a time: a swing is still at its turning point",)
-    return "unknown", None, motion.reasons or ("moving, and the angle is not known well enough",)
+        return "unknown", None, (TURNING_POINT,)
+    return "unknown", None, motion.reasons or (NOT_WELL_KNOWN,)
 
 
 def _decide_at_rest(gates: dict[str, bool]) -> Decision:
     if not gates["norm_static"]:
-        return "disturbed", None, ("still, but the magnitude is not 1 g",)
+        return "disturbed", None, (Reason("norm_static", "still, but the magnitude is not 1 g"),)
     if not gates.get("not_turning", True):
-        return "disturbed", None, ("the forces are constant, but the housing turns",)
+        return "disturbed", None, (Reason("not_turning", "the forces are constant, but the housing turns"),)
     if gates["quiet"]:
-        return "static", None, ("still, and the magnitude is 1 g",)
-    return "quasi_static", "vibration", ("vibration about a constant mean of 1 g",)
+        return "static", None, (Reason("still", "still, and the magnitude is 1 g"),)
+    return "quasi_static", "vibration", (Reason("vibration", "vibration about a constant mean of 1 g"),)

@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from gateway.messages import Tilt
+from gateway.reason import ReasonCode
 
 Screw = Literal["pitch", "roll"]
 TOLERANCE_RAD = float(np.radians(0.03))
@@ -58,6 +59,8 @@ class ScrewAdvice:
     turns: float
     """Number of turns of the screw; 0 if no screw is to be turned."""
     text: str
+    code: ReasonCode | None = None
+    """Why nothing is to be turned; None: a screw is."""
 
 
 def advise(
@@ -70,14 +73,15 @@ def advise(
     """Return what to do at these angles of the hanging housing, each with the standard uncertainty `u_rad`."""
     screws = screws or ScrewMechanics()
     if not np.isfinite([pitch_rad, roll_rad, u_rad]).all():
-        return wait("wait: the housing moves")
+        return wait("align_moving", "wait: the housing moves")
     screw: Screw = "pitch" if abs(pitch_rad) >= abs(roll_rad) else "roll"
     angle_rad = pitch_rad if screw == "pitch" else roll_rad
     if abs(angle_rad) <= TOLERANCE_RAD:
         if K_ALIGNED * u_rad > TOLERANCE_RAD:
-            text = f"wait: the angle's standard uncertainty is still {np.degrees(u_rad):.3f} deg"
-            return ScrewAdvice("too_noisy", None, None, 0.0, text)
-        return ScrewAdvice("aligned", None, None, 0.0, f"aligned: within {np.degrees(TOLERANCE_RAD):.3f} deg")
+            words = f"wait: the angle's standard uncertainty is still {np.degrees(u_rad):.3f} deg"
+            return ScrewAdvice("too_noisy", None, None, 0.0, words, "align_noisy")
+        words = f"aligned: within {np.degrees(TOLERANCE_RAD):.3f} deg"
+        return ScrewAdvice("aligned", None, None, 0.0, words, "align_aligned")
     sign = screws.pitch_sign if screw == "pitch" else screws.roll_sign
     direction: Literal["in", "out"] = "out" if sign * angle_rad > 0 else "in"
     turns = float(np.tan(abs(angle_rad)) * screws.lever_m / screws.lead_m)
@@ -85,9 +89,9 @@ def advise(
     return ScrewAdvice("turn", screw, direction, turns, text)
 
 
-def wait(reason: str) -> ScrewAdvice:
+def wait(code: ReasonCode, reason: str) -> ScrewAdvice:
     """Return the advice to turn nothing, with its reason."""
-    return ScrewAdvice("not_still", None, None, 0.0, reason)
+    return ScrewAdvice("not_still", None, None, 0.0, reason, code)
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,15 +119,16 @@ class AlignmentAssistant:
         """Return what to do after this tilt and those before it."""
         pitch_deg, roll_deg = tilt.pitch_deg, tilt.roll_deg
         if tilt.calibration_id is None:
-            reason = "no advice: no calibration is in force; recalibrate first"
+            advice = wait("align_no_calibration", "no advice: no calibration is in force; recalibrate first")
         elif pitch_deg is None or roll_deg is None or not tilt.trusted:
-            reason = "wait: no advice while the load moves or the reading is not trusted"
+            advice = wait("align_moving", "wait: no advice while the load moves or the reading is not trusted")
         elif max(abs(pitch_deg), abs(roll_deg)) > MAX_ANGLE_DEG:
-            reason = f"no advice: over {MAX_ANGLE_DEG:.0f} deg off the rope, the housing does not hang"
+            words = f"no advice: over {MAX_ANGLE_DEG:.0f} deg off the rope, the housing does not hang"
+            advice = wait("align_off_rope", words)
         else:
             return self._advise_at_rest(tilt, pitch_deg, roll_deg)
         self._still.clear()
-        return AlignmentReadout(pitch_deg, roll_deg, tilt.u_deg, wait(reason))
+        return AlignmentReadout(pitch_deg, roll_deg, tilt.u_deg, advice)
 
     def _advise_at_rest(self, tilt: Tilt, pitch_deg: float, roll_deg: float) -> AlignmentReadout:
         self._still.append((tilt.time_ns, pitch_deg, roll_deg))
@@ -131,7 +136,9 @@ class AlignmentAssistant:
             self._still.popleft()
         angles_deg = np.array([entry[1:] for entry in self._still])
         if len(angles_deg) < MIN_WINDOW_TILTS:
-            return AlignmentReadout(pitch_deg, roll_deg, tilt.u_deg, wait("wait: the angles are being averaged"))
+            return AlignmentReadout(
+                pitch_deg, roll_deg, tilt.u_deg, wait("align_averaging", "wait: the angles are being averaged")
+            )
         pitch_deg, roll_deg = (float(mean) for mean in angles_deg.mean(axis=0))
         advice = advise(
             float(np.radians(pitch_deg)),

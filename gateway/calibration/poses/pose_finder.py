@@ -5,6 +5,7 @@ import numpy as np
 from gateway.calibration.poses.pose import NominalSensitivity, Pose, RawReadings, find_face, temperature_range
 from gateway.calibration.poses.windows import STILL_RATIO, Rest, StillnessGate, Window, WindowSplitter
 from gateway.numerics.array import Array
+from gateway.reason import Reason
 
 READINGS_PER_POSE = 300
 """Number of readings of a pose (Łuczak et al. 2022, sec. 4)."""
@@ -30,8 +31,9 @@ against a face and is then laid down on it has taken another pose (`faces.MAX_FA
 `faces.MAX_FACE_ANGLE_DEG`."""
 SETTLING_WINDOWS = 1
 """Number of windows that are discarded at the start of a rest. Basis: the movement ends within the first one."""
-PLACE_SENSOR = "lay the sensor down and let it rest"
-TURN_SENSOR = "this pose is taken; turn the sensor to the next one"
+PLACE_SENSOR = Reason("pose_place", "lay the sensor down and let it rest")
+TURN_SENSOR = Reason("pose_turn", "this pose is taken; turn the sensor to the next one")
+HOLD_SENSOR = Reason("pose_hold", "hold still")
 
 
 class PoseFinder:
@@ -52,7 +54,7 @@ class PoseFinder:
         self._settling_windows = SETTLING_WINDOWS
         self._last_mean: Array | None = None
         self._turned = True
-        self._unturned_text = ""
+        self._unturned_text = TURN_SENSOR
 
     @property
     def fraction(self) -> float:
@@ -113,7 +115,7 @@ class PoseFinder:
             self._rest.windows.pop(0)
         self._rest.windows.append(window)
         is_enough = self._rest.count >= READINGS_PER_POSE or float(np.max(self._rest.type_a())) <= self._target
-        self.text = "hold still"
+        self.text = HOLD_SENSOR
         return self._complete_pose() if is_enough and self._rest.duration_s >= MIN_POSE_REST_S else None
 
     def _count_rest(self, window: Window) -> None:
@@ -146,7 +148,9 @@ class PoseFinder:
         rest, self._settling_windows = self._rest, SETTLING_WINDOWS
         if not rest.windows:
             return None
-        self.text = f"moved after {rest.count} of {READINGS_PER_POSE} readings: not taken; lay it down again"
+        self.text = Reason(
+            "pose_moved", f"moved after {rest.count} of {READINGS_PER_POSE} readings: not taken; lay it down again"
+        )
         if (
             rest.duration_s >= MIN_POSE_REST_S
             and float(np.max(rest.type_a())) <= MAX_TYPE_A_G * self.nominal.units_per_g
@@ -160,10 +164,13 @@ class PoseFinder:
         norm_g = float(np.linalg.norm(self.nominal.in_g(pose.mean)))
         self.set_last_pose(pose.mean)
         if abs(norm_g - 1) > NORM_TOLERANCE:
-            self.text = f"reads {norm_g:.2f} g at rest: not taken; hold the sensor still and check its sensitivity"
+            self.text = Reason(
+                "pose_implausible",
+                f"reads {norm_g:.2f} g at rest: not taken; hold the sensor still and check its sensitivity",
+            )
             self._unturned_text = self.text
             return None
-        self.text = f"pose taken: {pose.count} readings"
+        self.text = Reason("pose_taken", f"pose taken: {pose.count} readings")
         return pose
 
     def _pose_of(self, rest: Rest) -> Pose:

@@ -2,6 +2,7 @@
 
 import {setText} from "./facts.js";
 import {decimal, isKnown, NONE} from "./number.js";
+import {reasonText} from "./sentence.js";
 import {addShape} from "./svg.js";
 import {text} from "./texts.js";
 
@@ -17,7 +18,7 @@ export class AlignScreen {
   show(view, turn, wanted, gone) {
     this.section.hidden = !wanted;
     if (!wanted) return;
-    const none = {state: "not_still", screw: null, direction: null, turns: 0, text: text("align_no_readings")};
+    const none = {state: "not_still", screw: null, direction: null, turns: 0, code: null};
     const advice = gone || !view ? none : view.advice;
     const word = document.getElementById("align-word");
     word.dataset.state = this.section.dataset.state = advice.state;
@@ -25,10 +26,10 @@ export class AlignScreen {
     setText("align-turns", advice.state === "turn" ? turns(advice.turns) : "");
     setText("align-pitch", angle(gone ? null : view?.pitch_deg));
     setText("align-roll", angle(gone ? null : view?.roll_deg));
-    setText("align-text", advice.state === "turn" ? text("align_then") : advice.text);
+    setText("align-text", advice.state === "turn" ? text("align_then") : advice.code ? reasonText(advice.code) : text("align_no_readings"));
     const u = view?.u_calibration_deg;
     setText("align-known", isKnown(u) ? text("align_u", {angle: decimal(2 * u, 2)}) : "");
-    setText("align-shaft", gone || !turn ? "" : turn.turn ? `${turn.text}; ${turn.errors}` : turn.text);
+    setText("align-shaft", gone || !turn ? "" : shaftText(turn));
     this.picture(advice);
   }
 
@@ -50,6 +51,17 @@ function turns(count) {
   if (count < 0.095) return text("turn_degrees", {count: Math.max(1, Math.round(360 * count))});
   return text(count === 1 ? "turns_one" : "turns_many", {count: decimal(count, count < 1 ? 2 : 1)});
 }
+
+// Return what to do after a turn on a shaft, with the errors of alignment (Łuczak et al. 2022, eq. 1 and 2).
+function shaftText({turned_rad: turnedRad, n_turns: count, advice}) {
+  const turning = text("shaft_turning", {turned: degreesOf(turnedRad, 0), number: count + 1});
+  if (!advice) return turning;
+  const {screw_axis: axis, direction, precision_error_rad: apeRad, total_error_rad: taeRad} = advice;
+  const values = advice.state === "adjust" ? {axis, direction: text(`way_${direction}`), turns: turns(advice.turns)} : {};
+  return `${text(`shaft_${advice.state}`, values)} ${text("shaft_errors", {ape: degreesOf(apeRad, 3), tae: degreesOf(taeRad, 3)})} ${turning}`;
+}
+
+const degreesOf = (angleRad, digits) => decimal((180 / Math.PI) * angleRad, digits);
 
 // Right-handed threads, heads towards the viewer: in is clockwise.
 function drawScrew(svg, name, direction, done) {

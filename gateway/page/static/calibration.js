@@ -3,6 +3,7 @@
 import {drawBox, drawDone} from "./box.js";
 import {setText} from "./facts.js";
 import {isKnown} from "./number.js";
+import {reasonText} from "./sentence.js";
 import {text} from "./texts.js";
 
 const FACES = ["+x", "-x", "+y", "-y", "+z", "-z"];
@@ -23,8 +24,7 @@ export class CalibrationScreen {
     showDoing(session, gone);
     showPoses(session);
     setText("session-text", gone ? text("rigger_no_contact") : whatNext(session));
-    showNotes(session);
-    setText("session-who", session.by ? text("rigger_by", session) : "");
+    setText("session-who", session.by ? text("rigger_by", {method: text(`method_${session.method}`), by: session.by}) : "");
   }
 
   // Draw only when the picture changes.
@@ -48,8 +48,9 @@ function upText(session) {
 }
 
 function whatNext(session) {
-  if (session.phase === "collecting") return session.text;
-  return text(session.phase === "review" ? "rigger_review" : "rigger_left");
+  if (session.phase === "collecting") return (session.hints ?? []).map(reasonText).join(" ");
+  if (session.phase === "review") return text(session.committable ? "rigger_review" : "rigger_refused");
+  return text("rigger_left");
 }
 
 // "Hold still" only while a pose is being taken: a sensor that rests on a face that is already taken must be turned.
@@ -85,11 +86,4 @@ function showPoses(session) {
   list.dataset.key = key;
   list.replaceChildren(...entries.map(([name, css]) =>
     Object.assign(document.createElement("li"), {textContent: name, className: css})));
-}
-
-function showNotes(session) {
-  const list = document.getElementById("session-notes");
-  const texts = [...session.reasons, ...session.notes].slice(0, 4);
-  if (texts.join("\n") === [...list.children].map((item) => item.textContent).join("\n")) return;
-  list.replaceChildren(...texts.map((text) => Object.assign(document.createElement("li"), {textContent: text})));
 }

@@ -1,7 +1,7 @@
 // The sentence on the card of a gateway: why it asks for action, from the codes in its status, in the language of the page.
 
 import {sentence} from "./sentence.js";
-import {hasText, text} from "./texts.js";
+import {hasText, partName, text} from "./texts.js";
 
 // Return the sentence of a card; empty where all is well and the limits are those of commissioning.
 export function cardSentence({word, alive, causes}) {
@@ -13,7 +13,7 @@ export function cardSentence({word, alive, causes}) {
     case "DUPLICATE": return text("fleet_duplicate");
     case "FAULT": return text("fleet_fault", {parts: causes.faulty_parts.map(partName).join(", ")});
     case "BATTERY LOW": return text("note_battery");
-    case "UNKNOWN": return causes.validity === "no_samples" ? text("no_samples") : doubt(causes) ?? text("fleet_unknown");
+    case "UNKNOWN": return causes.validity === "no_samples" ? text("reason_no_samples") : doubt(causes) ?? text("unknown");
     case "DISTURBED": return doubt(causes) ?? text("disturbed");
     default: return sentence({word}, operatorState(alive, causes));
   }
@@ -29,5 +29,3 @@ function doubt({failed_gates: gates}) {
   const told = gates.find((gate) => hasText(`gate_${gate}`));
   return told === undefined ? null : text(`gate_${told}`);
 }
-
-const partName = (part) => (hasText(`part_${part}`) ? text(`part_${part}`) : part);

@@ -22,13 +22,13 @@ export function showFacts(state, waitedS) {
   const goodAgeS = good ? good.age_s + waitedS : null;
   setFact("good", good ? ago(goodAgeS) : text("none_yet"), !good || goodAgeS > 5);
   const trust = condition?.trusted ? text("trusted") : text("not_trusted");
-  setFact("condition", condition ? `${condition.verdict.replace("_", " ")}, ${trust}` : NONE, Boolean(condition) && !condition.trusted);
+  setFact("condition", condition ? `${text(`verdict_${condition.verdict}`)}, ${trust}` : NONE, Boolean(condition) && !condition.trusted);
   setFact("period", `${fixed(swing?.period_s, 2, "s")}, ${fixed(motion?.length_m, 2, "m")}`);
   const pivot = motion?.pivot_accel_m_s2;
   setFact("pivot", `${fixed(pivot && Math.hypot(...pivot), 2, "m/s²")}, ${fixed(motion?.hoist_m_s, 2, "m/s")}`);
   const status = calibration?.status ?? condition?.calibration;
   const calibrated = status === "calibrated" || status === "factory";
-  setFact("calibration", status ? status.replace("_", " ") : NONE, Boolean(status) && !calibrated);
+  setFact("calibration", status ? text(`calibration_${status}`) : NONE, Boolean(status) && !calibrated);
   const newest = tilt ?? swing;
   setText("clock-quality", newest ? text(`clock_${newest.clock}`) : text("fact_clock"));
   setFact("clock", newest ? timeWithZone(newest.time_ns) : NONE, newest?.clock === "free_running" && health?.device_kind !== "simulated");
@@ -46,7 +46,7 @@ function showHealth(health) {
   setFact("drift", driftText(health.drift), health.drift?.state === "alarm");
   const lostShare = health.samples > 0 ? (100 * health.lost) / (health.samples + health.lost) : 0;
   const faults = Object.values(health.faults).reduce((sum, n) => sum + n, 0);
-  const state = health.state === "running" ? "" : ` ${health.state}`;
+  const state = health.state === "running" ? "" : `, ${text(`state_${health.state}`)}`;
   setFact("device", `${health.device_id ?? health.device_kind}${state}`, health.state !== "running");
   setFact("rate", isKnown(health.measured_rate_hz) ? fixed(health.measured_rate_hz, 1, "Hz") : NONE);
   setFact("lost", `${count(health.lost)} (${decimal(lostShare, lostShare < 10 ? 2 : 0)} %)`, lostShare > 1);

@@ -1,6 +1,6 @@
 // Faults of the gateway: one line on the operator's screen where the operator must act, everything on the service screen.
 
-import {text} from "./texts.js";
+import {partName, text} from "./texts.js";
 
 // Return the operator's line; empty where the operator need not act.
 export function operatorNotice(health) {
@@ -13,11 +13,12 @@ export function operatorNotice(health) {
   return "";
 }
 
-// Return the lines for the service engineer.
+// Return the lines for the service engineer; what fails is followed by the words of the log.
 export function serviceNotices(health) {
   if (!health) return [];
-  const state = health.state === "running" ? [] : [`gateway ${health.state}`];
+  const state = health.state === "running" ? [] : [`${text("fact_device")}: ${text(`state_${health.state}`)}`];
   const recording = health.recording_error ? [`${text("not_recording")} ${health.recording_error}`] : [];
-  const others = Object.entries(health.standing_faults ?? {}).filter(([part]) => part !== "recording").map(([, reason]) => reason);
-  return [...state, ...recording, ...others, ...(health.changed_limits ?? [])];
+  const others = Object.entries(health.standing_faults ?? {}).filter(([part]) => part !== "recording")
+    .map(([part, reason]) => `${text("fleet_fault", {parts: partName(part)})} ${reason}`);
+  return [...state, ...recording, ...others, ...(health.changed_limits ?? []).map((change) => `${text("note_limits")} ${change}`)];
 }

@@ -13,7 +13,7 @@ import {ago, decimal, degrees, isKnown, nearestDirection, upwards} from "./numbe
 import {operatorNotice, serviceNotices} from "./notices.js";
 import {Person} from "./person.js";
 import {bigNumber} from "./peak.js";
-import {sentence} from "./sentence.js";
+import {reasonText, sentence} from "./sentence.js";
 import {addSymbols} from "./shapes.js";
 import {Sound} from "./sound.js";
 import {Steady} from "./steady.js";
@@ -178,7 +178,9 @@ function showReasons(verdict, {condition, motion, health}) {
   element("to-service").classList.toggle("faulty", notices.length > 0);
   setText("service-faults", notices.length > 0 ? text("service_faults", {count: notices.length}) : "");
   setText("note", operatorNotice(health));
-  const all = [...notices, ...verdict.reasons, ...(condition?.reasons ?? []), ...(motion?.reasons ?? [])];
+  const words = [verdict.word, ...verdict.also].filter((word) => word !== "OK");
+  const codes = [...(condition?.reason_codes ?? []), ...(motion?.reason_codes ?? [])];
+  const all = [...notices, ...words.map((word) => sentence({word}, state)), ...codes.map(reasonText)];
   const texts = [...new Set(all)].slice(0, MAX_REASONS);
   if (texts.length === 0) texts.push(text("none"));
   if (texts.join("\n") === [...list.children].map((item) => item.textContent).join("\n")) return;

@@ -6,6 +6,7 @@ import {SOON_S} from "./peak.js";
 import {hasText, text} from "./texts.js";
 
 const CERTAIN = 0.95; // probability from which on a cause is named
+const PASSING = new Set(["no_reading", "too_short", "undetermined", "turning_point", "clipped_long", undefined]); // they end by themselves
 const CAUSES = new Set(["driven", "wind", "hoisting"]);
 const asItIs = (_part, form) => form;
 
@@ -18,7 +19,7 @@ export function sentence(verdict, state, keep = asItIs, waitedS = 0) {
     case "SUSPENDED": return text(isActive(calibration?.session) ? "suspended" : "suspended_after");
     case "UNCALIBRATED": return text("uncalibrated");
     case "DISTURBED": return text("disturbed");
-    case "UNKNOWN": return `${capital(firstReason(verdict, motion))}. ${whenBack(state)}`;
+    case "UNKNOWN": return unknownSentence(state);
     case "STALE": return staleSentence(state);
     case "NO DATA": return text(state.gateway ? "starting" : "gateway_gone");
     default: return doing(motion, keep);
@@ -69,24 +70,29 @@ function whatFollows({next_level: level, next_below_deg: belowDeg, ends_in_s: in
 
 const isActive = (session) => session?.phase === "collecting" || session?.phase === "review";
 
-function firstReason(verdict, motion) {
-  const reason = motion?.state === "unknown" ? motion.reasons[0] : verdict.reasons[0];
-  return reason ?? "no reason given";
+// Return the text of a reason by its code; a general one where this page does not know the code.
+export const reasonText = (code) => text([`reason_${code}`, `gate_${code}`].find(hasText) ?? "unknown");
+
+function unknownSentence(state) {
+  const {motion, condition} = state.topics;
+  const codes = motion?.state === "unknown" ? motion.reason_codes : condition?.trusted === false ? condition.reason_codes : null;
+  const code = codes?.[0];
+  return `${reasonText(code)} ${PASSING.has(code) ? whenBack(state) : knownLast(state)}`.trim();
 }
 
-const capital = (words) => words.charAt(0).toUpperCase() + words.slice(1);
+const knownLast = ({last_good: good}) => (good ? text("known_last", {ago: ago(good.age_s)}) : "");
 
 // Return when the swing is usually known again: within a period, unless it has been unknown for longer.
-function whenBack({topics: {swing}, last_good: good}) {
-  const periodS = swing?.period_s;
-  if (!good) return text("known_soon");
-  if (isKnown(periodS) && good.age_s < 2 * periodS) return text("back_within", {seconds: Math.ceil(periodS)});
-  return text("known_last", {ago: ago(good.age_s)});
+function whenBack(state) {
+  const periodS = state.topics.swing?.period_s;
+  if (!state.last_good) return text("known_soon");
+  if (isKnown(periodS) && state.last_good.age_s < 2 * periodS) return text("back_within", {seconds: Math.ceil(periodS)});
+  return knownLast(state);
 }
 
 function staleSentence(state) {
   if (!state.gateway) return text("gateway_gone");
   const silentS = state.age_s.tilt ?? Math.max(...Object.values(state.age_s), 0); // others come once in seconds
   if (state.topics.alert?.validity !== "no_samples") return text("no_new_data", {seconds: Math.round(silentS)});
-  return isKnown(state.age_s.tilt) ? `${text("no_samples")} ${text("known_last", {ago: ago(silentS)})}` : text("no_samples");
+  return isKnown(state.age_s.tilt) ? `${text("reason_no_samples")} ${text("known_last", {ago: ago(silentS)})}` : text("reason_no_samples");
 }

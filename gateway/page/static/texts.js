@@ -21,3 +21,6 @@ export function text(key, values = {}) {
 
 // Return whether a key has a text.
 export const hasText = (key) => key in TEXTS;
+
+// Return the name of a part of the gateway.
+export const partName = (part) => (hasText(`part_${part}`) ? text(`part_${part}`) : part);

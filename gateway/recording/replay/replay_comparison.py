@@ -15,7 +15,7 @@ from gateway.topics import TOPICS
 MAX_COUNTERPART_DELAY_NS = 5_000_000_000
 """A message whose counterpart has not come this much later has none. Basis: a choice; longer than the longest interval of any
 topic but the calibration, and a bound of the memory."""
-PROSE = frozenset({"text", "reasons", "change"})
+PROSE = frozenset({"text", "reasons", "reason_codes", "change"})
 """Fields with numbers in words, which are not compared within a tolerance."""
 RELATIVE_TOLERANCE = 1e-6
 """Relative difference of numbers that count as equal. Basis: a choice; above the rounding of a sum, below any recorded digit."""

@@ -11,6 +11,7 @@ from gateway.motion.description import engineer_reasons
 from gateway.motion.estimate import MotionEstimate
 from gateway.motion.motion_monitor import MotionMonitor
 from gateway.numerics.array import Array
+from gateway.reason import Reason
 from gateway.swing.rig import MountedHousing
 from tests.gateway.motion.conftest import Recording, swing
 from tests.values import present
@@ -219,11 +220,11 @@ def test_a_changed_sensor_widens_the_interval_and_says_why() -> None:
     first = replace(recording, time_s=recording.time_s[:1000], force_g=recording.force_g[:1000])
     list(follow(first, monitor))
     before = list(follow(first, undisturbed))[-1]
-    monitor.set_sensor(warm, np.full(3, 3e-3), ("widened: warm",))
+    monitor.set_sensor(warm, np.full(3, 3e-3), (Reason("temperature", "widened: warm"),))
 
     after = monitor.estimate(float(first.time_s[-1]))
 
-    assert after.reasons == ("widened: warm",)
+    assert after.reasons == (Reason("temperature", "widened: warm"),)
     assert present(after.u_rad) > present(before.u_rad)
 
 

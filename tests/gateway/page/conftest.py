@@ -58,7 +58,7 @@ class Scene:
         self.coverage95_deg: list[float] | None = [2.1, 2.5]
         self.state: MotionState = "free"
         self.hoist_m_s = 0.0
-        self.motion_reasons: list[str] = []
+        self.motion_codes: list[str] = []
         self.azimuth_deg: float | None = 35.0
         self.lean_deg = 0.8
         self.level: Level = "normal"
@@ -66,6 +66,7 @@ class Scene:
         self.condition: Verdict = "swinging"
         self.trusted = True
         self.reasons: list[str] = []
+        self.codes: list[str] = []
         self.calibration: CalibrationStatus = "calibrated"
         self.recording_error: str | None = None
         self.device_kind = "adxl355"
@@ -151,7 +152,8 @@ class Scene:
             probabilities=self._probabilities(),
             fast_oscillation_hz=None,
             fast_oscillation_deg=None,
-            reasons=self.motion_reasons,
+            reasons=self.motion_codes,
+            reason_codes=self.motion_codes or None,
             text="Free swing 2.3° ± 0.2°." if known else "Swing not known: too short a stretch.",
         )
 
@@ -186,6 +188,7 @@ class Scene:
             cause=None,
             trusted=self.trusted,
             reasons=self.reasons,
+            reason_codes=self.codes or None,
             gates={"still": False, "not_clipped": True, "norm_hanging": self.trusted},
             norm_g=1.0003,
             permissible_norm_error_g=0.004,

@@ -60,7 +60,7 @@ def _acknowledged(scene: Scene) -> None:
 
 def _unknown(scene: Scene) -> None:
     scene.coverage95_deg = scene.swinging = None
-    scene.motion_reasons = ["the readings of the sensor do not change on any axis"]
+    scene.motion_codes = ["implausible_mean"]
 
 
 def _suspended(scene: Scene) -> None:
@@ -76,8 +76,7 @@ def _suspended(scene: Scene) -> None:
         next_face="-x",
         next_direction=[-1.0, 0.0, 0.0],
         suspended=True,
-        text="hold still; next: -x up; missing: -x, +y, -y, +z, -z; 1 earlier pose was not still "
-        "by the noise seen since: take it again",
+        hints=["pose_off_face", "pose_not_still"],
     )
 
 
@@ -86,11 +85,8 @@ def _uncalibrated(scene: Scene) -> None:
 
 
 def _disturbed(scene: Scene) -> None:
-    scene.condition, scene.trusted, scene.reasons = (
-        "disturbed",
-        False,
-        ["the magnitude is not that of a hanging load"] * 3,
-    )
+    scene.condition, scene.trusted = "disturbed", False
+    scene.codes = ["norm_hanging", "explained", "rate_pendulum"]
 
 
 STATES: dict[str, Callable[[Scene], None]] = {

@@ -83,6 +83,7 @@ class ScriptedProcedure:
             next_direction=None,
             complete=complete,
             text="hold still",
+            hints=("pose_hold",),
         )
 
     def resume(self, poses: tuple[Pose, ...]) -> None:

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gateway.messages import MotionState
+from gateway.reason import Reason
 from gateway.stages.condition import ConditionResult, MotionContext, judge_condition
 from gateway.stages.condition_window import ConditionWindow
 
@@ -16,7 +17,7 @@ RATE_HZ, NOISE_G, DM_G = 100.0, 0.0004, 0.002
 Array = NDArray[np.float64]
 
 STILL = MotionContext(state="rest", u_rad=0.001, phi_max_rad=0.002)
-NOT_YET = MotionContext(state="unknown", reasons=("less than half a swing observed",))
+NOT_YET = MotionContext(state="unknown", reasons=(Reason("too_short", "less than half a swing observed"),))
 REST = (0.0, 0.0, 1.0)
 
 
@@ -62,7 +63,12 @@ def test_a_lean_is_static_too() -> None:
 
 
 DRIVEN = MotionContext(
-    state="driven", u_rad=0.005, phi_max_rad=math.radians(8), rho=0.5, period_s=6.0, reasons=("the pivot accelerates",)
+    state="driven",
+    u_rad=0.005,
+    phi_max_rad=math.radians(8),
+    rho=0.5,
+    period_s=6.0,
+    reasons=(Reason("pivot_accelerates", "the pivot accelerates"),),
 )
 
 
