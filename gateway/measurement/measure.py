@@ -7,7 +7,7 @@ corrected. The conditions are judged window by window, with the motion filter an
 import re
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from gateway.motion.motion_monitor import MotionMonitor
 from gateway.numerics.array import Array
 from gateway.pipeline.motion_stage import motion_context
 from gateway.reason import Reason
-from gateway.stages.condition import ConditionResult, MotionContext, judge_condition
+from gateway.stages.condition import DRIVEN_STATES, ConditionResult, MotionContext, judge_condition
 from gateway.stages.condition_window import ConditionWindow
 from gateway.stages.lowpass import LowPass
 from gateway.stages.tilt import TiltAngles, axial_tilt, fused_tilt, plain_tilt, roll_about_x
@@ -58,10 +58,13 @@ class ConditionSummary:
     """Number of windows by verdict."""
 
 
-def summarise_conditions(source: Source) -> ConditionSummary:
-    """Judge every window of a recording and return the most frequent verdict."""
+def summarise_conditions(source: Source, *, swings_freely: bool = False) -> ConditionSummary:
+    """Judge every window of a recording and return the most frequent verdict.
+
+    `swings_freely`: one free swing explains the whole recording, so that nothing else acts in any window.
+    """
     by_verdict: dict[str, list[ConditionResult]] = defaultdict(list)
-    windows_judged = list(_judge_windows(source))
+    windows_judged = list(_judge_windows(source, swings_freely))
     later = [result for result in windows_judged if result.gates.get("enough_data", True)]
     for result in later or windows_judged:  # the first windows of a recording are always too short
         by_verdict[result.verdict].append(result)
@@ -82,7 +85,7 @@ def _without_numbers(reasons: Sequence[str]) -> tuple[str, ...]:
     return tuple(re.sub(r"[-+]?\d[\d.]*", "#", reason) for reason in reasons)
 
 
-def _judge_windows(source: Source) -> Iterator[ConditionResult]:
+def _judge_windows(source: Source, swings_freely: bool) -> Iterator[ConditionResult]:
     recording = source.recording
     noise_g = None if source.noise_g is None else float(np.max(source.noise_g))
     window, monitor = ConditionWindow(), _motion_monitor(source, noise_g)
@@ -104,6 +107,8 @@ def _judge_windows(source: Source) -> Iterator[ConditionResult]:
             monitor.update(time_s, force_g, is_clipped, None if source.rate_rad_s is None else source.rate_rad_s[block])
             estimate = monitor.estimate(float(time_s[-1]))
             motion = motion_context(estimate, source.housing, is_explained=monitor.is_explained)
+            if swings_freely and motion.state in DRIVEN_STATES:
+                motion = replace(motion, state="free", reasons=())
         if number % BLOCKS_PER_VERDICT == 0:
             yield judge_condition(window, motion, noise_g, source.permissible_norm_error_g)
 
@@ -216,7 +221,7 @@ def measure(source: Source, *, with_motion: bool = False) -> Measurement:
         arctangent_tilt=plain_tilt(mean_g),
         roll_gamma_rad=roll_about_x(mean_g),
         axial_rad=axial_tilt(mean_g),
-        conditions=summarise_conditions(source),
+        conditions=summarise_conditions(source, swings_freely=bool(swing.swinging) and is_free_swing(swing)),
         judged=source,
         free_swing=cut.free_swing,
         motion=motion,

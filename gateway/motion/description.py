@@ -14,6 +14,8 @@ LARGEST_REST_RAD = np.radians(1.0)
 """Amplitude from which on a load is not said to rest, however uncertain it is. Basis: what an operator sees."""
 SIGNIFICANT = 3.0
 """Standard uncertainties."""
+DISTINCT = 2.45
+"""Standard uncertainties by which a horizontal vector differs from zero. Definition: noise of two axes is longer in 5 %."""
 SLOWEST_HOIST_M_S = 0.02
 LIKELY = 0.5
 """Definition: the more probable of two."""
@@ -59,6 +61,17 @@ def operator_text(estimate: MotionEstimate) -> str:
     )
 
 
+def is_cause_distinct(estimate: MotionEstimate) -> bool:
+    """Return whether what acts by the state of the motion, if anything does, is distinguishable from nothing."""
+    if estimate.state == "driven" and estimate.pivot_acceleration_m_s2 is not None:
+        size, u = float(np.hypot(*estimate.pivot_acceleration_m_s2)), estimate.pivot_acceleration_u_m_s2
+    elif estimate.state == "wind":
+        size, u = estimate.push or 0.0, estimate.push_u
+    else:
+        return True
+    return u is None or size > DISTINCT * u
+
+
 def engineer_reasons(estimate: MotionEstimate) -> tuple[Reason, ...]:
     """Return what acts, with numbers, before the reasons of the estimate itself."""
     return (*_drive(estimate), *_fast_oscillation(estimate), *_askew(estimate), *estimate.reasons)
@@ -71,14 +84,16 @@ def _what_acts(estimate: MotionEstimate) -> str:
 
 
 def _drive(estimate: MotionEstimate) -> tuple[Reason, ...]:
+    may = "" if is_cause_distinct(estimate) else "perhaps "
     if estimate.state == "driven" and estimate.pivot_acceleration_m_s2 is not None:
         size_m_s2, u_m_s2 = float(np.hypot(*estimate.pivot_acceleration_m_s2)), estimate.pivot_acceleration_u_m_s2
-        return (Reason("pivot_accelerates", f"the pivot accelerates by {size_m_s2:.2f} m/s^2 (u {u_m_s2:.2f})"),)
+        words = f"{may}the pivot accelerates by {size_m_s2:.2f} m/s^2 (u {u_m_s2:.2f})"
+        return (Reason("pivot_accelerates", words),)
     if estimate.state == "hoisting" and estimate.hoist_m_s is not None:
         words = f"the rope's length changes by {estimate.hoist_m_s:+.2f} m/s (u {estimate.hoist_u_m_s:.2f})"
         return (Reason("rope_length_changes", words),)
     if estimate.state == "wind":
-        return (Reason("wind", "a force pushes the load, and the pivot rests"),)
+        return (Reason("wind", f"{may}a force pushes the load, and the pivot rests"),)
     return ()
 
 

@@ -51,6 +51,9 @@ class MotionEstimate:
     pivot_acceleration_m_s2: tuple[float, float] | None = None
     """Horizontal acceleration of the pivot, in the housing frame."""
     pivot_acceleration_u_m_s2: float | None = None
+    push: float | None = None
+    """Horizontal force of a gust on the load, over the weight."""
+    push_u: float | None = None
     hoist_m_s: float | None = None
     """Rate of the rope's length, lowering positive."""
     hoist_u_m_s: float | None = None

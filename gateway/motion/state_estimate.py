@@ -115,6 +115,8 @@ def describe(
         rate_rad_s=-(angle.direction * w.conjugate()).real if known else None,
         pivot_acceleration_m_s2=(pivot.real * g, pivot.imag * g),
         pivot_acceleration_u_m_s2=math.hypot(*sigma[PIVOT]) / math.sqrt(2) * g,
+        push=abs(pushing),
+        push_u=math.hypot(*sigma[GUST]) / math.sqrt(2),
         hoist_m_s=mean[HOIST_SPEED],
         hoist_u_m_s=sigma[HOIST_SPEED],
         probabilities=tuple(state.weight.tolist()),

@@ -17,7 +17,7 @@ from devices.saturation import angular_rates
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
 from gateway.messages import Motion, Swing
-from gateway.motion.description import engineer_reasons, operator_text
+from gateway.motion.description import engineer_reasons, is_cause_distinct, operator_text
 from gateway.motion.estimate import MotionEstimate
 from gateway.motion.gyro_reading import GyroPrior
 from gateway.motion.motion_monitor import MotionMonitor
@@ -90,6 +90,7 @@ def motion_context(estimate: MotionEstimate, rig: MountedHousing | None, *, is_e
         period_s=estimate.period_s,
         rho=None if rig is None or length_m is None else rig.rho_at(length_m),
         is_explained=is_explained,
+        is_cause_distinct=is_cause_distinct(estimate),
         reasons=engineer_reasons(estimate),
     )
 

@@ -68,8 +68,12 @@ DISTURBING: dict[ReasonCode, tuple[Cause | None, str]] = {
 """Gates without which a reading is disturbed, with cause and reason."""
 CAUSES: dict[MotionState, Cause] = {"driven": "trolley", "hoisting": "hoisting", "wind": "wind"}
 TOO_SHORT = (Reason("too_short", "less than a second of data"),)
-FREE = Reason("free_pendulum", "moves as a free pendulum")
-SMALL_SWING = Reason("small_swing", "swings too little to be more than at rest")
+SWINGING: dict[MotionState, Reason] = {
+    "free": Reason("free_pendulum", "moves as a free pendulum"),
+    "rest": Reason("small_swing", "moves, but by no more than what counts as rest"),
+}
+"""The reason of this verdict by the state of the motion."""
+UNCERTAIN_CAUSE = Reason("free_pendulum", "swings, and nothing else acts for certain")
 TURNING_POINT = Reason("turning_point", "at rest for too short a time: the load may be at the turning point of a swing")
 NOT_WELL_KNOWN = Reason("undetermined", "moving, and the angle is not known well enough")
 TRUSTED_VERDICTS: tuple[Verdict, ...] = ("static", "quasi_static", "swinging", "driven")
@@ -110,6 +114,8 @@ class MotionContext:
     """Position of the housing on the rope; None: as near to the load as possible."""
     is_explained: bool = True
     """The motion explains the readings."""
+    is_cause_distinct: bool = True
+    """What acts by the state is distinguishable from nothing."""
     reasons: tuple[Reason, ...] = ()
     """What acts, or why the angle is not known."""
 
@@ -126,8 +132,8 @@ class MotionContext:
 
     @property
     def is_driven(self) -> bool:
-        """Something acts on crane or load."""
-        return self.state in DRIVEN_STATES
+        """Something acts on crane or load, and its size is distinguishable from zero."""
+        return self.state in DRIVEN_STATES and self.is_cause_distinct
 
 
 def evaluate_gates(
@@ -197,7 +203,7 @@ def _rotation_gates(bins: list[Bin], motion: MotionContext) -> dict[str, bool]:
     rates = [b.rate_rad_s for b in bins if b.rate_rad_s is not None]
     if not rates:
         return {}
-    free = not motion.is_driven
+    free = motion.state not in DRIVEN_STATES
     return turning_gates(np.array(rates), motion.phi_max_rad if free else None, motion.period_s if free else None)
 
 
@@ -247,7 +253,7 @@ def _decide(gates: dict[str, bool], motion: MotionContext) -> Decision:
 def _decide_by_motion(motion: MotionContext) -> Decision:
     if motion.is_driven:
         return "driven", CAUSES[motion.state], motion.reasons
-    return "swinging", None, (FREE if motion.state == "free" else SMALL_SWING, *motion.reasons)
+    return "swinging", None, (SWINGING.get(motion.state, UNCERTAIN_CAUSE), *motion.reasons)
 
 
 def _decide_unknown(gates: dict[str, bool], motion: MotionContext) -> Decision:

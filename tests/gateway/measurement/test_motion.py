@@ -19,6 +19,7 @@ from gateway.measurement.report import as_json, as_text
 from gateway.measurement.source import Source
 from gateway.measurement.swing import estimate_source_swing
 from gateway.motion.history import MotionPhase
+from gateway.swing.model.mount import rotation
 from gateway.swing.rig import MountedHousing
 from tests.gateway.measurement.simulated_source import source_of
 from tests.values import present
@@ -139,6 +140,30 @@ def test_a_housing_at_an_unknown_place_has_no_motion(working: tuple[Source, floa
 def test_readings_that_no_upright_housing_has_give_no_motion(working: tuple[Source, float]) -> None:
     source = working[0]
     assert measure(replace(source, force_g=source.force_g[:, [2, 1, 0]]), with_motion=True).motion is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("askew_deg", [1.0, 5.0])
+def test_a_free_swing_near_the_pivot_with_a_housing_askew_has_no_drive_and_no_wind(askew_deg: float) -> None:
+    position_m = 0.05 * LENGTH_M
+    swinging = Crane(
+        length_m=LENGTH_M,
+        position_m=position_m,
+        gravity_m_s2=9.80665,
+        events=(),
+        motion=start_motion(math.radians(11), 0.0, 0.0, math.radians(5)),
+    )
+    time_s = np.arange(0, 23.0, 1 / 25)
+    turned = rotation(np.array([-math.radians(0.3), math.radians(askew_deg)]))
+    force_g = swinging.specific_force_m_s2(time_s) / 9.80665 @ turned.T
+    force_g += np.random.default_rng(3).normal(0, 3e-4, force_g.shape)
+    housing = MountedHousing(length_m=LENGTH_M, position_m=position_m, mount_u_rad=None, gravity_m_s2=9.80665)
+
+    found = measure(source_of(time_s, force_g, housing, 3e-4))
+
+    assert found.swing.swinging
+    assert (found.conditions.verdict, found.conditions.cause) == ("swinging", None)
+    assert found.conditions.reasons[0] == "moves as a free pendulum"
 
 
 @pytest.mark.slow

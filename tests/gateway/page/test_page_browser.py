@@ -545,7 +545,7 @@ def test_a_restart_of_the_gateway_does_not_end_the_tone_before_the_angle_is_know
     page.process.kill()
     screen.shows("STALE", "hourglass")
     gateway.scene.level = "unknown"
-    gateway.scene.motion_reasons = ["too short a stretch"]
+    gateway.scene.motion_codes = ["too_short"]
     gateway.scene.swinging = gateway.scene.coverage95_deg = None
     page.start_again()
     screen.shows("NOT KNOWN", "question")

@@ -57,6 +57,25 @@ def test_rest_is_static() -> None:
     assert found.norm_g == pytest.approx(1, abs=1e-3)
 
 
+def test_a_cause_that_is_not_distinguishable_from_nothing_is_not_named() -> None:
+    """A filter that finds a drive the likeliest, by less than its uncertainty, has found no drive."""
+    moving = pendulum(math.radians(5), 0.3)
+    drive = MotionContext(state="driven", u_rad=0.003, phi_max_rad=math.radians(6), amplitude_rad=math.radians(5))
+
+    assert judged(*moving, swing=drive).cause == "trolley"
+    faint = judged(*moving, swing=replace(drive, is_cause_distinct=False))
+    assert (faint.verdict, faint.cause) == ("swinging", None)
+    assert faint.gates["not_driven"]
+
+
+def test_a_movement_that_counts_as_rest_is_not_called_too_little() -> None:
+    rest = MotionContext(state="rest", u_rad=0.001, phi_max_rad=0.004, amplitude_rad=0.002)
+
+    found = judged(*pendulum(0.05, 0.3), swing=rest)
+    assert found.verdict == "swinging"
+    assert found.reasons[0] == "moves, but by no more than what counts as rest"
+
+
 def test_a_lean_is_static_too() -> None:
     lean = math.radians(20)
     assert judged(*stretch(mean=(math.sin(lean), 0, math.cos(lean)))).verdict == "static"
