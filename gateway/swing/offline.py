@@ -22,7 +22,7 @@ from gateway.swing.detection.rest_detection import (
     upper_bound_amplitude,
 )
 from gateway.swing.estimate import SwingEstimate
-from gateway.swing.estimation.consistency import choose_phase
+from gateway.swing.estimation.consistency import choose_mode
 from gateway.swing.estimation.make_estimate import NO_MOTION, make_estimate
 from gateway.swing.estimation.robust_fit import (
     FitResult,
@@ -164,11 +164,13 @@ def _swinging_estimate(
 def _whole_fit(
     bins: Bins, noise_g: Array, guesses: list[PendulumMotion], prior: Prior, from_s: float, to_s: float
 ) -> FitResult | None:
-    """Return the fit of the recording from its first periods on, or from guesses for all of it, with the more likely phase."""
+    """Return the fit of the recording from its first periods on, or from guesses for all of it: the most likely of both."""
     result = grow_window(bins, noise_g, prior, from_s, to_s)
-    if result is None or not result.is_explained:  # the first periods may have been taken for a swing of opposite sign
+    if len(guesses) == 1 and (result is None or not result.is_explained):
         result = choose_fit(result, fit_robust_from(bins, noise_g, guesses, prior, FIRST_ITERATIONS))
-    return choose_phase(result, bins, noise_g, FIRST_ITERATIONS) if _is_whole(result, bins) else result
+    whole = result if _is_whole(result, bins) else None
+    several = guesses if len(guesses) > 1 else []
+    return choose_mode(whole, several, bins, noise_g, prior, FIRST_ITERATIONS) or result
 
 
 def _is_whole(result: FitResult | None, bins: Bins) -> TypeGuard[FitResult]:

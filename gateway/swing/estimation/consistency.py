@@ -1,8 +1,9 @@
-"""Other fits that explain a recording almost as well: the swing half a period later, and segments with other sensor errors.
+"""Other fits that explain a recording almost as well: other swings near the load, and segments with other sensor errors.
 
-Opposite phase: near the load, readings across the rope do not show on which side the load is. They are (1 - rho) times the
-swing. Where it is not known whether the sensor is above or below the centre of the swing (rho below or above 1), a swing of
-opposite phase explains the readings almost as well, with other errors of the sensor.
+Near the load, readings across the rope are a small part (1 - rho) of the swing. Where it is not known whether the sensor is above
+or below the centre of the swing (rho below or above 1), a swing of opposite phase explains the readings almost as well, with
+other errors of the sensor. A circular swing has only the mean of the axial force to show its size, so a wider one on a shorter
+rope does as well where the sensor's scale is not known.
 
 Segments: one sensor measured the whole recording, so the segments must agree on its errors. A short segment separates the
 lean from a zero-g offset only weakly, and wrongly where the rope moves unnoticed in it; lean, offset and angle are then wrong
@@ -18,8 +19,14 @@ from numpy.typing import NDArray
 from gateway.numerics.array import Array
 from gateway.swing.data.bins import Bins
 from gateway.swing.estimation.hoist_tracking import FittedInterval
-from gateway.swing.estimation.robust_fit import FitResult, fit_robust, inflate_uncertainty
-from gateway.swing.fit.priors import N_SENSOR_ERRORS, SensorModel
+from gateway.swing.estimation.robust_fit import (
+    RESIDUAL_OUTLIER_SIGMA,
+    FitResult,
+    fit_robust,
+    inflate_uncertainty,
+)
+from gateway.swing.fit.priors import N_SENSOR_ERRORS, Prior, SensorModel
+from gateway.swing.model.motion import PendulumMotion
 from gateway.swing.model.spherical_pendulum import equilibrium
 from gateway.swing.uncertainty.peaks import largest_angle, largest_angle_gradient
 
@@ -97,34 +104,56 @@ def _free_errors(result: FitResult) -> NDArray[np.bool_]:
 MAX_DISTANCE_SIGMA = 3.0
 """Standard uncertainties of the position between the sensor and the load, up to which the phase is not known."""
 DECISIVE_CHI2 = 9.0
-"""Difference of chi-square from which on the less likely phase is left out."""
+"""Difference of chi-square, over the reduced one where that exceeds 1, from which on the less likely fit is left out."""
 
 
-def choose_phase(result: FitResult, bins: Bins, noise_g: Array, iterations: int) -> FitResult:
-    """Return the fit of the more likely phase; an uncertainty that holds both where the readings do not tell them apart."""
-    fit, rig = result.fit, result.fit.prior.rig
-    length_m = fit.motion.length_m
-    sensor_m = rig.position_at(length_m) + fit.sensor.position_error_m
-    position_u_m = float(fit.prior.sigma[-N_SENSOR_ERRORS])
-    if abs(length_m - sensor_m) > MAX_DISTANCE_SIGMA * position_u_m:
+def choose_mode(
+    result: FitResult | None,
+    guesses: list[PendulumMotion],
+    bins: Bins,
+    noise_g: Array,
+    prior: Prior,
+    iterations: int,
+) -> FitResult | None:
+    """Return the most likely one of a fit, those from guesses and that of opposite phase; the fit itself where none is valid.
+
+    Its rivals are all others that the readings do not tell from it, those that converge slowly included.
+    """
+
+    def fit(starts: list[tuple[PendulumMotion, SensorModel]]) -> list[FitResult]:
+        found = [fit_robust(bins, noise_g, motion, prior, iterations, sensor) for motion, sensor in starts]
+        return [each for each in found if each is not None and each.uncertainty.is_adequate]
+
+    starts = [(guess.with_parameters(prior.n_parameters), SensorModel.ideal()) for guess in guesses]
+    fits = fit(starts) + ([] if result is None else [result])
+    if fits:
+        fits += fit(_opposite_phase(min(fits, key=_cost)))
+        best = min(fits, key=_cost)
+        fits += [] if best.fit.converged else fit([(best.fit.motion, best.fit.sensor)])
+    valid = [each for each in fits if each.is_valid]
+    if not valid:
         return result
+    best = min(valid, key=_cost)
+    highest = _cost(best) + DECISIVE_CHI2 * max(best.uncertainty.reduced_chi_square, 1.0)
+    return replace(best, rivals=tuple(each for each in fits if each is not best and _cost(each) < highest))
+
+
+def _opposite_phase(result: FitResult) -> list[tuple[PendulumMotion, SensorModel]]:
+    """Return the start of a fit of opposite phase; none where the sensor is known to be above the load."""
+    fit = result.fit
+    distance_m = fit.motion.length_m - fit.prior.rig.position_at(fit.motion.length_m) - fit.sensor.position_error_m
+    if abs(distance_m) > MAX_DISTANCE_SIGMA * float(fit.prior.sigma[-N_SENSOR_ERRORS]):
+        return []
     q, w, pull = fit.motion.nodes
     motion = replace(fit.motion, nodes=np.stack([2 * equilibrium(pull) - q, -w, pull]))
     errors = np.zeros_like(fit.sensor.errors)
-    errors[0] = fit.sensor.position_error_m + 2 * (length_m - sensor_m)
-    other = fit_robust(bins, noise_g, motion, fit.prior, iterations, SensorModel(errors))
-    if other is None or not other.fit.converged:
-        return result
-    before, after = _cost(result), _cost(other)
-    best, second = (other, result) if after < before else (result, other)
-    if abs(after - before) > DECISIVE_CHI2 or not second.is_valid:
-        return best
-    best_rad, second_rad = (largest_angle(each.fit, each.uncertainty)[0] for each in (best, second))
-    return inflate_uncertainty(best, abs(second_rad / best_rad - 1))
+    errors[0] = fit.sensor.position_error_m + 2 * distance_m
+    return [(motion, SensorModel(errors))]
 
 
 def _cost(result: FitResult) -> float:
-    """Return chi-square by sensor noise, with that of the prior."""
+    """Return chi-square by sensor noise, with that of the prior and with that at which a reading counts as an outlier."""
     fit = result.fit
     of_prior = fit.prior.information @ ((fit.unknowns - fit.prior.mean)[fit.free] ** 2)
-    return result.uncertainty.reduced_chi_square * fit.weight.size + float(of_prior)
+    of_data = result.uncertainty.reduced_chi_square * fit.weight.size
+    return of_data + float(of_prior) + result.outliers * RESIDUAL_OUTLIER_SIGMA**2

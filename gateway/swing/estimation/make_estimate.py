@@ -5,7 +5,7 @@ import numpy as np
 from gateway.numerics.array import Array
 from gateway.numerics.stats import true_runs
 from gateway.swing.estimate import DETECTION_SIGMA, MIN_HOIST_M_S, SwingEstimate, SwingPeak
-from gateway.swing.estimation.robust_fit import FitResult
+from gateway.swing.estimation.robust_fit import FitResult, inflate_uncertainty
 from gateway.swing.model.motion import N_BASE_PARAMETERS, N_STATES
 from gateway.swing.uncertainty.peaks import half_swing_peaks, sample_angles, swing_ellipse
 from gateway.swing.uncertainty.uncertainty_model import UncertaintyModel
@@ -19,6 +19,7 @@ longer linear in what is measured."""
 GRID_STEP_S = 0.25
 REMEDY = "check the housing's position and mount in the rig and --axes, or choose a free swing with --from --to"
 NOT_CONVERGED = f"the fit of a pendulum did not converge: {REMEDY}"
+NOT_AS_STATED = "rig and sensor as stated do not explain the data"
 NO_MOTION = f"no pendulum motion fits the data: {REMEDY}"
 
 
@@ -26,7 +27,8 @@ def make_estimate(result: FitResult, noise_g: Array, from_s: float, to_s: float)
     """Return the estimate between two times in the fitted window; without an angle where no pendulum describes the data."""
     if not result.is_valid:
         return _without_angle(result, noise_g, from_s, to_s)
-    fit, uncertainty = result.fit, result.uncertainty
+    fit = result.fit
+    uncertainty, length_u_m, coverage_rad = _with_rivals(result, from_s, to_s)
     series = sample_angles(fit, from_s, to_s)
     period_s = fit.motion.period_s
     peaks = half_swing_peaks(fit, uncertainty, from_s, to_s)
@@ -39,7 +41,7 @@ def make_estimate(result: FitResult, noise_g: Array, from_s: float, to_s: float)
         swinging=True,
         phi_max_rad=largest.phi_max_rad,
         u_rad=largest.u_rad,
-        coverage95_rad=coverage_interval(largest, uncertainty),
+        coverage95_rad=coverage_rad,
         minor_phi_max_rad=minor_rad,
         azimuth_rad=azimuth_rad,
         lean_rad=float(np.arctan(abs(pull))),
@@ -47,7 +49,7 @@ def make_estimate(result: FitResult, noise_g: Array, from_s: float, to_s: float)
         lean_azimuth_rad=float(np.angle(pull)),
         period_s=period_s,
         length_m=fit.motion.length_m,
-        length_u_m=fit.motion.length_m * uncertainty.length_u_rel,
+        length_u_m=length_u_m,
         damping_ratio=fit.motion.damping_ratio,
         drag=fit.motion.drag,
         friction_rad=fit.motion.friction_rad,
@@ -77,6 +79,23 @@ def coverage_interval(peak: SwingPeak, uncertainty: UncertaintyModel) -> tuple[f
     return max(0.0, low), min(peak.phi_max_rad + half, np.pi)
 
 
+def _with_rivals(result: FitResult, from_s: float, to_s: float) -> tuple[UncertaintyModel, float, tuple[float, float]]:
+    """Return the uncertainty that contains the rivals, that of the length, and the interval by all of them together."""
+    each_largest = [
+        max(half_swing_peaks(each.fit, each.uncertainty, from_s, to_s), key=lambda peak: peak.phi_max_rad)
+        for each in (result, *result.rivals)
+    ]
+    intervals = [
+        coverage_interval(peak, each.uncertainty)
+        for peak, each in zip(each_largest, (result, *result.rivals), strict=True)
+    ]
+    angles_rad = np.array([peak.phi_max_rad for peak in each_largest])
+    lengths_m = np.array([each.fit.motion.length_m for each in (result, *result.rivals)])
+    inflated = inflate_uncertainty(result, float(np.abs(angles_rad / angles_rad[0] - 1).max())).uncertainty
+    length_u_m = np.hypot(lengths_m[0] * inflated.length_u_rel, np.abs(lengths_m - lengths_m[0]).max())
+    return inflated, float(length_u_m), (min(low for low, _ in intervals), max(high for _, high in intervals))
+
+
 def reasons_of(result: FitResult) -> tuple[str, ...]:
     """Return why a number is missing, or why its uncertainty is larger than by noise alone."""
     uncertainty = result.uncertainty
@@ -93,7 +112,7 @@ def reasons_of(result: FitResult) -> tuple[str, ...]:
         reasons.append(f"wider interval: {unexplained}, residual {result.noise_ratio:.1f} times the sensor's noise")
     if result.sensor_errors:
         errors = ", ".join(result.sensor_errors)
-        reasons.append(f"rig and sensor as stated do not explain the data; these errors would: {errors}")
+        reasons.append(f"{NOT_AS_STATED}; these errors would: {errors}")
     if result.outliers:
         reasons.append(f"spikes left out: {result.outliers}")
     return tuple(reasons)

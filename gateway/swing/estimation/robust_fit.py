@@ -57,6 +57,8 @@ class FitResult:
     """Bins that were left out."""
     sensor_errors: tuple[str, ...] = ()
     """Errors of rig or sensor that the data demand, in words."""
+    rivals: tuple["FitResult", ...] = ()
+    """Other swings that the readings do not tell from this one."""
 
     @property
     def is_valid(self) -> bool:
@@ -201,7 +203,7 @@ def choose_damping(viscous: FitResult | None, damped: FitResult | None) -> FitRe
         return choose_fit(viscous, damped)
     before, after = (each.uncertainty.reduced_chi_square for each in (viscous, damped))
     gain = (before - after) / max(after, 1.0) * damped.fit.weight.size
-    return damped if gain > DAMPING_GAIN else viscous
+    return replace(damped, rivals=viscous.rivals) if gain > DAMPING_GAIN else viscous
 
 
 def choose_fit(first: FitResult | None, second: FitResult | None) -> FitResult | None:
