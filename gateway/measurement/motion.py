@@ -20,7 +20,7 @@ from gateway.motion.smoother import smooth_motion
 from gateway.numerics.foreign_readings import saturation_level
 from gateway.swing.data.input_checks import find_fault_in_means
 from gateway.swing.estimate import SwingEstimate
-from gateway.swing.estimation.make_estimate import NO_MOTION
+from gateway.swing.estimation.make_estimate import NO_MOTION, NOT_AS_STATED
 from gateway.swing.rig import MountedHousing
 from gateway.units import degrees
 
@@ -78,6 +78,8 @@ class RecordingMotion:
     """None: not known at any time."""
     known_share: float
     """Part of the time at which the angle is known."""
+    contradicts_rig: bool = False
+    """A free swing shows that rig and sensor are not as stated, on which the motion rests."""
     uses_gyro: bool | None = None
     """The motion includes a gyroscope; False: its rates contradict the accelerometer; None: there is none."""
 
@@ -93,6 +95,11 @@ class RecordingMotion:
 
     @property
     def is_doubted(self) -> bool:
+        """The motion is unreliable, with its intervals."""
+        return self.contradicts_rig or self.drives_too_long
+
+    @property
+    def drives_too_long(self) -> bool:
         """One drive fills most of the recording and lasts longer than that of a crane: what moves is none."""
         duration_s = float(self.history.time_s[-1] - self.history.time_s[0])
         return self.longest_drive_s > max(MAX_DRIVE_S, MAX_DRIVE_SHARE * duration_s)
@@ -128,7 +135,10 @@ def estimate_source_motion(source: Source, swing: SwingEstimate) -> RecordingMot
         uses_gyro = _agree(history, sharpened)
         history = sharpened if uses_gyro else history
     known_share = float(np.isfinite(history.angle_rad).mean())
-    return RecordingMotion(housing, history, history.phases(), history.largest_angle(), known_share, uses_gyro)
+    contradicts_rig = any(reason.startswith(NOT_AS_STATED) for reason in swing.reasons)
+    return RecordingMotion(
+        housing, history, history.phases(), history.largest_angle(), known_share, contradicts_rig, uses_gyro
+    )
 
 
 def _smoothed(
@@ -172,7 +182,7 @@ def with_smoothed_angle(swing: SwingEstimate, motion: RecordingMotion) -> SwingE
     if unknown_s > MAX_UNKNOWN_PERIODS * motion.housing.small_swing_period_s:
         return swing
     at = int(np.abs(history.time_s - largest.time_s).argmin())
-    if motion.is_doubted:
+    if motion.drives_too_long:
         return replace(swing, reasons=(DOUBTED.format(motion.longest_drive_s), *swing.reasons))
     length_m = float(history.length_m[at]) if swing.length_m is None else swing.length_m
     azimuth_rad = float(history.azimuth_rad[at])
@@ -241,7 +251,8 @@ def _largest_text(motion: RecordingMotion) -> str:
     if motion.largest is None or motion.state_at_largest is None:
         return "not known"
     moved = "the crane moved" if motion.crane_moved_at_largest else f"{STATE_TEXT[motion.state_at_largest]}"
-    doubt = f"unreliable, because one drive lasts longer than {MAX_DRIVE_S:.0f} s: " if motion.is_doubted else ""
+    why = NOT_AS_STATED if motion.contradicts_rig else f"one drive lasts longer than {MAX_DRIVE_S:.0f} s"
+    doubt = f"unreliable, because {why}: " if motion.is_doubted else ""
     text = f"{doubt}largest angle {_angle_text(motion.largest)} at {motion.largest.time_s:.1f} s, {moved}"
     if motion.known_share > WHOLLY_KNOWN:
         return text

@@ -14,7 +14,7 @@ from devices.pendulum.pendulum import start_motion
 from devices.simulated.crane import Crane
 from devices.simulated.schedule import Event, Hoist, TrolleyMove
 from gateway.measurement.measure import Measurement, measure
-from gateway.measurement.motion import estimate_source_motion, motion_table, with_smoothed_angle
+from gateway.measurement.motion import estimate_source_motion, motion_rows, motion_table, with_smoothed_angle
 from gateway.measurement.report import as_json, as_text
 from gateway.measurement.source import Source
 from gateway.measurement.swing import estimate_source_swing
@@ -140,6 +140,19 @@ def test_a_housing_at_an_unknown_place_has_no_motion(working: tuple[Source, floa
 def test_readings_that_no_upright_housing_has_give_no_motion(working: tuple[Source, float]) -> None:
     source = working[0]
     assert measure(replace(source, force_g=source.force_g[:, [2, 1, 0]]), with_motion=True).motion is None
+
+
+@pytest.mark.slow
+def test_the_motion_is_doubted_with_the_rig_that_it_rests_on(working: tuple[Source, float]) -> None:
+    source, _ = working
+    swing = estimate_source_swing(source)
+    motion = estimate_source_motion(
+        source, replace(swing, reasons=("rig and sensor as stated do not explain the data",))
+    )
+
+    assert present(motion).is_doubted
+    (_, text), *_ = motion_rows(present(motion))
+    assert text.startswith("unreliable, because rig and sensor as stated do not explain the data: largest angle")
 
 
 @pytest.mark.slow
