@@ -297,6 +297,7 @@ def test_every_state_fits_every_size_and_axe_finds_nothing(
     site.add("crane-1", page=URL)
     site.add("crane-2").level = "trip"
     site.add("crane-3").level = "warn"
+    site.scenes["crane-3"].device_kind = "simulated"
     site.add("crane-4").calibration = "uncalibrated"
     disturbed = site.add("crane-with-a-rather-long-name-of-40-letters-5")
     disturbed.condition, disturbed.trusted, disturbed.reasons = "disturbed", False, [LONG_REASON]
