@@ -21,7 +21,6 @@ from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.format import content as names
 from gateway.recording.format.mcap_writer import DENSE, McapWriter
 from gateway.recording.format.salvage import describe_losses
-from gateway.recording.format.segment_summary import SUMMARY
 from gateway.recording.reading.interval import iso_utc
 from gateway.recording.reading.recording_file import RecordingFile, SegmentIndex, Selection
 from gateway.recording.reading.sample_calibration import NEEDED_TOPICS, CalibratedReader
@@ -31,7 +30,7 @@ from gateway.recording.reading.timeline import (
     Timeline,
     ignore_progress,
 )
-from gateway.recording.segments.copying import STATEMENTS, RecordCopier
+from gateway.recording.segments.copying import RecordCopier
 
 CERTIFICATE_NAME = re.compile(names.CERTIFICATE.format(id=r"[A-Za-z0-9._-]+"))
 """Names of certificates: no attachment of another name is written beside the report."""
@@ -81,7 +80,7 @@ def read_evidence(
 
     Raises `RecordingError`, also where it has no samples, and `CalibrationError` for a damaged record.
     """
-    writer = McapWriter(cut, DENSE)
+    writer = McapWriter(cut, DENSE, defines_before_chunks=True)
     writer.start(profile=names.PROFILE, library=f"plumbline {__version__}")
     copier = RecordCopier(writer)
     builder = CourseBuilder(window.origin_ns)
@@ -89,10 +88,13 @@ def read_evidence(
     files: dict[Path, RecordingFile] = {}
     wanted = Selection(window.begin_ns - CONTEXT_LEAD_NS, window.end_ns + 1)
     for message in timeline.messages(wanted, report):
+        for ended in list(files.values())[-1:] if message.file.path not in files else ():
+            copier.describe(ended)  # what stands behind its last message
         files[message.segment.path] = message.file
         recorded = message.recorded
         if recorded.log_time_ns < window.begin_ns and recorded.topic not in REPEATED_PATHS:
             continue
+        copier.describe(message.file)
         copier.add_message(recorded, message.file.schemas.get(recorded.channel.schema_id))
         if recorded.topic in COURSE_TOPICS:
             builder.add(recorded.log_time_ns, message.decode())
@@ -101,10 +103,10 @@ def read_evidence(
     course = builder.course(window.begin_ns, window.end_ns)
     if not course.samples.count:
         raise RecordingError(f"{timeline.name}: has no samples in this time; choose another")
-    _copy_descriptions(copier, list(files.values()))
+    newest = list(files.values())[-1]
+    copier.describe(newest)
     copier.add_metadata(CUT_RECORD, _cut_metadata(timeline, window, course, list(files)))
     writer.finish()
-    newest = list(files.values())[-1]
     attachments = {name: each for file in files.values() for name, each in file.attachments.items()}
     return IncidentEvidence(
         gateway=timeline.gateway,
@@ -142,19 +144,6 @@ def file_sha256(path: Path) -> str:
     """Return the hash of a file of any size. Raises `OSError`."""
     with path.open("rb") as content:
         return hashlib.file_digest(content, "sha256").hexdigest()
-
-
-def _copy_descriptions(copier: RecordCopier, files: Sequence[RecordingFile]) -> None:
-    """Copy metadata and attachments of files that have been read; those of later files replace earlier ones.
-
-    Signature, number and summary of a segment are of the whole of it, and stay out.
-    """
-    metadata = {name: content for file in files for name, content in file.metadata.items() if name not in STATEMENTS}
-    for name, content in metadata.items():
-        copier.add_metadata(name, {key: value for key, value in content.items() if key != names.SEGMENT})
-    attachments = {name: each for file in files for name, each in file.attachments.items() if name != SUMMARY}
-    for attachment in attachments.values():
-        copier.add_attachment(attachment)
 
 
 def _cut_metadata(timeline: Timeline, window: IncidentWindow, course: Course, paths: Sequence[Path]) -> dict[str, str]:

@@ -1,6 +1,7 @@
 """Sample blocks as an ADXL355 at rest gives them, and their messages."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from gateway import messages
 from gateway.calibration.record import content_hash
 from gateway.packing import pack
 from tests.gateway.recorded_crane import RecordedCrane, record_crane
+from tests.gateway.restarted_crane import record_restarts
 
 START_NS = 1_767_225_600_000_000_000
 """2026-01-01 00:00:00 UTC."""
@@ -87,3 +89,11 @@ def record() -> Callable[..., dict[str, Any]]:
 @pytest.fixture(scope="session")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> RecordedCrane:
     return record_crane(tmp_path_factory.mktemp("recorded"))
+
+
+@pytest.fixture(scope="session")
+def restarted(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a gateway that was started again twice."""
+    folder = tmp_path_factory.mktemp("restarted")
+    record_restarts(folder)
+    return folder

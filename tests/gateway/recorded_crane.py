@@ -10,7 +10,7 @@ from devices.simulated.crane import Crane
 from devices.simulated.device import SimulatedCrane
 from devices.simulated.schedule import TrolleyMove
 from gateway.calibration.record import CalibrationRecord
-from gateway.messages import Alert, FoxgloveTime, Health, Log, Motion
+from gateway.messages import Alert, FoxgloveTime, Health, HealthState, Log, Motion
 from gateway.pipeline.outgoing_message import MessageTime, OutgoingMessage
 from gateway.pki.signing_key import load_or_create_key
 from gateway.recording.chain.segment_chain import SegmentChain
@@ -62,7 +62,9 @@ class RecordedCrane:
 class HastyCrane(recorded_crane.RecordedCrane):
     """A trolley move that starts at START_S and whose swing dies down, with the log and the health of a gateway."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(
+        self, folder: Path, boot_id: str = BOOT_ID, start_ns: int = START_NS, limits: dict[str, float] = LIMITS
+    ) -> None:
         move = TrolleyMove(START_S, PERIOD_S, PERIOD_S / 2, 0.55, 0.6, "Trolley starts hastily")
         crane = Crane(length_m=LENGTH_M, position_m=POSITION_M, gravity_m_s2=9.80665, events=[move], damping_ratio=0.05)
         device = SimulatedCrane(
@@ -70,12 +72,14 @@ class HastyCrane(recorded_crane.RecordedCrane):
             block_samples=5,
             length_m=LENGTH_M,
             position_m=POSITION_M,
-            clock=SleeplessClock(),
+            clock=SleeplessClock(start_ns),
             crane=crane,
         )
         chain = SegmentChain(folder, "yard/crane-2/hook", load_or_create_key(folder / "signing-key.pem"))
         self.sent: list[OutgoingMessage] = []
-        super().__init__(folder, SEGMENT_S, SETTINGS, device, chain)
+        self.state: HealthState = "running"
+        settings = {**SETTINGS, "alerts": limits}
+        super().__init__(folder, SEGMENT_S, settings, device, chain, boot_id, start_ns)
         factory = self.info.factory_calibration
         if factory is not None:
             record = CalibrationRecord.model_validate(factory)
@@ -85,20 +89,26 @@ class HastyCrane(recorded_crane.RecordedCrane):
         super().write(message)
         self.sent.append(message)
         if isinstance(message.message, Alert) and message.message.change is not None:
-            self.write(_log_line(message.message.change, MessageTime(message.log_time_ns, CLOCK)))
+            self.log(message.message.change, message.log_time_ns)
+
+    def log(self, text: str, time_ns: int, name: str = "plumbline.alert") -> None:
+        """Write a line of the log."""
+        utc_ns = MessageTime(time_ns, CLOCK).utc_ns
+        time = FoxgloveTime(sec=utc_ns // 10**9, nsec=utc_ns % 10**9)
+        self.write(OutgoingMessage("log", time_ns, Log(timestamp=time, level=3, message=text, name=name)))
 
     def second_messages(self, now: MessageTime) -> Iterator[OutgoingMessage]:
         yield from super().second_messages(now)
         health = Health(
             **self.headers.make("health", now, None),
-            state="running",
+            state=self.state,
             device_id="simulated-1",
             device_kind="simulated",
-            boot_id=BOOT_ID,
+            boot_id=self.boot_id,
             software="0.1.0",
             uptime_s=1.0,
             measured_rate_hz=RATE_HZ,
-            samples=round((now.log_time_ns - START_NS) * 1e-9 * RATE_HZ),
+            samples=round((now.log_time_ns - self.start_ns) * 1e-9 * RATE_HZ),
             lost=0,
             invalid=0,
             faults={},
@@ -120,8 +130,3 @@ def record_crane(folder: Path, seconds: float = 45.0) -> RecordedCrane:
     for path in crane.recorder.take_uncompacted()[:COMPACTED]:
         compact(path, crane.chain)
     return RecordedCrane(folder, crane.sent)
-
-
-def _log_line(text: str, now: MessageTime) -> OutgoingMessage:
-    time = FoxgloveTime(sec=now.utc_ns // 10**9, nsec=now.utc_ns % 10**9)
-    return OutgoingMessage("log", now.log_time_ns, Log(timestamp=time, level=3, message=text, name="plumbline.alert"))

@@ -9,7 +9,6 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 
 from gateway.recording.export.tables import new_file
 from gateway.recording.format.mcap_writer import McapWriter
-from gateway.recording.format.segment_summary import SUMMARY
 from gateway.recording.reading.recording_file import Selection
 from gateway.recording.reading.sample_calibration import NEEDED_TOPICS, CalibratedBlock, CalibratedReader
 from gateway.recording.reading.timeline import SAMPLES, ReportProgress, Timeline, ignore_progress
@@ -51,14 +50,10 @@ def write_mcap(
         writer.start(profile="", library=description["software"])
         writer.add_metadata(EXPORTED, description)
         copier = RecordCopier(writer)
-        attached = {SUMMARY}  # which is of a whole segment
         schema_id = writer.register_schema(SCHEMA_NAME, SchemaEncoding.JSONSchema, json.dumps(SCHEMA).encode())
         channel_id = writer.register_channel(TOPIC, MessageEncoding.JSON, schema_id)
         for message in timeline.messages(replace(reader.wanted, topics=None), report):
-            for attachment in message.file.attachments.values():
-                if attachment.name not in attached:
-                    attached.add(attachment.name)
-                    copier.add_attachment(attachment)
+            copier.attach(message.file)
             block = reader.add(message) if message.recorded.topic in NEEDED_TOPICS else None
             if block is not None:
                 _write_samples(writer, channel_id, block, count)

@@ -172,8 +172,16 @@ class ByteSink(Protocol):
 class McapWriter:
     """Writes one MCAP file. A chunk is in the sink after `flush`."""
 
-    def __init__(self, sink: ByteSink, compression: zstandard.ZstdCompressionParameters = FAST) -> None:
+    def __init__(
+        self,
+        sink: ByteSink,
+        compression: zstandard.ZstdCompressionParameters = FAST,
+        *,
+        defines_before_chunks: bool = False,
+    ) -> None:
+        """`defines_before_chunks`: for a file whose topics are not known at its start, of which a reader may skip chunks."""
         self._sink = sink
+        self._defines_before_chunks = defines_before_chunks
         self._compressor = zstandard.ZstdCompressor(compression_params=compression)
         self._crc = 0
         """Checksum of the data section."""
@@ -189,16 +197,16 @@ class McapWriter:
         self._write(serialise(Header(profile, library)))
 
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:
-        """Add a schema to the open chunk; return its id."""
+        """Add a schema to the open chunk, or before it; return its id."""
         schema = Schema(id=len(self._summary.schemas) + 1, data=data, encoding=encoding, name=name)
         self._summary.schemas.append(schema)
-        self._chunk += serialise(schema)
+        self._define(schema)
         return schema.id
 
     def register_channel(
         self, topic: str, message_encoding: str, schema_id: int, metadata: Mapping[str, str] | None = None
     ) -> int:
-        """Add a channel to the open chunk; return its id."""
+        """Add a channel to the open chunk, or before it; return its id."""
         channel = Channel(
             id=(len(self._summary.channels) + 1) & 0xFFFF,  # 0 is an id too, and so the 65536th
             topic=topic,
@@ -207,7 +215,7 @@ class McapWriter:
             schema_id=schema_id,
         )
         self._summary.channels.append(channel)
-        self._chunk += serialise(channel)
+        self._define(channel)
         return channel.id
 
     def add_metadata(self, name: str, data: Mapping[str, str]) -> None:
@@ -268,6 +276,12 @@ class McapWriter:
         self._write(serialise(DataEnd(self._crc)))
         self._sink.write(self._summary.encode(self._sink.tell()))
         self._sink.write(MCAP0_MAGIC)
+
+    def _define(self, record: Schema | Channel) -> None:
+        if self._defines_before_chunks:
+            self._write(serialise(record))
+        else:
+            self._chunk += serialise(record)
 
     def _write(self, data: bytes) -> None:
         """Write a part of the data section."""

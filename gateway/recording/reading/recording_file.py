@@ -115,6 +115,16 @@ class RecordingFile:
     """The metadata of the device, and what they mean."""
 
     @property
+    def origin(self) -> dict[str, str]:
+        """What `SegmentIndex.origin` has, of the run of which the last message was: a report's recording may have several."""
+        return self.metadata.get(ORIGIN, {})
+
+    @property
+    def boot_id(self) -> str:
+        """Id of that run."""
+        return self.origin.get("boot_id", "")
+
+    @property
     def configuration_toml(self) -> str | None:
         """The configuration of the gateway, known when its first sample has been read; None: there is none."""
         attachment = self.attachments.get(CONFIGURATION)

@@ -103,6 +103,7 @@ class CalibratedReader:
         self.wanted = Selection(selection.begin_ns, end_ns, NEEDED_TOPICS)
         """The messages that `add` needs."""
         self._segment: SegmentIndex | None = None
+        self._boot_id = ""
         self._message: messages.Calibration | None = None
         self._correction: Correction | None = None
         self._thermometer = TemperatureFilter()
@@ -122,6 +123,8 @@ class CalibratedReader:
 
     def add(self, message: TimelineMessage) -> CalibratedBlock | None:
         """Take the next message of `wanted`; return the selected samples of a block. Raises as `blocks`."""
+        if message.file.boot_id != self._boot_id:
+            self._boot_id, self._correction = message.file.boot_id, None
         if message.segment is not self._segment:
             self._segment, self._correction = message.segment, None
             self.losses.append(message.file.losses)

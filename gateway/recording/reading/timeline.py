@@ -131,7 +131,7 @@ class Timeline:
             file, before = open_recording(segment.path), dict(seen)
             for number, recorded in enumerate(file.messages(selection)):
                 if recorded.topic in REPEATED_PATHS:
-                    key = segment.boot_id, recorded.topic
+                    key = file.boot_id, recorded.topic
                     if recorded.sequence <= before.get(key, -1):
                         continue
                     seen[key] = max(recorded.sequence, seen.get(key, -1))

@@ -56,6 +56,8 @@ class ReplayStep:
 
     segment: SegmentIndex
     file: RecordingFile
+    origin: dict[str, str]
+    """Of the run."""
     block: SampleBlock | None
     sequence: int
     """Of the block in its run; -1 without one."""
@@ -64,6 +66,11 @@ class ReplayStep:
     next_block: SampleBlock | None = None
     """The next block of the run; None at its end."""
     next_sequence: int = -1
+
+    @property
+    def boot_id(self) -> str:
+        """Id of the run."""
+        return self.origin.get("boot_id", "")
 
     @property
     def end_ns(self) -> int:
@@ -86,11 +93,13 @@ def read_steps(timeline: Timeline, selection: Selection, report: ReportProgress)
         following = None
         if message.recorded.topic == SAMPLES:
             following = _begin_step(message)
-        elif step is None or step.segment.boot_id != message.segment.boot_id:
-            following = ReplayStep(message.segment, message.file, None, -1, ClockState("free_running", 0))
+        elif step is None or step.boot_id != message.file.boot_id:
+            following = ReplayStep(
+                message.segment, message.file, message.file.origin, None, -1, ClockState("free_running", 0)
+            )
         if following is not None:
             if step is not None:
-                if step.segment.boot_id == following.segment.boot_id:
+                if step.boot_id == following.boot_id:
                     step.next_block, step.next_sequence = following.block, following.sequence
                 yield step
             step = following
@@ -107,7 +116,7 @@ def _begin_step(message: TimelineMessage) -> ReplayStep | None:
         return None
     samples, block = read
     clock = ClockState(samples.clock, samples.time_ns - int(block.time_ns[-1]))
-    return ReplayStep(message.segment, message.file, block, samples.sequence, clock)
+    return ReplayStep(message.segment, message.file, message.file.origin, block, samples.sequence, clock)
 
 
 def _read(message: TimelineMessage) -> StepMessage:
@@ -138,7 +147,7 @@ class ReplayPipeline:
 
     def compute(self, step: ReplayStep) -> list[OutgoingMessage]:
         """Return what follows from a step. Raises `RecordingError`, `CalibrationError` or `ConfigurationError`."""
-        if step.segment.boot_id != self._boot_id:
+        if step.boot_id != self._boot_id:
             self._begin_run(step)
         elif (device := step.file.device()) != self._device:
             self._device = device
@@ -146,7 +155,7 @@ class ReplayPipeline:
         return list(self._compute(step))
 
     def _begin_run(self, step: ReplayStep) -> None:
-        self._boot_id = step.segment.boot_id
+        self._boot_id = step.boot_id
         self._device = step.file.device()
         configuration = self._own_configuration or recorded_configuration(step.file)
         if configuration is None:
@@ -185,7 +194,7 @@ class ReplayPipeline:
         wanted = Selection(step.segment.from_ns, topics=frozenset({TOPIC_OF[kind].path}))
         for message in self._timeline.messages(wanted):
             content = message.decode()
-            if message.segment.boot_id == self._boot_id and isinstance(content, kind):
+            if message.file.boot_id == self._boot_id and isinstance(content, kind):
                 return content
         return None
 

@@ -1,6 +1,7 @@
 """The replay of a timeline: what is compared, how exactly, and what came of it."""
 
 import platform
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -13,7 +14,7 @@ from gateway.errors import InputError
 from gateway.recording.format.segment_summary import SegmentSummary
 from gateway.recording.format.summary_builder import SummaryBuilder
 from gateway.recording.reading.interval import RecordingInterval, iso_utc
-from gateway.recording.reading.recording_file import RecordingFile, SegmentIndex, Selection
+from gateway.recording.reading.recording_file import RecordingFile, Selection
 from gateway.recording.reading.timeline import (
     SAMPLES,
     SUMMARISED_PATHS,
@@ -117,10 +118,10 @@ class ReplayRun:
 
     def _check_continuity(self, step: ReplayStep) -> None:
         """Choose how exactly the results of this and the next steps are compared."""
-        if step.segment.boot_id != self._boot_id:
-            self._boot_id, self._sequence = step.segment.boot_id, -1
+        if step.boot_id != self._boot_id:
+            self._boot_id, self._sequence = step.boot_id, -1
             self._comparison.end_waiting(step.segment.from_ns)
-            self._comparison.tolerance = self._platform_tolerance(step.segment)
+            self._comparison.tolerance = self._platform_tolerance(step.origin)
         block, sequence = (step.next_block, step.next_sequence) if step.block is None else (step.block, step.sequence)
         missing = sequence - self._sequence - 1
         self._sequence = max(self._sequence, sequence)
@@ -138,13 +139,11 @@ class ReplayRun:
         utc_ns = self._from_ns + step.clock.wall_offset_ns
         self._notes.append(f"{why}: compared from {iso_utc(utc_ns)} on, {AFTER_START.description}")
 
-    def _platform_tolerance(self, segment: SegmentIndex) -> Tolerance:
+    def _platform_tolerance(self, origin: Mapping[str, str]) -> Tolerance:
         # the fields of an origin on which the last bit of a result may depend
         here = {"software": __version__, "numpy": np.__version__, "machine": platform.machine()}
         others = [
-            f"{name} {segment.origin.get(name, '?')}, here {value}"
-            for name, value in here.items()
-            if segment.origin.get(name) != value
+            f"{name} {origin.get(name, '?')}, here {value}" for name, value in here.items() if origin.get(name) != value
         ]
         if not others:
             return EXACT

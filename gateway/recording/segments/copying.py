@@ -11,11 +11,11 @@ from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metad
 from devices.errors import RecordingError
 from gateway.atomic_io import replace_file
 from gateway.recording.chain.statements import DELETIONS, SIGNATURE
-from gateway.recording.format.content import ORIGIN, RECOVERED
+from gateway.recording.format.content import ORIGIN, RECOVERED, SEGMENT
 from gateway.recording.format.mcap_writer import DENSE, McapWriter
 from gateway.recording.format.salvage import SalvageReport, is_damaged, open_mcap, read_records
 from gateway.recording.format.segment_summary import SUMMARY
-from gateway.recording.reading.recording_file import RecordedMessage
+from gateway.recording.reading.recording_file import RecordedMessage, RecordingFile
 
 MAX_TIME_NS = 2**63 - 1
 """Definition: the largest signed time of 64 bits, in nanoseconds."""
@@ -37,6 +37,7 @@ class RecordCopier:
         self._losses = SalvageReport() if losses is None else losses
         self._keep = keep
         self.metadata: dict[str, dict[str, str]] = {}
+        self._attachments: dict[str, Attachment] = {}
         self._schema_ids: dict[tuple[str, str, bytes], int] = {}
         self._channel_ids: dict[tuple[object, ...], int] = {}
         self.messages = 0
@@ -79,13 +80,34 @@ class RecordCopier:
         channel_id = self._channel_id(message.channel, schema)
         self._add(channel_id, message.sequence, message.log_time_ns, message.publish_time_ns, message.data)
 
+    def describe(self, file: RecordingFile) -> None:
+        """Copy what a file has stated so far and is not copied yet: to be called before each message that it describes.
+
+        Signature, number and summary of a segment are of the whole of it, and stay out.
+        """
+        for name, content in file.metadata.items():
+            stated = {key: value for key, value in content.items() if key != SEGMENT}
+            if name not in STATEMENTS and self.metadata.get(name) != stated:
+                self.add_metadata(name, stated)
+        self.attach(file)
+
+    def attach(self, file: RecordingFile) -> None:
+        """Copy the attachments that a file has had so far and that are not copied yet, but the summary of its messages."""
+        for name, attachment in file.attachments.items():
+            known = self._attachments.get(name)
+            if name != SUMMARY and attachment is not known and (known is None or attachment.data != known.data):
+                self.add_attachment(attachment)
+
     def add_metadata(self, name: str, content: dict[str, str]) -> None:
-        """Copy a metadata record."""
+        """Copy a metadata record behind all messages so far."""
+        self._writer.flush()
         self.metadata[name] = content
         self._writer.add_metadata(name, content)
 
     def add_attachment(self, attachment: Attachment) -> None:
-        """Copy an attachment."""
+        """Copy an attachment behind all messages so far."""
+        self._writer.flush()
+        self._attachments[attachment.name] = attachment
         self._writer.add_attachment(
             create_time=attachment.create_time,
             log_time=attachment.log_time,

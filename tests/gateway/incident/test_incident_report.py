@@ -2,12 +2,14 @@
 
 import json
 import re
+from collections import Counter
 from html import unescape
 from pathlib import Path
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from mcap.records import ChunkIndex
 from mcap.writer import Writer
 
 from gateway.cli.main import main
@@ -15,18 +17,23 @@ from gateway.errors import InputError
 from gateway.incident.evidence import judge_recordings
 from gateway.incident.incident_report import write_report
 from gateway.incident.incident_selection import IncidentChoice, choose_window, read_incidents
-from gateway.messages import Calibration, Motion, Samples
+from gateway.messages import Calibration, Health, Motion, Samples
 from gateway.packing import unpack
 from gateway.pki.signing_key import fingerprint, read_public_key
+from gateway.recording.format import mcap_writer
 from gateway.recording.format.mcap_writer import McapWriter
 from gateway.recording.format.salvage import SalvageReport, open_mcap, read_records
 from gateway.recording.reading.interval import iso_utc, parse_recording_time
+from gateway.recording.reading.recording_file import Selection, open_recording
+from gateway.recording.reading.sample_calibration import recorded_configuration
 from gateway.recording.reading.samples import read_samples
 from gateway.recording.reading.timeline import open_timeline
 from gateway.recording.segments.copying import RecordCopier
+from tests.clocks import START_NS
 from tests.gateway.incident.conftest import MakeReport
 from tests.gateway.recorded_crane import LIMITS, SEGMENT_S, START_S, RecordedCrane
 from tests.gateway.recording.recorded_crane import BOOT_ID
+from tests.gateway.restarted_crane import FORMER_TRIP_DEG, SECOND_BOOT, THIRD_BOOT
 from tests.values import present
 
 pytestmark = pytest.mark.slow
@@ -106,6 +113,54 @@ def test_the_recording_that_was_cut_out_has_every_message_of_its_time(
     assert np.array_equal(np.concatenate([block.raw for block in blocks]), run.samples.raw)
     assert run.files[0].configuration_toml is not None
     assert isinstance(run.calibrations[0].message, Calibration)
+
+
+@pytest.fixture
+def cut(make_report: MakeReport, restarted: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """What a report cuts out of three runs, one of which has another configuration: in several chunks."""
+    monkeypatch.setattr(mcap_writer, "CHUNK_BYTES", 30_000)
+    return make_report([restarted]).folder / "incident.mcap"
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["measure", "{cut}"],
+        ["record", "export", "{cut}", "--csv", "{out}"],
+        ["record", "export", "{cut}", "--mcap", "{out}"],
+        ["record", "replay", "{cut}"],
+        ["record", "incident", "{cut}", "--out", "{out}"],
+        ["record", "incident", "{cut}", "--list"],
+        ["record", "info", "{cut}"],
+        ["record", "recover", "{cut}"],
+    ],
+)
+def test_every_command_reads_the_recording_that_was_cut_out(cut: Path, tmp_path: Path, command: list[str]) -> None:
+    assert len(chunks_of(cut)) > 3
+    assert main([part.format(cut=cut, out=tmp_path / "out") for part in command]) in (0, 3)
+
+
+def chunks_of(path: Path) -> list[ChunkIndex]:
+    with path.open("rb") as stream:
+        return present(make_reader(stream).get_summary()).chunk_indexes
+
+
+def test_each_message_of_the_cut_stands_behind_the_configuration_and_the_boot_that_it_is_of(cut: Path) -> None:
+    file, found = open_recording(cut), set()
+    for message in file.messages():
+        content = file.decode(message)
+        if isinstance(content, Health):
+            assert file.boot_id == content.boot_id
+            found.add((file.boot_id, present(recorded_configuration(file)).alerts.trip_deg))
+    assert found == {(BOOT_ID, FORMER_TRIP_DEG), (SECOND_BOOT, 5.0), (THIRD_BOOT, 5.0)}
+
+
+def test_a_part_of_the_cut_has_every_topic_of_its_time(cut: Path) -> None:
+    """Whose first chunks, with the first messages of all topics but some, are skipped."""
+    file = open_recording(cut)
+    everything = [each for each in file.messages() if each.log_time_ns >= START_NS + 18 * 10**9]
+    part = open_recording(cut).messages(Selection(START_NS + 18 * 10**9))
+    assert Counter(each.topic for each in part) == Counter(each.topic for each in everything)
 
 
 def message_time(recorded: RecordedCrane, place: int) -> int:

@@ -41,6 +41,8 @@ class RecordedCrane:
         )
     )
     chain: SegmentChain | None = None
+    boot_id: str = BOOT_ID
+    start_ns: int = START_NS
 
     def __post_init__(self) -> None:
         self.configuration: Configuration = validate(
@@ -56,17 +58,17 @@ class RecordedCrane:
         self.info: DeviceInfo = self.device.open()
         section = self.configuration.gateway
         header = RecordingHeader(
-            __version__, section.site, section.crane, section.sensor, BOOT_ID, to_toml(self.configuration)
+            __version__, section.site, section.crane, section.sensor, self.boot_id, to_toml(self.configuration)
         )
         self.recorder = Recorder(
             self.folder, header, segment_s=self.segment_s, fsync_s=1.0, quota_mb=1000.0, chain=self.chain
         )
         self.headers = HeaderMaker()
-        self.incidents = IncidentRegister(BOOT_ID)
+        self.incidents = IncidentRegister(self.boot_id)
         self.pipeline = self.make_pipeline()
-        self.recorder.set_device(self.info, START_NS)
-        self.recorder.start(START_NS)
-        self.next_second_ns = self.newest_ns = START_NS
+        self.recorder.set_device(self.info, self.start_ns)
+        self.recorder.start(self.start_ns)
+        self.next_second_ns = self.newest_ns = self.start_ns
 
     def make_pipeline(self) -> Pipeline:
         correction = correction_for(self.info, self.configuration.device.axes, None)
