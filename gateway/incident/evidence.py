@@ -34,8 +34,6 @@ from gateway.recording.segments.copying import RecordCopier
 
 CERTIFICATE_NAME = re.compile(names.CERTIFICATE.format(id=r"[A-Za-z0-9._-]+"))
 """Names of certificates: no attachment of another name is written beside the report."""
-CUT_RECORD = "cut"
-"""Name of the metadata record on what was cut out of the recordings."""
 NOTHING_READ = "no message of this time could be read"
 CONTEXT_LEAD_NS = 15_000_000_000
 """Calibration and clock are read from so long before the begin. Basis: both are recorded more often, calibrations every 10 s."""
@@ -105,7 +103,7 @@ def read_evidence(
         raise RecordingError(f"{timeline.name}: has no samples in this time; choose another")
     newest = list(files.values())[-1]
     copier.describe(newest)
-    copier.add_metadata(CUT_RECORD, _cut_metadata(timeline, window, course, list(files)))
+    copier.add_metadata(names.CUT, _cut_metadata(timeline, window, course, list(files)))
     writer.finish()
     attachments = {name: each for file in files.values() for name, each in file.attachments.items()}
     return IncidentEvidence(

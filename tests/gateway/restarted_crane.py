@@ -30,6 +30,8 @@ class KilledCrane(HastyCrane):
 
     last_ns = 2**63
     is_killed = False
+    is_closed = False
+    """Ended properly in place of the kill."""
 
     def write(self, message: OutgoingMessage) -> None:
         if self.is_killed:
@@ -37,6 +39,8 @@ class KilledCrane(HastyCrane):
         super().write(message)
         if message.topic == "samples" and message.log_time_ns >= self.last_ns:
             self.recorder.tick(message.log_time_ns + SECOND_NS)
+            if self.is_closed:
+                self.close()
             self.recorder.abandon("killed")
             self.is_killed = True
 

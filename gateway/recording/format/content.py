@@ -34,6 +34,8 @@ DEVICE = "device"
 RECOVERED = "recovered"
 REPAIRED = "repaired"
 TRIMMED = "trimmed"
+CUT = "cut"
+"""The metadata record on what a report has cut out of recordings."""
 SEGMENT = "segment"
 """In the metadata record of the origin: the number of the segment in the chain of its gateway."""
 MAX_SEGMENT_NUMBER = 2**31 - 1

@@ -20,7 +20,16 @@ from pydantic import ValidationError
 
 from devices.block import DeviceInfo
 from devices.errors import RecordingError
-from gateway.recording.format.content import CONFIGURATION, DEVICE, ORIGIN, VOUCHER, device_from_metadata
+from gateway.recording.format.content import (
+    CONFIGURATION,
+    CUT,
+    DEVICE,
+    ORIGIN,
+    RECOVERED,
+    REPAIRED,
+    VOUCHER,
+    device_from_metadata,
+)
 from gateway.recording.format.frames import (
     FOOTER_BYTES,
     INDEX_HEAD,
@@ -220,6 +229,12 @@ class SegmentIndex:
     """What vouches for the key of the signatures, in JSON; empty: nothing does."""
     data_end: int = 0
     """Place of the record at the end of the data, which has their checksum; 0: not closed."""
+
+    @property
+    def is_torn(self) -> bool:
+        """The end is missing: of a kill or power failure, also where it was repaired since, or of a time that was cut out."""
+        is_recovered = self.metadata.get(RECOVERED, {}).get("closed") == "false"
+        return not self.is_closed or is_recovered or bool({REPAIRED, CUT} & self.metadata.keys())
 
     @property
     def origin(self) -> dict[str, str]:

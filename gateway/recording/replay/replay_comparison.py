@@ -15,6 +15,8 @@ from gateway.topics import TOPICS
 MAX_COUNTERPART_DELAY_NS = 5_000_000_000
 """A message whose counterpart has not come this much later has none. Basis: a choice; longer than the longest interval of any
 topic but the calibration, and a bound of the memory."""
+LATEST_NS = 2**63
+"""Definition: later than any time of a recording."""
 PROSE = frozenset({"text", "reasons", "reason_codes", "change"})
 """Fields with numbers in words, which are not compared within a tolerance."""
 RELATIVE_TOLERANCE = 1e-6
@@ -92,6 +94,8 @@ class ReplayComparison:
     tolerance: Tolerance
     compared: Counter[str] = field(default_factory=Counter)
     differing: Counter[str] = field(default_factory=Counter)
+    cut_off: Counter[str] = field(default_factory=Counter)
+    """Messages without a counterpart at the end of a segment that was cut off: no difference."""
     first: ReplayDifference | None = None
     _recorded: dict[tuple[str, int], deque[RecordedMessage]] = field(default_factory=dict)
     """Those that wait for their counterpart, by topic and time."""
@@ -113,21 +117,26 @@ class ReplayComparison:
         else:
             self._compare(counterpart, message)
 
-    def end_waiting(self, until_ns: int) -> None:
-        """Count what waits from before a time: it has no counterpart."""
+    def end_waiting(self, until_ns: int, torn_from_ns: int = LATEST_NS) -> None:
+        """Count what waits from before a time: it has no counterpart. From `torn_from_ns` on it was cut off."""
         for key in [key for key in self._recorded if key[1] < until_ns]:
             for recorded in self._recorded.pop(key):
-                self._compare(recorded, None)
+                self._compare(recorded, None, is_torn=key[1] >= torn_from_ns)
         for key in [key for key in self._recomputed if key[1] < until_ns]:
             for recomputed in self._recomputed.pop(key):
-                self._compare(None, recomputed)
+                self._compare(None, recomputed, is_torn=key[1] >= torn_from_ns)
 
-    def _compare(self, recorded: RecordedMessage | None, recomputed: OutgoingMessage | None) -> None:
+    def _compare(
+        self, recorded: RecordedMessage | None, recomputed: OutgoingMessage | None, *, is_torn: bool = False
+    ) -> None:
         topic = recorded.topic if recorded is not None else TOPICS[recomputed.topic].path if recomputed else ""
         difference = None
         if not self.tolerance.selects(topic):
             return
         if recorded is None and recomputed is not None and self._is_thinned_out(recomputed):
+            return
+        if is_torn:
+            self.cut_off[topic] += 1
             return
         if recorded is None or recomputed is None:
             difference = _one_is_missing(recorded, recomputed)

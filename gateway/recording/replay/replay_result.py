@@ -99,6 +99,7 @@ def replay_json(result: ReplayResult) -> dict[str, Any]:
         "notes": result.notes,
         "compared": dict(comparison.compared),
         "differing": dict(comparison.differing),
+        "cut_off": dict(comparison.cut_off),
         "first_difference": None if first is None else {**asdict(first), **_as_texts(first.recorded, first.recomputed)},
         "table": [{**asdict(row), "differs": row.differs} for row in replay_rows(result)],
         "recorded": asdict(outcome_of(result.recorded)),
@@ -121,6 +122,8 @@ def _lines(result: ReplayResult, is_local: bool) -> Iterator[str]:
         topics = ", ".join(f"{topic} {count}" for topic, count in sorted(comparison.compared.items()))
         yield f"{total} messages computed again, {differing} differ ({comparison.tolerance.description})"
         yield f"  {topics}"
+        if cut_off := comparison.cut_off.total():
+            yield f"{cut_off} at the end of a segment that was cut off are not recorded, which is no difference"
     if comparison.first is not None:
         first = comparison.first
         yield f"first difference: {first.topic} at {_time(first.utc_ns, is_local)}, field {first.field or 'encoding'}"

@@ -25,6 +25,7 @@ from gateway.recording.reading.timeline import (
 from gateway.recording.replay.replay_comparison import (
     AFTER_START,
     EXACT,
+    LATEST_NS,
     MAX_COUNTERPART_DELAY_NS,
     OTHER_PLATFORM,
     ReplayComparison,
@@ -86,20 +87,17 @@ class ReplayRun:
         """Gateway time from which on the results are compared."""
         self._boot_id: str | None = None
         self._sequence = -1
+        self._newest: ReplayStep | None = None
+        """The last step with a block."""
         self._notes: list[str] = []
 
     def result(self, report: ReportProgress = ignore_progress) -> ReplayResult:
         """Replay everything. Raises `RecordingError`, `CalibrationError` or `ConfigurationError`."""
-        end_ns = 0
         for step in read_steps(self._timeline, self._steps(), report):
             self._check_continuity(step)
             self._take(step)
-            end_ns = step.end_ns or end_ns
-        is_torn = not self._timeline.segments[-1].is_closed
-        if self._mode == "same":
-            self._comparison.end_waiting(
-                end_ns if is_torn else 2**63
-            )  # what follows from the last block may be cut off
+            self._newest = self._newest if step.block is None else step
+        self._end_waiting(LATEST_NS)
         return ReplayResult(
             self._mode, self._comparison, self._recorded.summary(), self._recomputed.summary(), self._notes
         )
@@ -120,7 +118,7 @@ class ReplayRun:
         """Choose how exactly the results of this and the next steps are compared."""
         if step.boot_id != self._boot_id:
             self._boot_id, self._sequence = step.boot_id, -1
-            self._comparison.end_waiting(step.segment.from_ns)
+            self._end_waiting(LATEST_NS)
             self._comparison.tolerance = self._platform_tolerance(step.origin)
         block, sequence = (step.next_block, step.next_sequence) if step.block is None else (step.block, step.sequence)
         missing = sequence - self._sequence - 1
@@ -129,9 +127,16 @@ class ReplayRun:
             why = f"{missing} blocks of the run are not in these files"
             self._compare_from(int(block.time_ns[0]) + WARM_UP_NS, step, why)
 
+    def _end_waiting(self, until_ns: int) -> None:
+        """Count what waits; where the segment of the last block was cut off, what follows from the block may be missing."""
+        torn_from_ns = LATEST_NS
+        if self._newest is not None and self._newest.block is not None and self._newest.segment.is_torn:
+            torn_from_ns = int(self._newest.block.time_ns[0])
+        self._comparison.end_waiting(until_ns, torn_from_ns)
+
     def _compare_from(self, time_ns: int, step: ReplayStep, why: str) -> None:
         """Compare within a tolerance, from this time on."""
-        self._comparison.end_waiting(step.segment.from_ns if step.block is None else int(step.block.time_ns[0]))
+        self._end_waiting(step.segment.from_ns if step.block is None else int(step.block.time_ns[0]))
         self._comparison.tolerance = AFTER_START
         if self._warm_up_ns is not None:
             why, time_ns = f"a warm-up of {self._warm_up_ns / 1e9:g} s", self._from_ns

@@ -24,7 +24,9 @@ from gateway.recording.reading.samples import read_samples
 from gateway.recording.replay import replay_run as replay_result
 from gateway.recording.replay.replay_pipeline import RECOMPUTED_PATHS
 from tests.clocks import START_NS
+from tests.gateway.recorded_crane import HastyCrane
 from tests.gateway.recording.recorded_crane import CLOCK, RecordedCrane
+from tests.gateway.restarted_crane import KilledCrane
 
 SUSPENSION = "SUSPENDED: the sensor is being recalibrated (six_position, by ann)"
 
@@ -362,3 +364,44 @@ def test_session_without_a_suspension_is_an_input(tmp_path: Path, capsys: pytest
     crane.close()
     code, result = replay(tmp_path, capsys)
     assert (code, result["differing"]) == (0, {})
+
+
+@pytest.mark.slow
+def test_what_a_kill_has_cut_off_before_a_restart_is_no_difference(
+    restarted: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, result = replay(restarted, capsys)
+    assert (code, result["differing"]) == (0, {})
+    assert result["cut_off"] == {"/acceleration": 1, "/alert": 1, "/condition": 1, "/motion": 1, "/tilt": 1}
+    assert main(["record", "replay", str(restarted)]) == 0
+    assert "5 at the end of a segment that was cut off are not recorded" in capsys.readouterr().out
+
+
+class ForgetfulKilledCrane(KilledCrane):
+    """Leaves out a condition two seconds before it is killed."""
+
+    def write(self, message: OutgoingMessage) -> None:
+        time_ns = message.log_time_ns
+        if message.topic != "condition" or not START_NS + 4_900_000_000 <= time_ns < START_NS + 5_400_000_000:
+            super().write(message)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("crane", [KilledCrane, ForgetfulKilledCrane])
+@pytest.mark.parametrize("is_killed", [True, False])
+def test_what_is_missing_elsewhere_is_a_difference(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], crane: type[KilledCrane], *, is_killed: bool
+) -> None:
+    """A recording that was closed has no end that was cut off."""
+    killed = crane(tmp_path)
+    killed.last_ns = START_NS + 7_000_000_000
+    killed.is_closed = not is_killed
+    killed.record(8.0)
+    following = HastyCrane(tmp_path, "b002", START_NS + 12_000_000_000)
+    following.record(2.0)
+    following.close()
+    code, result = replay(tmp_path, capsys)
+    forgotten = {"/condition"} if crane is ForgetfulKilledCrane else set()
+    last = set() if is_killed else {"/motion", "/tilt"}
+    assert (code, set(result["differing"]) >= forgotten | last) == (int(bool(forgotten | last)), True)
+    assert is_killed or not result["cut_off"]
