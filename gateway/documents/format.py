@@ -5,6 +5,7 @@ A number has the digits that its uncertainty supports, a true minus sign, and a 
 
 import math
 from collections.abc import Sequence
+from decimal import ROUND_HALF_UP, Decimal
 
 COVERAGE_FACTOR = 2.0
 """k: about 95 % of a normal distribution (GUM 6.3)."""
@@ -40,9 +41,20 @@ def format_short(value: float | None, digits: int = 3) -> str:
 
 
 def format_fixed(value: float, decimals: int) -> str:
-    """Return a number to so many decimals, to tens or hundreds where they are negative; zero has no sign."""
-    rounded = round(value, decimals) + 0.0
+    """Return a number to so many decimals, to tens or hundreds where they are negative; zero has no sign.
+
+    A number that ends in a half is rounded away from zero, as people round what they read: 5.05 is 5.1.
+    """
+    if not math.isfinite(value):
+        return _minus(f"{value}")
+    written = Decimal(repr(float(value)))
+    rounded = float(written.quantize(Decimal(1).scaleb(-decimals), ROUND_HALF_UP)) + 0.0
     return _minus(f"{rounded:.{max(decimals, 0)}f}")
+
+
+def format_limit(value: float) -> str:
+    """Return a limit that a person has set, exactly, with one decimal at least: `5.0`, `5.25`."""
+    return _minus(f"{value:.1f}" if value == round(value, 1) else f"{value:g}")
 
 
 def format_with_uncertainty(value: float, u_value: float) -> str:

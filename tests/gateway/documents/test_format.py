@@ -7,6 +7,8 @@ import pytest
 from gateway.documents.format import (
     as_sentence,
     format_decade,
+    format_fixed,
+    format_limit,
     format_number,
     format_p_value,
     format_percent,
@@ -110,3 +112,16 @@ def test_text_of_unknown_origin_is_printable_and_bounded() -> None:
     assert printable_text("a\x00b\u202ec", 10) == "a\ufffdb\ufffdc"
     assert printable_text("abcdef", 4) == "abc…"
     assert printable_text("abcd", 4) == "abcd"
+
+
+@pytest.mark.parametrize(
+    ("value", "decimals", "text"),
+    [(5.05, 1, "5.1"), (4.5, 0, "5"), (-0.25, 1, "−0.3"), (-0.04, 1, "0.0"), (1250.0, -2, "1300"), (5.0499, 1, "5.0")],
+)
+def test_a_half_is_rounded_away_from_zero(value: float, decimals: int, text: str) -> None:
+    assert format_fixed(value, decimals) == text
+
+
+@pytest.mark.parametrize(("value", "text"), [(5.0, "5.0"), (5.25, "5.25"), (5, "5.0"), (0.1, "0.1")])
+def test_a_limit_is_printed_exactly(value: float, text: str) -> None:
+    assert format_limit(value) == text
