@@ -7,6 +7,7 @@ from math import inf
 from typing import Literal
 
 from gateway.messages import (
+    SOURCES,
     ActiveAlert,
     Alert,
     Calibration,
@@ -35,8 +36,6 @@ STATE_LABELS: dict[FleetWord, str] = {
     "OK": STYLES["OK"].label,
 }
 """In the order of urgency, the labels that people read: alarms, what cannot be seen, what is not to be trusted."""
-SOURCES = {"simulated": "SIMULATION", "replay": "REPLAY"}
-"""What people read of a gateway whose samples no sensor takes, by the kind of its device."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

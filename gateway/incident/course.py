@@ -6,8 +6,11 @@ from typing import Any
 import numpy as np
 
 from gateway.documents.format import human_name
+from gateway.incident.gateway_runs import GatewayRestart, RunRegister, StateCourse
+from gateway.incident.limit_changes import AuditEntry, ConfigurationInForce, LimitChange, limit_changes, parse_audit
 from gateway.messages import (
     NO_SESSION,
+    SOURCES,
     Alert,
     Calibration,
     CalibrationSession,
@@ -68,31 +71,6 @@ class SampleCounts:
 
 
 @dataclass(frozen=True, slots=True)
-class StateCourse:
-    """A state in words, from each of its messages until the next."""
-
-    time_s: Array
-    state: tuple[str, ...]
-
-    def spans(self, end_s: float) -> list[tuple[float, float, str]]:
-        """Return (begin, end, state) without repetitions."""
-        found: list[tuple[float, float, str]] = []
-        for index, (begin_s, state) in enumerate(zip(self.time_s.tolist(), self.state, strict=True)):
-            until_s = float(self.time_s[index + 1]) if index + 1 < len(self.state) else max(end_s, begin_s)
-            if found and found[-1][2] == state:
-                found[-1] = (found[-1][0], until_s, state)
-            else:
-                found.append((begin_s, until_s, state))
-        return found
-
-    def share_of(self, state: str, end_s: float) -> float | None:
-        """Return the share of the time in which a state lasted; None where no state is known."""
-        spans = self.spans(end_s)
-        total_s = sum(end - begin for begin, end, _ in spans)
-        return sum(end - begin for begin, end, each in spans if each == state) / total_s if total_s > 0 else None
-
-
-@dataclass(frozen=True, slots=True)
 class MotionCourse:
     """The motion, ten values a second; NaN where a number is not known."""
 
@@ -133,6 +111,10 @@ class Course:
     """Times at which the wall clock stepped."""
     calibrations: tuple[tuple[float, Calibration], ...]
     """The calibration in force at the begin, and each later one, with its time."""
+    restarts: tuple[GatewayRestart, ...]
+    configurations: tuple[ConfigurationInForce, ...]
+    """The configuration in force at the begin, and each later one."""
+    limit_changes: tuple[LimitChange, ...]
     log: tuple[TimedText, ...]
     sessions: tuple[TimedText, ...]
     """The changes of recalibrations, with the person who asked for each."""
@@ -141,6 +123,8 @@ class Course:
     faults: tuple[TimedText, ...]
     """Faults of the gateway and dropped items, when their number had grown."""
     last_health: Health | None
+    source: str
+    """SIMULATION or REPLAY; empty where a sensor took all samples."""
 
     @property
     def begin_s(self) -> float:
@@ -174,13 +158,29 @@ class CourseBuilder:
     _invalid: int = 0
     _states: dict[str, list[tuple[float, str]]] = field(default_factory=dict)
     _clock: list[tuple[float, ClockOffset]] = field(default_factory=list)
+    _runs: RunRegister = field(default_factory=RunRegister)
+    _configurations: list[ConfigurationInForce] = field(default_factory=list)
+    _audit: list[AuditEntry] = field(default_factory=list)
     _calibrations: list[tuple[float, Calibration]] = field(default_factory=list)
     _log: list[TimedText] = field(default_factory=list)
     _health: Health | None = None
+    _device_kinds: set[str] = field(default_factory=set)
     _session: CalibrationSession = NO_SESSION
     _sessions: list[TimedText] = field(default_factory=list)
     _marks: list[TimedText] = field(default_factory=list)
     _faults: list[TimedText] = field(default_factory=list)
+
+    def add_device_kind(self, kind: str) -> None:
+        """Take the kind of a device that a file describes."""
+        self._device_kinds.add(kind)
+
+    def add_run(self, time_ns: int, boot_id: str, configuration_toml: str | None) -> None:
+        """Take the time of any message, the run that it is of, and the configuration that is in force."""
+        time_s = (time_ns - self.origin_ns) / 1e9
+        self._runs.add(time_s, boot_id)
+        known = self._configurations[-1].toml if self._configurations else None
+        if configuration_toml is not None and configuration_toml != known:
+            self._configurations.append(ConfigurationInForce(time_s, configuration_toml))
 
     def add_block(self, block: CalibratedBlock) -> None:
         """Take a block of samples."""
@@ -201,14 +201,15 @@ class CourseBuilder:
             case Mark():
                 self._marks.append(TimedText(time_s, f"{content.by or 'an unnamed person'}: {content.text}"))
             case Log():
-                self._log.append(TimedText(time_s, content.message))
+                self._add_line(time_s, content)
             case _:
                 self._add_states(time_s, content)
 
     def course(self, begin_ns: int, end_ns: int) -> Course:
         """Return the course of everything that was added."""
-        states = {name: _state_course(rows) for name, rows in self._states.items()}
-        nothing = _state_course([])
+        states = {name: self._state_course(rows) for name, rows in self._states.items()}
+        nothing = self._state_course([])
+        alert_levels = {rule: states[rule] for rule in RULE_NAMES if rule in states}
         acceleration, counts = self._acceleration()
         return Course(
             origin_ns=self.origin_ns,
@@ -220,16 +221,20 @@ class CourseBuilder:
             samples=counts,
             condition=states.get("condition", nothing),
             trusted=states.get("trusted", nothing),
-            alert_levels={rule: states[rule] for rule in RULE_NAMES if rule in states},
+            alert_levels=alert_levels,
             health=states.get("health", nothing),
             clock=states.get("clock", nothing),
             clock_steps_s=tuple(time_s for time_s, clock in self._clock if clock.stepped),
             calibrations=tuple(self._calibrations),
+            restarts=self._runs.restarts(states.get("health", nothing), alert_levels),
+            configurations=tuple(self._configurations),
+            limit_changes=limit_changes(self._configurations, self._audit),
             log=tuple(self._log),
             sessions=tuple(self._sessions),
             marks=tuple(self._marks),
             faults=tuple(self._faults),
             last_health=self._health,
+            source=next((word for kind, word in SOURCES.items() if kind in self._device_kinds), ""),
         )
 
     def _add_states(self, time_s: float, content: object) -> None:
@@ -242,10 +247,12 @@ class CourseBuilder:
                 for rule in RULE_NAMES:
                     self._add_state(rule, time_s, levels.get(rule, "normal"))
             case Health():
+                self._device_kinds.add(content.device_kind)
                 self._add_faults(time_s, content)
                 self._add_state("health", time_s, content.state)
             case ClockOffset():
                 self._clock.append((time_s, content))
+                self._device_kinds.update(["replay"] if content.clock == "replayed" else [])
                 self._add_state("clock", time_s, content.clock)
             case _:
                 pass
@@ -263,6 +270,18 @@ class CourseBuilder:
                 self._faults.append(TimedText(time_s, f"{name}: {more} more"))
         self._health = health
 
+    def _add_line(self, time_s: float, line: Log) -> None:
+        entry = parse_audit(time_s, line.message)
+        if entry is not None:
+            self._audit.append(entry)
+        self._log.append(TimedText(time_s, line.message if entry is None else entry.words))
+
+    def _state_course(self, rows: list[tuple[float, str]]) -> StateCourse:
+        ordered = sorted(rows, key=lambda row: row[0])
+        return self._runs.states(
+            np.array([time_s for time_s, _ in ordered], dtype=np.float64), tuple(state for _, state in ordered)
+        )
+
     def _add_state(self, name: str, time_s: float, state: str) -> None:
         self._states.setdefault(name, []).append((time_s, state))
 
@@ -277,7 +296,7 @@ class CourseBuilder:
         order = np.argsort(table[:, 0], kind="stable")
         table = table[order]
         columns = dict(zip(MOTION_NUMBERS, table[:, 1:-2].T, strict=True))
-        states = StateCourse(table[:, 0], tuple(self._motion_state[index] for index in order))
+        states = self._runs.states(table[:, 0], tuple(self._motion_state[index] for index in order))
         return MotionCourse(time_s=table[:, 0], pivot_m_s2=table[:, -2:], states=states, **columns)
 
     def _acceleration(self) -> tuple[ForceCourse, SampleCounts]:
@@ -308,8 +327,3 @@ def _in_force(calibration: Calibration) -> tuple[object, ...]:
 def _fault_counts(health: Health) -> dict[str, int]:
     dropped = {f"dropped by the {name}": count for name, count in health.dropped.items()}
     return {human_name(name): count for name, count in health.faults.items()} | dropped
-
-
-def _state_course(rows: list[tuple[float, str]]) -> StateCourse:
-    ordered = sorted(rows, key=lambda row: row[0])
-    return StateCourse(np.array([time_s for time_s, _ in ordered]), tuple(state for _, state in ordered))

@@ -13,6 +13,7 @@ from devices.errors import RecordingError
 from gateway import __version__
 from gateway.calibration.record import CalibrationRecord
 from gateway.certificate.page import render_certificate
+from gateway.errors import counted
 from gateway.incident.course import COURSE_TOPICS, Course, CourseBuilder
 from gateway.incident.incident_selection import IncidentWindow
 from gateway.pki.signing_key import KeyFileError, fingerprint
@@ -37,6 +38,7 @@ CERTIFICATE_NAME = re.compile(names.CERTIFICATE.format(id=r"[A-Za-z0-9._-]+"))
 NOTHING_READ = "no message of this time could be read"
 CONTEXT_LEAD_NS = 15_000_000_000
 """Calibration and clock are read from so long before the begin. Basis: both are recorded more often, calibrations every 10 s."""
+GENUINE = "genuine, "
 VerdictKind = Literal["genuine", "differs", "open"]
 
 
@@ -93,11 +95,14 @@ def read_evidence(
         if recorded.log_time_ns < window.begin_ns and recorded.topic not in REPEATED_PATHS:
             continue
         copier.describe(message.file)
+        builder.add_run(recorded.log_time_ns, message.file.boot_id, message.file.configuration_toml)
         copier.add_message(recorded, message.file.schemas.get(recorded.channel.schema_id))
         if recorded.topic in COURSE_TOPICS:
             builder.add(recorded.log_time_ns, message.decode())
         if recorded.topic in NEEDED_TOPICS and (block := samples.add(message)) is not None:
             builder.add_block(block)
+    for file in files.values():
+        builder.add_device_kind(file.metadata.get(names.DEVICE, {}).get("kind", ""))
     course = builder.course(window.begin_ns, window.end_ns)
     if not course.samples.count:
         raise RecordingError(f"{timeline.name}: has no samples in this time; choose another")
@@ -177,6 +182,23 @@ class RecordVerdict:
     """`open`: nothing differs, and something that would prove it is missing."""
     label: str
     sentences: tuple[str, ...]
+    scope: str = ""
+    """Which files were checked, as a sentence."""
+
+    @property
+    def line(self) -> str:
+        """The verdict in one line."""
+        return " ".join(filter(None, (f"Recordings: {self.label}.", self.scope)))
+
+
+def scope_text(checked: int, given: int) -> str:
+    """Return which of the files that were given were checked, as a sentence."""
+    if checked == given:
+        return f"Checked: {counted(checked, 'file')}, all that were given; whether one is missing was not."
+    rest = given - checked
+    return (
+        f"Checked: the {counted(checked, 'file')} of this time; the other {rest} {'was' if rest == 1 else 'were'} not."
+    )
 
 
 def judge_recordings(
@@ -212,7 +234,7 @@ def judge_recordings(
         )
         return RecordVerdict("open", "consistent in themselves only", (compare, *remarks))
     sentences = (said_by, *remarks) if said_by else remarks
-    return RecordVerdict("genuine", f"genuine, nothing differs from what the gateway signed (key {signer})", sentences)
+    return RecordVerdict("genuine", f"{GENUINE}nothing differs from what the gateway signed (key {signer})", sentences)
 
 
 def _problems(chain: ChainVerification) -> tuple[str, ...]:

@@ -172,6 +172,7 @@ def facts_json(evidence: IncidentEvidence, facts: IncidentFacts, verification: R
         name: None if time_s is None else iso_utc(course.utc_ns(time_s))
         for name, time_s in (
             ("raised", facts.raised_s),
+            ("level_raised", None if incident is None else course.time_s(incident.highest.time_ns)),
             ("cleared", facts.cleared_s),
             ("limit_reached", facts.reached_s),
             ("from", course.begin_s),
@@ -181,6 +182,8 @@ def facts_json(evidence: IncidentEvidence, facts: IncidentFacts, verification: R
     return {
         "schema_version": SCHEMA_VERSION,
         "gateway": evidence.gateway,
+        "source": course.source.lower() or "sensor",
+        "device": {"kind": evidence.device.get("kind"), "device_id": evidence.device.get("device_id")},
         "incident": None if incident is None else incident.id,
         "number": None if incident is None else incident.number,
         "rule": None if incident is None else incident.rule,
@@ -219,6 +222,7 @@ def facts_json(evidence: IncidentEvidence, facts: IncidentFacts, verification: R
         "verification": {
             "verdict": verification.kind,
             "text": verification.label,
+            "scope": verification.scope,
             "remarks": list(verification.sentences),
         },
         "sources": [{"file": source.path.name, "sha256": source.sha256} for source in evidence.sources],

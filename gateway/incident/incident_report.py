@@ -7,7 +7,7 @@ import json
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,17 @@ from gateway.documents.environment import render
 from gateway.documents.figures import Figure
 from gateway.documents.format import format_fixed, format_short, printable_text
 from gateway.errors import InputError
+from gateway.incident.course import Course
 from gateway.incident.detail_figures import acceleration_figure, direction_figure, spectrum_figure
-from gateway.incident.evidence import IncidentEvidence, RecordVerdict, SourceFile, file_sha256, read_evidence
+from gateway.incident.evidence import (
+    GENUINE,
+    IncidentEvidence,
+    RecordVerdict,
+    SourceFile,
+    file_sha256,
+    read_evidence,
+    scope_text,
+)
 from gateway.incident.facts import IncidentFacts, facts_json, incident_facts
 from gateway.incident.incident_selection import IncidentWindow
 from gateway.incident.incident_summary import event_table, summary_sentences
@@ -56,8 +65,8 @@ def render_page(
     label, kind = NO_ALERT if incident is None else LEVEL_LABELS.get(incident.level, NO_ALERT)
     return render(
         "incident.html.j2",
-        title=f"Incident report: {evidence.gateway}",
-        label=label if incident is None else f"{label}, {incident.rule}",
+        title=f"Incident report: {', '.join(filter(None, (course.source, evidence.gateway)))}",
+        label=": ".join(filter(None, (course.source, label if incident is None else f"{label}, {incident.rule}"))),
         kind=kind,
         sentences=summary_sentences(course, incident, facts),
         identity=_identity(evidence),
@@ -76,6 +85,7 @@ def render_page(
         device=tuple((name, printable_text(value, 200)) for name, value in evidence.device.items()),
         calibrations=tuple((each, *_certificate(evidence, each)) for _, each in course.calibrations),
         configuration=evidence.configuration_toml or "",
+        configuration_since=_configuration_since(course),
         computed=computed,
     )
 
@@ -100,7 +110,7 @@ def _identity(evidence: IncidentEvidence) -> Pairs:
     course, clock = evidence.course, ReportClock(evidence.course)
     incident = evidence.window.incident
     return (
-        ("Site / crane / sensor", evidence.gateway),
+        ("Site / crane / sensor", f"{evidence.gateway}{f' ({course.source})' if course.source else ''}"),
         ("Incident", "none" if incident is None else f"{incident.id}, no. {incident.number} of these recordings"),
         ("From", clock.both(course.begin_s)),
         ("To", clock.both(course.end_s)),
@@ -131,6 +141,14 @@ def _health(health: Health | None) -> Pairs:
     )
 
 
+def _configuration_since(course: Course) -> str:
+    """Return from when on the last configuration of a report was in force."""
+    if len(course.configurations) < 2:
+        return "In force throughout this report."
+    since_s = course.configurations[-1].time_s
+    return f"In force from {ReportClock(course).both(since_s)} on; another one was in force before."
+
+
 def _number(value: float | None) -> str:
     return "unknown" if value is None else format_fixed(value, 0)
 
@@ -153,6 +171,7 @@ class IncidentReport:
     folder: Path
     sentences: tuple[str, ...]
     """The summary."""
+    verification: RecordVerdict
     content: dict[str, Any]
     """The numbers, as in the file FACTS_FILE."""
 
@@ -176,7 +195,12 @@ def write_report(
         with _new_folder(folder) as partial:
             with (partial / CUT_FILE).open("wb") as stream:
                 evidence = read_evidence(timeline, window, stream, report)
-            verification = verify([source.path for source in evidence.sources])
+            verification = replace(
+                verify([source.path for source in evidence.sources]),
+                scope=scope_text(len(evidence.sources), len(timeline.segments)),
+            )
+            if evidence.course.source:  # nothing simulated is called genuine
+                verification = replace(verification, label=verification.label.removeprefix(GENUINE))
             facts = incident_facts(evidence.course, window.incident)
             page = render_page(
                 evidence,
@@ -193,7 +217,7 @@ def write_report(
                 (partial / Path(name).name).write_bytes(certificate)
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror}); choose another --out") from error
-    return IncidentReport(folder, summary_sentences(evidence.course, window.incident, facts), content)
+    return IncidentReport(folder, summary_sentences(evidence.course, window.incident, facts), verification, content)
 
 
 @contextmanager

@@ -3,18 +3,30 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from gateway.documents.format import as_sentence, format_fixed, format_percent, format_short, human_name, printable_text
+from gateway.documents.format import (
+    as_sentence,
+    format_fixed,
+    format_limit,
+    format_percent,
+    format_short,
+    human_name,
+    printable_text,
+)
 from gateway.errors import counted
-from gateway.incident.course import Course, StateCourse
+from gateway.incident.course import Course
 from gateway.incident.evidence import IncidentEvidence
 from gateway.incident.facts import CraneMove, IncidentFacts, PeakAngle
+from gateway.incident.gateway_runs import GatewayRestart, StateCourse
 from gateway.incident.incident_selection import STANDING, AlertIncident
+from gateway.incident.limit_changes import LimitChange
 from gateway.incident.timeline_figure import ReportClock
 from gateway.pipeline.alert_rules import SWING
 
 MAX_SUMMARY_MARKS = 3
 """Marks in the summary; the events have all of them. Basis: a choice; the summary stays on one page, the events have all of
 them."""
+MAX_SUMMARY_RESTARTS = 3
+"""Restarts in the summary. Basis: as of the marks."""
 MAX_ALERT_SILENCE_S = 5.0
 """An alert is stated each second. Basis: after a longer silence the gateway has ended."""
 LEVEL_WORDS = {"warn": "warning", "trip": "trip"}
@@ -22,6 +34,10 @@ CLOCKS = {
     "synchronised": "The gateway's clock was synchronised.",
     "free_running": "The gateway's clock was not synchronised: UTC is only as good as when it was last set.",
     "replayed": "The times are those of a replayed recording.",
+}
+SOURCE_SENTENCES = {
+    "SIMULATION": "SIMULATION: this crane is simulated; no load has moved.",
+    "REPLAY": "REPLAY: these samples were recorded before, and played to the gateway again.",
 }
 ALERT, MARK = "alert", "mark"
 ALWAYS_SHOWN = (ALERT, MARK)
@@ -39,10 +55,13 @@ def summary_sentences(course: Course, incident: AlertIncident | None, facts: Inc
     return tuple(
         sentence
         for part in (
+            [SOURCE_SENTENCES[course.source]] if course.source else [],
             _what_was_raised(course, clock, incident, facts),
+            _which_limits_were_changed(course, clock, incident),
             _how_large(clock, incident, facts),
             _what_went_before(clock, facts),
             _when_it_ended(course, clock, incident, facts),
+            _when_it_was_restarted(course, clock),
             _how_good(course, facts),
         )
         for sentence in part
@@ -58,7 +77,7 @@ def _what_was_raised(
         return
     highest = incident.highest
     highest_s = course.time_s(highest.time_ns)
-    limit = "" if highest.limit_deg is None else f" (limit {highest.limit_deg:.1f}°)"
+    limit = "" if highest.limit_deg is None else f" (limit {format_limit(highest.limit_deg)}°)"
     level = LEVEL_WORDS.get(highest.level, highest.level)
     if highest.event == STANDING:
         yield f"The {incident.rule} alert stood at {level}{limit} when the recordings begin, {clock.both(highest_s)}."
@@ -66,12 +85,45 @@ def _what_was_raised(
         yield f"The {incident.rule} alert was raised to {level}{limit} at {clock.both(highest_s)}."
     if highest_s - facts.raised_s > 0.05:
         first = LEVEL_WORDS.get(incident.changes[0].level, incident.changes[0].level)
-        yield f"The incident began {highest_s - facts.raised_s:.1f} s before, with a {first}."
+        yield f"The incident began {format_fixed(highest_s - facts.raised_s, 1)} s before, with a {first}."
     if highest.is_bound and highest.value_deg is not None:
         yield (
-            f"The {highest.value_deg:.1f}° that raised it were an upper bound, of a coming peak or of the angle at that "
-            "time, which was estimated below the limit."
+            f"The {format_fixed(highest.value_deg, 1)}° that raised it were an upper bound, of a coming peak or of the angle "
+            "at that time, which was estimated below the limit."
         )
+
+
+def _which_limits_were_changed(course: Course, clock: ReportClock, incident: AlertIncident | None) -> Iterator[str]:
+    """Yield the changes before the alert, or of the whole time where there is none."""
+    alert_s = None if incident is None else course.time_s(incident.highest.time_ns)
+    for change in course.limit_changes:
+        if alert_s is None or change.time_s <= alert_s:
+            before = "" if alert_s is None else f", {format_fixed(alert_s - change.time_s, 1)} s before the alert"
+            yield f"Before it, {change.words}{_by_whom(clock, change)}; in force from {clock.both(change.time_s)} on{before}."
+
+
+def _by_whom(clock: ReportClock, change: LimitChange) -> str:
+    if change.audit is None:
+        return "; the recordings of this time do not say by whom"
+    by, reason = change.audit.content.get("by") or "an unnamed person", change.audit.content.get("reason")
+    words = f", with the words: {printable_text(str(reason), MAX_EVENT_CHARACTERS)}" if reason else ""
+    return f" by {by} at {clock.time(change.audit.time_s)} UTC{words}"
+
+
+def _when_it_was_restarted(course: Course, clock: ReportClock) -> Iterator[str]:
+    inside = [each for each in course.restarts if course.begin_s <= each.stopped_s <= course.end_s]
+    yield from (restart_text(clock, each) for each in inside[:MAX_SUMMARY_RESTARTS])
+    if len(inside) > MAX_SUMMARY_RESTARTS:
+        yield f"The gateway was started again {len(inside)} times; the table of events has all of them."
+
+
+def restart_text(clock: ReportClock, restart: GatewayRestart) -> str:
+    """Return when the gateway stopped and was started again, and for how long no alert was judged."""
+    stopped = "was stopped" if restart.is_announced else "stopped without notice"
+    times = f"at {clock.both(restart.stopped_s)} and was started again at {clock.time(restart.started_s)} UTC"
+    if restart.judged_s is None:
+        return f"The gateway {stopped} {times}: alerts were not judged until it ended or this report ends."
+    return f"The gateway {stopped} {times}: alerts were not judged for {format_fixed(restart.judged_s - restart.stopped_s, 1)} s."
 
 
 def _how_large(clock: ReportClock, incident: AlertIncident | None, facts: IncidentFacts) -> Iterator[str]:
@@ -85,13 +137,18 @@ def _how_large(clock: ReportClock, incident: AlertIncident | None, facts: Incide
     highest_s = clock.course.time_s(incident.highest.time_ns)
     if facts.reached_s is not None:
         lead_s = facts.reached_s - highest_s
-        when = f"{lead_s:.1f} s after the alert" if lead_s > 0.05 else "when the alert was raised"
-        sure = "" if low_deg >= limit_deg else f"; the interval reaches down to {low_deg:.2f}°, so this is not certain"
-        yield f"It reached the limit of {limit_deg:.1f}° {when}{sure}."
+        when = f"{format_fixed(lead_s, 1)} s after the alert" if lead_s > 0.05 else "when the alert was raised"
+        sure = (
+            ""
+            if low_deg >= limit_deg
+            else f"; the interval reaches down to {format_fixed(low_deg, 2)}°, so this is not certain"
+        )
+        yield f"It reached the limit of {format_limit(limit_deg)}° {when}{sure}."
     elif high_deg < limit_deg:
-        yield f"It did not reach the limit of {limit_deg:.1f}°: the alert came from an upper bound that was not reached."
+        upper = "the alert came from an upper bound that was not reached"
+        yield f"It did not reach the limit of {format_limit(limit_deg)}°: {upper}."
     else:
-        yield f"It may have reached the limit of {limit_deg:.1f}°: the interval of 95 % ends above it."
+        yield f"It may have reached the limit of {format_limit(limit_deg)}°: the interval of 95 % ends above it."
 
 
 def _what_went_before(clock: ReportClock, facts: IncidentFacts) -> Iterator[str]:
@@ -126,7 +183,8 @@ def _when_it_ended(
         )
         yield f"The recordings state no end of it: it stood at {clock.both(facts.end_s)}, after which {ended}."
     else:
-        yield f"It cleared at {clock.both(facts.cleared_s)}, {facts.cleared_s - facts.raised_s:.1f} s after it began."
+        after_s = format_fixed(facts.cleared_s - facts.raised_s, 1)
+        yield f"It cleared at {clock.both(facts.cleared_s)}, {after_s} s after it began."
     yield _acknowledgement(course, clock, incident)
     for mark in course.marks[:MAX_SUMMARY_MARKS]:
         yield f"Mark at {clock.both(mark.time_s)}, by {mark.text}."
@@ -146,7 +204,7 @@ def _how_good(course: Course, facts: IncidentFacts) -> Iterator[str]:
     rate = "" if samples.rate_hz is None else f" at {format_short(samples.rate_hz, 4)} Hz"
     if samples.gaps:
         longest_s = max(gap.end_s - gap.begin_s for gap in samples.gaps)
-        gaps = f"{counted(len(samples.gaps), 'gap')}, the longest {longest_s:.2f} s"
+        gaps = f"{counted(len(samples.gaps), 'gap')}, the longest {format_fixed(longest_s, 2)} s"
     else:
         gaps = "no gap"
     yield f"The report covers {samples.count} samples{rate}, with {gaps}, {samples.lost} lost and {samples.invalid} invalid."
@@ -221,15 +279,15 @@ def _events(evidence: IncidentEvidence, course: Course) -> Iterator[tuple[float,
             told.add(change.text)
             yield course.time_s(change.time_ns), ALERT, as_sentence(change.text)
     yield from _state_events("condition", course.condition, course)
-    yield from _state_events("gateway", course.health, course)
+    yield from _gateway_events(course)
     yield from _state_events("clock", course.clock, course)
     for time_s in course.clock_steps_s:
         yield time_s, "clock", "The wall clock stepped."
     for index, (time_s, calibration) in enumerate(course.calibrations):
         verb = "Calibration in force" if index == 0 else "Another calibration in force"
         yield max(time_s, course.begin_s), "calibration", f"{verb}: {calibration.text}."
-    for kind, texts in ((MARK, course.marks), ("calibration", course.sessions), ("gateway", course.faults)):
-        yield from ((each.time_s, kind, as_sentence(each.text)) for each in texts)
+    yield from ((each.time_s, MARK, each.text) for each in course.marks)
+    yield from ((each.time_s, "calibration", as_sentence(each.text)) for each in course.sessions)
     for gap in course.samples.gaps:
         yield gap.begin_s, "samples", f"No samples for {gap.end_s - gap.begin_s:.3f} s."
     for line in course.log:
@@ -237,7 +295,17 @@ def _events(evidence: IncidentEvidence, course: Course) -> Iterator[tuple[float,
             yield line.time_s, "log", line.text
 
 
+def _gateway_events(course: Course) -> Iterator[tuple[float, str, str]]:
+    yield from _state_events("gateway", course.health, course)
+    yield from ((each.time_s, "gateway", as_sentence(each.text)) for each in course.faults)
+    for restart in course.restarts:
+        yield restart.stopped_s, "gateway", restart_text(ReportClock(course), restart)
+    for change in course.limit_changes:
+        yield change.time_s, "settings", f"Another configuration in force: {change.words}."
+
+
 def _state_events(kind: str, states: StateCourse, course: Course) -> Iterator[tuple[float, str, str]]:
-    for begin_s, end_s, state in states.spans(course.end_s):
+    for from_s, to_s, state in states.spans(course.end_s):
+        begin_s, end_s = max(from_s, course.begin_s), min(to_s, course.end_s)
         if end_s - begin_s >= MIN_STATE_S:
-            yield max(begin_s, course.begin_s), kind, as_sentence(f"{human_name(state)} for {end_s - begin_s:.1f} s")
+            yield begin_s, kind, as_sentence(f"{human_name(state)} for {format_fixed(end_s - begin_s, 1)} s")

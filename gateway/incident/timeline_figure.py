@@ -5,7 +5,7 @@ The time axes of all figures have ticks at round times of UTC, and the local tim
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 
 import numpy as np
@@ -15,9 +15,10 @@ from matplotlib.ticker import FixedLocator, FuncFormatter
 
 from gateway.documents.figures import AFTER, ALARM, BEFORE, EVENT, FAINT, INK, LINE, MEASURED, Figure, decimate_band
 from gateway.documents.plots import WIDTH_IN, plot_curve, render_svg
-from gateway.incident.course import TRUSTED_TEXT, Course, StateCourse
+from gateway.incident.course import TRUSTED_TEXT, Course
 from gateway.incident.facts import IncidentFacts
 from gateway.incident.incident_selection import AlertIncident
+from gateway.incident.limit_changes import limit_text
 from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
 from gateway.pipeline.alert_rules import SWING
@@ -27,8 +28,8 @@ STEPS_S = (0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 360
 """Distances of ticks. Definition: round steps of seconds, minutes and hours."""
 MAX_TICKS = 8
 """Basis: a choice; labels of the time do not touch."""
-TICK_ERROR_S = 1e-3
-"""Basis: a choice; above the rounding of the times, below the smallest step."""
+PRINTED_NS = 100_000_000
+"""Times of a report have tenths of a second. Basis: a choice; the motion has ten values a second."""
 EDGE_SHARE = 0.03
 """Share of the axis before its end without a tick. Basis: half a label."""
 HEIGHT_IN = 8.4
@@ -57,6 +58,8 @@ COLOURS = {
 DARK = frozenset({"trip", "disturbed"})
 CHARACTER_SHARE = 0.0105
 """Width of a character as a share of the panel's width. Basis: the width of the font of the labels at the width of the figure."""
+LIMIT_KEYS = {"warn": "warn_deg", "trip": "trip_deg", "clears below": "clear_deg"}
+"""The keys of the limits that are drawn."""
 NOT_TRUSTED = "not trusted"
 HALF_HEIGHT = 0.36
 """Half the height of a bar of a state. Basis: a choice of taste; rows are one apart."""
@@ -73,13 +76,14 @@ class ReportClock:
     course: Course
 
     def moment(self, time_s: float, *, is_local: bool = False) -> datetime:
-        """Return date and time."""
-        return zoned(self.course.utc_ns(time_s), is_local=is_local)
+        """Return date and time, rounded to what is printed."""
+        utc_ns = (self.course.utc_ns(time_s) + PRINTED_NS // 2) // PRINTED_NS * PRINTED_NS
+        return zoned(utc_ns, is_local=is_local)
 
     def time(self, time_s: float, *, is_local: bool = False) -> str:
         """Return `10:31:05.2`."""
         moment = self.moment(time_s, is_local=is_local)
-        return f"{moment:%H:%M:%S}.{moment.microsecond // 100_000}"
+        return f"{moment:%H:%M:%S}.{moment.microsecond * 1000 // PRINTED_NS}"
 
     def date(self, time_s: float, *, is_local: bool = False) -> str:
         """Return `2026-11-22`."""
@@ -130,10 +134,9 @@ def label_local_times(axes: Axes, clock: ReportClock, begin_s: float, end_s: flo
 
 def tick_label(clock: ReportClock, time_s: float, span_s: float, *, is_local: bool = False) -> str:
     """Return the time of a tick on an axis of `span_s`."""
-    tick_s = time_s + TICK_ERROR_S  # a tick a nanosecond early has the label of its round time
     if span_s < MAX_TICKS:
-        return clock.time(tick_s, is_local=is_local)
-    return f"{clock.moment(tick_s, is_local=is_local):%H:%M:%S}"
+        return clock.time(time_s, is_local=is_local)
+    return f"{clock.moment(time_s, is_local=is_local):%H:%M:%S}"
 
 
 def timeline_figure(course: Course, incident: AlertIncident | None, facts: IncidentFacts) -> Figure:
@@ -169,21 +172,18 @@ def _draw_angle(axes: Axes, course: Course, incident: AlertIncident | None, fact
     _draw_band(axes, motion.time_s, motion.angle_deg, motion.u_deg)
     axes.set_ylabel("angle, °")
     limit_deg = 0.0 if incident is None else incident.highest.limit_deg or 0.0
-    axes.set_ylim(0, max(MIN_REACH_DEG, 1.15 * max(limit_deg, _largest(motion.angle_deg))))
+    levels = {} if incident is None or incident.rule != SWING.name else levels_in_force(course, incident)
+    limits_deg = [level_deg for spans in levels.values() for _, _, level_deg in spans]
+    axes.set_ylim(0, max(MIN_REACH_DEG, 1.15 * max(limit_deg, *limits_deg, _largest(motion.angle_deg))))
     if incident is None or incident.rule != SWING.name:
         return
-    levels: dict[str, float | None] = {
-        each.level: each.limit_deg for each in incident.changes if each.level != "normal"
-    }
-    levels["clears below"] = incident.highest.clear_deg
-    for name, level_deg in levels.items():
-        if level_deg is not None:
-            colour = ALARM if name == "trip" else FAINT
-            axes.axhline(level_deg, color=colour, linewidth=0.8, linestyle=(0, (5, 3)))
+    for name, spans in levels.items():
+        colour = ALARM if name == "trip" else FAINT
+        for from_s, to_s, level_deg in spans:
+            axes.plot([from_s, to_s], [level_deg, level_deg], color=colour, linewidth=0.8, linestyle=(0, (5, 3)))
             axes.annotate(
-                f"{name} {level_deg:.1f}°",
-                (0.998, level_deg),
-                xycoords=("axes fraction", "data"),
+                f"{name} {limit_text('deg', level_deg)}",
+                (to_s, level_deg),
                 ha="right",
                 va="bottom",
                 fontsize=7.5,
@@ -199,6 +199,28 @@ def _draw_angle(axes: Axes, course: Course, incident: AlertIncident | None, fact
             textcoords="offset points",
             color=EVENT,
         )
+
+
+def levels_in_force(course: Course, incident: AlertIncident) -> dict[str, list[tuple[float, float, float]]]:
+    """Return (begin, end, limit) of each level of an incident, by the configurations in force, or else by the alert itself."""
+    own: dict[str, float | None] = {each.level: each.limit_deg for each in incident.changes if each.level in LIMIT_KEYS}
+    own["clears below"] = incident.highest.clear_deg
+    levels: dict[str, list[tuple[float, float, float]]] = {}
+    for name, own_deg in own.items():
+        spans = levels.setdefault(name, [])
+        for time_s, limit_deg in [
+            (each.time_s, each.limits.get(LIMIT_KEYS[name])) for each in course.configurations
+        ] or [(course.begin_s, own_deg)]:
+            from_s = max(time_s, course.begin_s)
+            if limit_deg is None:
+                continue
+            if spans and spans[-1][2] == limit_deg:
+                spans[-1] = (spans[-1][0], course.end_s, limit_deg)
+                continue
+            if spans:
+                spans[-1] = (spans[-1][0], from_s, spans[-1][2])
+            spans.append((from_s, course.end_s, limit_deg))
+    return levels
 
 
 def _largest(values: Array) -> float:
@@ -231,9 +253,8 @@ def _draw_band(axes: Axes, time_s: Array, values: Array, u_values: Array) -> Non
 
 
 def _draw_states(axes: Axes, course: Course) -> None:
-    reading = StateCourse(
-        course.trusted.time_s, tuple(state if state == TRUSTED_TEXT else NOT_TRUSTED for state in course.trusted.state)
-    )
+    known = tuple(state if state == TRUSTED_TEXT else NOT_TRUSTED for state in course.trusted.state)
+    reading = replace(course.trusted, state=known)
     rows = [
         *((f"{rule} alert", states) for rule, states in course.alert_levels.items()),
         ("motion", course.motion.states),

@@ -17,7 +17,7 @@ from gateway.messages.header import (
     Seconds,
     Vector,
 )
-from gateway.messages.health import FoxgloveTime, Health, HealthState, Log, Mark, NewestStatement
+from gateway.messages.health import SOURCES, FoxgloveTime, Health, HealthState, Log, Mark, NewestStatement
 from gateway.messages.motion import (
     Cause,
     Condition,
@@ -37,6 +37,7 @@ __all__ = [
     "LEVEL_RANK",
     "NO_SESSION",
     "SCHEMA_VERSION",
+    "SOURCES",
     "Acceleration",
     "ActiveAlert",
     "Alert",

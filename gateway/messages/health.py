@@ -20,6 +20,8 @@ class NewestStatement:
     ]
 
 
+SOURCES = {"simulated": "SIMULATION", "replay": "REPLAY"}
+"""What a reader is told of samples that no sensor takes now, by `device_kind`."""
 HealthState = Literal["starting", "running", "recovering", "stopping"]
 
 

@@ -89,6 +89,7 @@ def recordings(reader: Reader) -> None:
     bench_files.copied(data / "signing-key.pem.pub", reader.folder / "KEPT.pub")
     shutil.copy(crane.files[0], reader.folder / "recording.mcap")
     (reader.folder / "signing-key.pem.pub").write_bytes((data / "signing-key.pem.pub").read_bytes())
+    reader.exit_codes |= {"plumbline record incident plumbline-data --last": 3}  # without the key
     reader.texts |= {
         "--alert 3": "--alert 1",
         "--from 07:28:00 --to 07:35:00": "--from 2026-01-01T00:00:00Z --to 2026-01-01T00:00:20Z",

@@ -13,6 +13,7 @@ from gateway.cli.command import command, one_of, option
 from gateway.cli.output import JSON_OPTION
 from gateway.cli.record.known_key import KEY_OPTION, key_of_recordings
 from gateway.cli.recording_options import CA_OPTION, PATHS_OPTION
+from gateway.errors import ANSWER_IS_NO, WITH_LOSSES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,13 +25,17 @@ if TYPE_CHECKING:
 ALERT_MARGIN_S = 60.0
 """Time before and after an alert. Basis: a choice; some swings, so that its cause is seen."""
 REPORT = "cause.html"
+EXIT_CODES = {"genuine": 0, "differs": ANSWER_IS_NO, "open": WITH_LOSSES}
+"""Definition: exit codes of the verdicts on the recordings, those of `record verify`."""
 
 
 @command(
     "incident",
     "write a report of an incident: one page with figures, and the recording of it",
     "Write a report of an incident into a new folder: a page with a summary, a timeline and figures, and the "
-    "part of the recordings that it is made from. Without a choice, of the last incident.",
+    "part of the recordings that it is made from. Without a choice, of the last incident. The files of its time, and no "
+    "others, are checked as by `record verify`, with the same exit codes: 0 genuine; 1 they differ from what was signed; 3 "
+    "consistent in themselves only, because no key is known, or nothing is signed. The report is written in each case.",
     "example: plumbline record incident plumbline-data --last --out crane-1-trip",
     PATHS_OPTION,
     one_of(
@@ -160,8 +165,9 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
             analyse=analyse_cause if arguments.reconcile else None,
             report=bar.update,
         )
-    show("\n".join([*written.sentences, "", f"report: {folder / PAGE_FILE}"]), written.content, arguments.json)
-    return 0
+    lines = [*written.sentences, "", written.verification.line, f"report: {folder / PAGE_FILE}"]
+    show("\n".join(lines), written.content, arguments.json)
+    return EXIT_CODES[written.verification.kind]
 
 
 def analyse_cause(recording: Path) -> "CauseAnalysis":

@@ -16,7 +16,7 @@ from gateway.incident.course import CourseBuilder
 from gateway.incident.evidence import IncidentEvidence, make_certificates
 from gateway.incident.incident_selection import STANDING, IncidentWindow, find_incidents
 from gateway.incident.incident_summary import MAX_SHOWN_EVENTS, event_table
-from gateway.incident.timeline_figure import ReportClock, tick_label, tick_times
+from gateway.incident.timeline_figure import ReportClock, levels_in_force, tick_label, tick_times
 from gateway.messages import (
     NO_SESSION,
     ActiveAlert,
@@ -24,6 +24,7 @@ from gateway.messages import (
     AlertEventKind,
     Calibration,
     ClockOffset,
+    ClockQuality,
     FoxgloveTime,
     Health,
     Level,
@@ -149,7 +150,7 @@ def test_alerts_and_marks_stand_among_the_events_however_many_others_there_are()
     evidence = IncidentEvidence("yard", window, builder.course(ORIGIN_NS, end_ns), (), {}, None, {}, ())
     table = event_table(evidence)
     assert (len(table.rows), table.hidden) == (MAX_SHOWN_EVENTS, 301 - MAX_SHOWN_EVENTS)
-    assert (table.rows[-1].kind, table.rows[-1].text) == ("mark", "Ann: load set down.")
+    assert (table.rows[-1].kind, table.rows[-1].text) == ("mark", "Ann: load set down")
 
 
 def active(rule: str, level: Level, incident: str | None) -> ActiveAlert:
@@ -300,3 +301,57 @@ def test_a_certificate_without_a_valid_record_is_left_out() -> None:
         make_certificates({"calibration-a.html": HOSTILE, "calibration-a.json": b"{}", "calibration-b.html": HOSTILE})
         == {}
     )
+
+
+@pytest.mark.parametrize(
+    ("kind", "clock", "source"),
+    [
+        ("adxl355", "synchronised", ""),
+        ("simulated", "synchronised", "SIMULATION"),
+        ("replay", "synchronised", "REPLAY"),
+        ("adxl355", "replayed", "REPLAY"),
+    ],
+)
+def test_the_source_is_stated_where_no_sensor_took_the_samples(kind: str, clock: ClockQuality, source: str) -> None:
+    offset = ClockOffset(**{**HEAD, "clock": clock}, log_time_ns=0, wall_offset_ns=0, stepped=False)
+    course = built((0.0, offset), (1.0, health(device_kind=kind))).course(ORIGIN_NS, ORIGIN_NS + 2 * 10**9)
+    assert course.source == source
+
+
+def test_the_drawn_limit_is_the_one_in_force_at_each_time() -> None:
+    builder = CourseBuilder(ORIGIN_NS)
+    for time_s, boot, trip_deg in ((0, "a", 6.0), (10, "a", 6.0), (20, "b", 5.0), (30, "c", 5.0)):
+        toml = f"[alerts]\nwarn_deg = 4.0\ntrip_deg = {trip_deg}\nclear_deg = 3.0\n# {boot}\n"
+        builder.add_run(ORIGIN_NS + time_s * 10**9, boot, toml)
+    course = builder.course(ORIGIN_NS, ORIGIN_NS + 40 * 10**9)
+    (incident,) = find_incidents(
+        [
+            (1, alert("raised", "swing", active("swing", "warn", "b-1"), incident="b-1")),
+            (2, alert("raised", "swing", active("swing", "trip", "b-1"), incident="b-1")),
+        ]
+    )
+    assert levels_in_force(course, incident) == {
+        "warn": [(0.0, 40.0, 4.0)],
+        "trip": [(0.0, 20.0, 6.0), (20.0, 40.0, 5.0)],
+        "clears below": [(0.0, 40.0, 3.0)],
+    }
+    (change,) = course.limit_changes
+    assert (change.words, change.audit) == ("the trip limit of the swing was changed from 6.0° to 5.0°", None)
+
+
+def test_no_state_outlasts_the_run_that_stated_it() -> None:
+    builder = CourseBuilder(ORIGIN_NS)
+    for time_s, boot in ((0, "a"), (3, "a"), (10, "b"), (12, "b")):
+        builder.add_run(ORIGIN_NS + time_s * 10**9, boot, None)
+    builder.add(ORIGIN_NS, health())
+    builder.add(ORIGIN_NS + 10 * 10**9, health())
+    course = builder.course(ORIGIN_NS, ORIGIN_NS + 13 * 10**9)
+    assert course.health.spans(course.end_s) == [(0.0, 3.0, "running"), (10.0, 13.0, "running")]
+    (restart,) = course.restarts
+    assert (restart.stopped_s, restart.started_s, restart.is_announced) == (3.0, 10.0, False)
+
+
+@pytest.mark.parametrize(("time_s", "text"), [(0.04, "00:00:00.0"), (0.05, "00:00:00.1"), (59.96, "00:01:00.0")])
+def test_times_are_rounded(time_s: float, text: str) -> None:
+    clock = ReportClock(CourseBuilder(ORIGIN_NS).course(ORIGIN_NS, ORIGIN_NS + 10**9))
+    assert clock.time(time_s) == text

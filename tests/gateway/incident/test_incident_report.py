@@ -236,7 +236,7 @@ def test_live_and_torn_recordings_are_reported_up_to_their_end(
 def test_a_time_is_reported_around_which_nothing_was_raised(recorded: RecordedCrane, make_report: MakeReport) -> None:
     report = make_report([recorded.folder], IncidentChoice(around=parse_recording_time("40")), margin_s=3.0)
     assert report.content["incident"] is None
-    assert report.sentences[0].startswith("No alert was raised in this time")
+    assert report.sentences[1].startswith("No alert was raised in this time")
 
 
 @pytest.mark.parametrize("time", ["10", "20", "29"])
@@ -300,9 +300,89 @@ def test_the_report_of_signed_recordings_states_that_they_are_genuine(
     key = read_public_key(str(recorded.folder / "signing-key.pem.pub"))
     report = make_report([recorded.folder], key=key)
     assert report.content["verification"]["verdict"] == "genuine"
-    assert f"genuine, nothing differs from what the gateway signed (key {fingerprint(key)})" in text_of(
+    assert f"Recordings: nothing differs from what the gateway signed (key {fingerprint(key)})" in text_of(
         report.folder / "incident.html"
     )
+
+
+def test_a_report_of_a_simulated_crane_says_so_in_its_first_lines_whatever_the_name(
+    recorded: RecordedCrane, make_report: MakeReport
+) -> None:
+    report = make_report([recorded.folder])
+    assert report.sentences[0].startswith("SIMULATION: this crane is simulated")
+    assert report.content["gateway"] == "yard/crane-2/hook"
+    assert (report.content["source"], report.content["device"]["kind"]) == ("simulation", "simulated")
+    page = text_of(report.folder / "incident.html")
+    assert page.index("SIMULATION: Trip, swing SIMULATION: this crane is simulated") < page.index("was raised to trip")
+    assert "<title>Incident report: SIMULATION, yard/crane-2/hook" in (report.folder / "incident.html").read_text()
+    assert "genuine" not in page.lower()
+
+
+@pytest.mark.parametrize(
+    ("change", "with_key", "code", "said"),
+    [
+        (0, True, 0, "Recordings: nothing differs from what the gateway signed (key "),
+        (0, False, 3, "Recordings: consistent in themselves only."),
+        (1, True, 1, "Recordings: THEY DIFFER FROM WHAT THE GATEWAY SIGNED."),
+    ],
+)
+def test_the_verdict_on_the_recordings_is_printed_and_is_the_exit_code(
+    recorded: RecordedCrane,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    change: int,
+    with_key: bool,
+    code: int,
+    said: str,
+) -> None:
+    folder = tmp_path / "data"
+    folder.mkdir()
+    for path in recorded.files:
+        content = bytearray(path.read_bytes())
+        content[len(content) // 2] ^= change * (path == recorded.files[1])
+        (folder / path.name).write_bytes(content)
+    key = ["--key", str(recorded.folder / "signing-key.pem.pub")] if with_key else []
+    arguments = ["--margin", "1", *key, "--out", str(tmp_path / "report")]
+    assert main(["record", "incident", str(folder), *arguments]) == code
+    (line,) = (each for each in capsys.readouterr().out.splitlines() if each.startswith("Recordings: "))
+    assert line.startswith(said)
+    assert line.endswith("Checked: the 4 files of this time; the other 1 was not.")
+    assert line in text_of(tmp_path / "report" / "incident.html")
+
+
+def test_a_restart_ends_what_was_stated_before_and_is_told_in_words(restarted: Path, make_report: MakeReport) -> None:
+    report = make_report([restarted], margin_s=20.0)
+    assert report.sentences[-5:-3] == (
+        "The gateway was stopped at 2026-01-01 00:00:08.2 UTC and was started again at 00:00:10.3 UTC: "
+        "alerts were not judged for 4.5 s.",
+        "The gateway stopped without notice at 2026-01-01 00:00:25.3 UTC and was started again at 00:00:31.3 UTC: "
+        "alerts were not judged for 8.4 s.",
+    )
+    page = text_of(report.folder / "incident.html")
+    assert set(report.sentences[-5:-3]) <= set(re.findall(r"gateway (The gateway .*? s\.)", page))
+    running = re.findall(r"(\S+) gateway Running for (\S+) s", page)
+    ends_s = [float(from_utc[6:]) + float(length_s) for from_utc, length_s in running]
+    assert ends_s == pytest.approx([7.3, 25.3, 36.2], abs=0.11)
+
+
+def test_a_change_of_the_limit_before_the_alert_is_told_in_words(restarted: Path, make_report: MakeReport) -> None:
+    report = make_report([restarted], margin_s=20.0)
+    assert (
+        "Before it, the trip limit of the swing was changed from 6.0° to 5.0° by ann at 00:00:07.2 UTC, with the words: "
+        "crane <b>7</b>; in force from 2026-01-01 00:00:10.3 UTC on, 9.8 s before the alert."
+    ) in report.sentences
+    page = text_of(report.folder / "incident.html")
+    assert "log Settings changed by ann: alerts.trip_deg: 6.0 -> 5.0, with the words: crane <b>7</b>" in page
+    assert '{"time_utc"' not in page
+
+
+def test_the_time_of_the_trip_stands_beside_that_of_the_warning(
+    recorded: RecordedCrane, make_report: MakeReport
+) -> None:
+    utc = make_report([recorded.folder]).content["utc"]
+    tripped = next(change for change in recorded.changes if change.event == "raised" and change.limit_deg == 5.0)
+    assert utc["level_raised"] == iso_utc(tripped.time_ns)
+    assert utc["raised"] == iso_utc(recorded.changes[0].time_ns) < utc["level_raised"]
 
 
 def test_without_the_key_nothing_is_called_genuine(recorded: RecordedCrane, make_report: MakeReport) -> None:
@@ -336,7 +416,7 @@ def test_what_moved_the_load_is_answered_on_request(
 ) -> None:
     """Of the free swing alone: too short for a comparison, which the answer says."""
     arguments = ["--from", "16", "--to", "30", "--reconcile", "--out", str(tmp_path / "report")]
-    assert main(["record", "incident", str(recorded.folder), *arguments]) == 0
+    assert main(["record", "incident", str(recorded.folder), *arguments]) == 3  # without the key
     assert "report: " in capsys.readouterr().out
     page = text_of(tmp_path / "report" / "incident.html")
     assert "Against a free swing in the simulation: the data cannot be used. " in page
