@@ -12,7 +12,7 @@ from gateway.documents.format import as_sentence, format_number, format_time_spa
 from gateway.twin.effects import EFFECTS
 from gateway.twin.reconcile.output.estimates import Law, NamedEffect
 from gateway.twin.reconcile.output.result import Candidate, Confusable, Equivalent, Reconciliation
-from gateway.twin.report.effect_size import Size, effect_sizes
+from gateway.twin.report.effect_size import Size, effect_sizes, unit_text
 from gateway.twin.report.gap_table import part_rows
 from gateway.twin.report.text import format_noise_ratio
 
@@ -81,7 +81,7 @@ def unexplained(result: Reconciliation) -> str:
 
 def _sentence(result: Reconciliation) -> str:
     effects = confirmed_effects(result)
-    names = join_names([effect.name for effect in effects])
+    names = join_names([f"{'the true size of ' if effect.is_stated else ''}{effect.name}" for effect in effects])
     match result.verdict:
         case "data_unusable":
             return "The recording cannot be used, so there is no answer."
@@ -115,7 +115,18 @@ def _findings(result: Reconciliation) -> tuple[Finding, ...]:
 
 def _finding(effect: NamedEffect, *, is_addition: bool) -> Finding:
     meaning, acted = as_sentence(effect.explains), _acted(effect.when_s)
+    if effect.is_stated:
+        meaning += f" The rig’s description states {_stated(effect)}."
     return Finding(human_name(effect.name), meaning, is_addition, acted, effect_sizes(effect))
+
+
+def _stated(effect: NamedEffect) -> str:
+    return ", ".join(
+        f"{format_number(float(each))} {unit_text(estimate)}".strip()
+        for estimate in effect.parameters.values()
+        if estimate.stated is not None
+        for each in np.atleast_1d(np.asarray(estimate.stated, dtype=np.float64))
+    )
 
 
 def _candidate(name: str) -> Finding:

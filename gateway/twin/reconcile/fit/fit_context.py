@@ -19,7 +19,7 @@ from gateway.twin.reconcile.fit.initial_conditions import (
     segment_initial_conditions,
 )
 from gateway.twin.reconcile.fit.initial_states import window_bounds
-from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, Fit, FitProblem
+from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, Fit, FitProblem, prior_of_parts
 from gateway.twin.reconcile.fit.multiple_shooting import SEGMENT_S, uniform_segments
 from gateway.twin.reconcile.fit.reparameterisation import RIGGING_LENGTH, ModalParameterisation
 from gateway.twin.reconcile.fit.trajectory_fit import fit_trajectory
@@ -92,6 +92,11 @@ class FitContext:
         """Names of the inputs of the crane that are known."""
         return tuple(name for name in self.model_effects if isinstance(EFFECTS[name], CraneInput))
 
+    @property
+    def stated_effects(self) -> EffectValues:
+        """The effects that the rig states, without the inputs of the crane."""
+        return {name: each for name, each in self.model_effects.items() if name not in self.crane_inputs}
+
     def simulator(self, names: frozenset[str] | tuple[str, ...]) -> Simulator:
         """Return the simulator of the model's effects and these."""
         return Simulator(self.rig, sorted({*self.model_effects, *names}))
@@ -120,11 +125,13 @@ class FitContext:
         *,
         held_by_parts: bool = False,
     ) -> Fit:
-        """Fit initial conditions and all effects in `values`, from these values; the model's effects keep theirs.
+        """Fit initial conditions and all effects in `values`, from these values; the model's other effects keep theirs.
 
         `held_by_parts`: under the prior of what parts and mounts usually have, for sets that the samples alone do not determine.
         """
-        problem = replace(self.problem(values), held_by_parts=held_by_parts)
+        problem = self.problem(values)
+        if held_by_parts:
+            problem = replace(problem, parts=prior_of_parts(problem.simulator, self.nominal_values(problem.simulator)))
         simulator, first_samples = problem.simulator, problem.first_samples
         effect_values = self.effect_values(simulator, values)
         if initial_states is None or initial_states.shape != (len(first_samples), simulator.n_initial_states):
@@ -136,7 +143,7 @@ class FitContext:
         return min(fits, key=lambda fit: fit.chi2)
 
     def problem(self, values: EffectValues) -> FitProblem:
-        """Return the fit of the effects in `values`; the model's effects keep theirs."""
+        """Return the fit of the effects in `values`; the model's other effects keep theirs."""
         simulator = self.simulator(tuple(values))
         free, first_samples = self.free_parameters(simulator, values), segment_bounds(self.rig, values, self.log)
         return FitProblem(simulator, self.log, free, first_samples, self.tick)
@@ -168,6 +175,11 @@ class FitContext:
     def effect_values(self, simulator: Simulator, values: EffectValues) -> Array:
         """Return the simulator's effect values (k,) for these effects and the model's own."""
         return simulator.values([], {**self.model_effects, **values})[simulator.n_initial_states :]
+
+    def nominal_values(self, simulator: Simulator) -> Array:
+        """Return the simulator's values (values,) where nothing is missing: as the rig states them, else neutral."""
+        stated = {name: each for name, each in self.model_effects.items() if name in simulator.effect_names}
+        return simulator.values([], stated)
 
     def free_parameters(self, simulator: Simulator, values: EffectValues) -> NDArray[np.bool_]:
         """Return which values are fitted: initial conditions without the heading, phases, and the effects in `values`.

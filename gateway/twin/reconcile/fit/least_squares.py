@@ -96,8 +96,10 @@ class NormalPrior:
         return pull
 
 
-def prior_of_parts(simulator: Simulator) -> NormalPrior:
+def prior_of_parts(simulator: Simulator, centre: Array) -> NormalPrior:
     """Return the prior by the usual limits of parts and mounts, and of the rig's lengths, each as one standard deviation.
+
+    `centre` (values,) is what the rig states.
 
     So wide a prior decides nothing that the data decide; it holds the sums that they do not determine, such as an offset along
     the rope beside a scale error.
@@ -107,7 +109,7 @@ def prior_of_parts(simulator: Simulator) -> NormalPrior:
         for parameter in EFFECTS[spec.effect].parameters if spec.effect else ():
             if parameter.name == spec.parameter:
                 sigma[i] = parameter.limit or parameter.prior_sigma or np.inf
-    return NormalPrior(np.array([spec.neutral for spec in simulator.parameters]), sigma**-2.0)
+    return NormalPrior(centre, sigma**-2.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,8 +152,8 @@ class FitProblem:
     tick: Callable[[], None] = lambda: None
     """Called before each simulation."""
     limits: Limits = field(default_factory=dict)
-    held_by_parts: bool = False
-    """Effect values that have no change of coordinates are held by the prior of what parts and mounts usually have."""
+    parts: NormalPrior | None = None
+    """What parts and mounts usually have, where it holds the effect values that have no change of coordinates."""
 
     @property
     def as_one_segment(self) -> "FitProblem":
@@ -161,4 +163,4 @@ class FitProblem:
     def prior(self) -> NormalPrior:
         """Return what is known of the values beforehand."""
         nothing = np.zeros(len(self.free))
-        return prior_of_parts(self.simulator) if self.held_by_parts else NormalPrior(nothing, nothing)
+        return NormalPrior(nothing, nothing) if self.parts is None else self.parts

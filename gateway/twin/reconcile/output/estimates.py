@@ -45,6 +45,8 @@ class Estimate:
     """Inside its physical bounds, not resting on one, and within what a part or a mount can have."""
     limit: float | None = None
     """Largest size that a part or a mount can have; None where there is no such limit."""
+    stated: Value | None = None
+    """What the rig states; None where its model does not have the effect."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +59,11 @@ class NamedEffect:
     parameters: Mapping[str, Estimate]
     when_s: tuple[float, float] | None
     """When a transient effect acted."""
+
+    @property
+    def is_stated(self) -> bool:
+        """Whether the rig's model has the effect, with other values."""
+        return any(each.stated is not None for each in self.parameters.values())
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,7 @@
 """The result of a reconciliation in full, from its outcome: intervals, the law of a remainder, ranking, equations."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,10 +103,11 @@ def _named_effect(name: str, found: SearchOutcome) -> NamedEffect:
     values, fit = final.values[name], final.fit
     simulator = found.run.context.setting.simulator(tuple(final.values))
     sigma = standard_uncertainties(fit, found.run.recordings.log)
-    parameters = {}
+    parameters, stated = {}, found.run.known.model.effects.get(name, {})
     for p in effect.parameters:
         own = [(spec.effect, spec.parameter) == (name, p.name) for spec in simulator.parameters]
-        parameters[p.name] = _estimate(p, values[p.name], sigma[own], found.rig)
+        estimate = _estimate(p, values[p.name], sigma[own], found.rig)
+        parameters[p.name] = replace(estimate, stated=stated.get(p.name))
     return NamedEffect(name, effect.explains, effect.equation, parameters, effect.interval_s(values))
 
 

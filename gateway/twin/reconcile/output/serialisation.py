@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from gateway.measurement.source import HeldRows
+from gateway.twin.effects.parameter import Value
 from gateway.twin.model import as_tables
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 from gateway.twin.reconcile.output.estimates import Estimate, Law, NamedEffect, Remainder
@@ -91,7 +92,8 @@ def _effect(effect: NamedEffect) -> dict[str, Any]:
     return {
         "name": effect.name,
         "parameters": {
-            name: _estimate(estimate) | {"plausible": estimate.plausible, "limit": estimate.limit}
+            name: _estimate(estimate)
+            | {"plausible": estimate.plausible, "limit": estimate.limit, "stated": _plain(estimate.stated)}
             for name, estimate in effect.parameters.items()
         },
         "when_s": None if effect.when_s is None else list(effect.when_s),
@@ -132,10 +134,11 @@ def _input(found: EstimatedInput, recording: str) -> dict[str, Any]:
 
 
 def _estimate(estimate: Estimate) -> dict[str, Any]:
-    def plain(value: Any) -> Any:
-        return list(value) if isinstance(value, tuple) else value
+    return {"value": _plain(estimate.value), "ci95": [_plain(bound) for bound in estimate.ci95], "unit": estimate.unit}
 
-    return {"value": plain(estimate.value), "ci95": [plain(bound) for bound in estimate.ci95], "unit": estimate.unit}
+
+def _plain(value: Value | None) -> Any:
+    return list(value) if isinstance(value, tuple) else value
 
 
 def _gap(gap: Gap | None) -> dict[str, Any]:

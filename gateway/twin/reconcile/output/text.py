@@ -23,7 +23,7 @@ VERDICT_SENTENCES = {
 
 def to_text(result: Reconciliation) -> str:
     """A few lines."""
-    named = tuple(effect.name for effect in result.effects)
+    named = tuple(f"{effect.name}{' other than stated' if effect.is_stated else ''}" for effect in result.effects)
     names = {"one_of": result.candidates, "unmodelled": ()}.get(result.verdict, named)
     lines = [f"verdict      {_verdict(result, names)}".rstrip(), f"because      {result.reason}"]
     if result.verdict in ("one_of", "unmodelled") and named:
@@ -33,7 +33,8 @@ def to_text(result: Reconciliation) -> str:
     for effect in result.effects:
         lines.append(f"  {effect.name}: {effect.explains}")
         lines += [
-            f"    {name} = {_estimate(estimate)}{_doubt(estimate)}" for name, estimate in effect.parameters.items()
+            f"    {name} = {_estimate(estimate)}{_against_stated(estimate)}{_doubt(estimate)}"
+            for name, estimate in effect.parameters.items()
         ]
     for each in result.equivalents:
         same = "samples" if each.gives_same_samples else "period"
@@ -121,6 +122,19 @@ def _estimate(estimate: Estimate) -> str:
         for value, least, most in zip(np.atleast_1d(estimate.value), low, high, strict=True)
     ]
     return ", ".join(values)
+
+
+def _against_stated(estimate: Estimate) -> str:
+    """Which components are larger or smaller than the rig states, by more than their interval."""
+    if estimate.stated is None:
+        return ""
+    stated, low, high = (np.atleast_1d(each) for each in (estimate.stated, *estimate.ci95))
+    differs = dict.fromkeys(
+        "larger" if a > s else "smaller" for s, a, b in zip(stated, low, high, strict=True) if not a <= s <= b
+    )
+    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
+    than = f"{' or '.join(differs)} than stated: " if differs else "as stated: "
+    return f"; {than}{', '.join(_number(each) for each in stated)}{unit}"
 
 
 def _number(value: float) -> str:

@@ -15,11 +15,10 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Values
 from gateway.twin.effects.plausibility import implausibility
 from gateway.twin.model import EffectValues
-from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE
 from gateway.twin.reconcile.decision.identifiability import FittedRecording, indistinguishable_from
 from gateway.twin.reconcile.fit.coloured_covariance import coloured_covariance
-from gateway.twin.reconcile.fit.fit_context import is_world_directed
+from gateway.twin.reconcile.fit.fit_context import FitContext, is_world_directed
 from gateway.twin.reconcile.residual import EXCESS_SIGNIFICANT, excess_chi2
 from gateway.twin.reconcile.search.candidates import (
     MIN_SCORE_STATISTIC,
@@ -31,7 +30,6 @@ from gateway.twin.reconcile.search.context import SearchContext
 from gateway.twin.reconcile.search.signatures import scorable_effects
 from gateway.twin.reconcile.search.stepwise_selection import eliminate
 from gateway.twin.reconcile.search.validation import Validator
-from gateway.twin.simulator.simulator import Simulator
 
 MAX_EXCESS_RATIO = 1.25
 """Excess of the usual causes over that of the best attempt up to which they are the better answer: an attempt has causes that few
@@ -48,14 +46,14 @@ def fit_usual_causes(
 
     The table then has sets of usual causes alone: rivals of the answer are among them.
     """
-    usual = set(EFFECTS.choose(is_usual=True)) - set(context.setting.model_effects)
+    usual, stated = set(EFFECTS.choose(is_usual=True)), context.setting.stated_effects
     detected = set(context.baseline_effects)
-    values = {name: best.values.get(name, EFFECTS[name].default_guess) for name in sorted(detected | usual)}
+    start = {**stated, **best.values}
+    values = {name: start.get(name, EFFECTS[name].default_guess) for name in sorted(detected | usual)}
     found = context.fit_apart(values, held_by_parts=True)
     if found is None:
         return table, best
-    simulator, log = context.setting.simulator(tuple(values)), context.setting.log
-    needed = sorted(necessary_names(found, simulator, log) | detected)
+    needed = sorted(necessary_names(found, context.setting) | detected)
     found = context.fit_apart({name: found.values[name] for name in needed}, held_by_parts=True)
     if found is None or not leaves_no_more(found.reduced_chi2, best.reduced_chi2):
         return table, best
@@ -72,12 +70,12 @@ def leaves_no_more(found: float, best: float) -> bool:
     return found - 1 < MAX_EXCESS_RATIO * max(best - 1, EXCESS_SIGNIFICANT)
 
 
-def necessary_names(fit: CandidateFit, simulator: Simulator, log: Observations) -> set[str]:
+def necessary_names(fit: CandidateFit, setting: FitContext) -> set[str]:
     """Return the effects without which a fit would be significantly worse, by linearisation, the least significant first out."""
-    free = np.flatnonzero(fit.fit.free)
+    simulator, free = setting.simulator(fit.names), np.flatnonzero(fit.fit.free)
     specs = [simulator.parameters[i] for i in free]
-    deviation = np.array([fit.fit.values[i] - simulator.parameters[i].neutral for i in free])
-    covariance = coloured_covariance(fit.fit, log)
+    deviation = (fit.fit.values - setting.nominal_values(simulator))[free]
+    covariance = coloured_covariance(fit.fit, setting.log)
     left = set(fit.names)
     while left:
         statistics = {}

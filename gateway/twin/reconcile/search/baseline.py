@@ -106,11 +106,10 @@ def _add_machine_line(
 
 def length_error_by_period(setting: FitContext) -> float | None:
     """Return the relative error of the rope's length where the period, at its amplitude, contradicts the rig; else None."""
-    if RopeLength.name in setting.model_effects:
-        return None
     rig, log = setting.rig, setting.log
     by_period = rope_length_by_period(log.time_s, log.force_g, rig.gravity_m_s2)
     if by_period is None:
         return None
     error = by_period.length_m / rig.length_m - 1
-    return error if abs(error) >= by_period.u_rel else None
+    stated = float(np.asarray(setting.model_effects.get(RopeLength.name, {}).get("relative_error", 0.0)))
+    return error if abs(error - stated) >= by_period.u_rel else None

@@ -130,11 +130,16 @@ class SearchContext:
         guesses: Iterable[Values],
         starts: Array | None = None,
     ) -> list[FitRequest]:
-        """Return the fits of an effect beside others, one for each guess; none where it cannot be beside them."""
-        if name in others or name in self.setting.model_effects or _excludes_each_other(name, others):
+        """Return the fits of an effect beside others, one for each guess; none where it cannot be beside them.
+
+        One that the rig states starts from there: what is missing is its change.
+        """
+        if name in others or name in self.setting.crane_inputs or _excludes_each_other(name, others):
             return []
+        stated = self.setting.stated_effects.get(name)
+        guesses = guesses if stated is None else [stated]
         tried = [{**others, name: values or EFFECTS[name].default_guess} for values in guesses]
-        if name == DoublePendulum.name and tried:
+        if name == DoublePendulum.name and tried and stated is None:
             tried = [{**others, name: self.setting.fit_rigging_length(tried)[name]}]
         return [
             FitRequest(values, starts, give_up_above=table.give_up_above, is_further_guess=index > 0)

@@ -6,7 +6,7 @@ effect is absent, projected off what is fitted anyway, over its own covariance. 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -91,13 +91,15 @@ class Signatures:
     """Sigma, projected, shape (3 n,)."""
     of: Mapping[str, Array]
     """Effect -> projected columns in sigma, shape (3 n, parameters)."""
+    stated: frozenset[str] = frozenset()
+    """Effects that the rig states: of these the change is asked, which may have any sign."""
 
     def predicted_chi2_drop(self, name: str) -> float:
         """By how much chi-square would fall, as if the effect were linear; signs of one-sided parameters are kept."""
         columns = self.of[name]
         solved, *_ = np.linalg.lstsq(columns, self.residual, rcond=1e-9)
         lower = np.array([p.lower for p in EFFECTS[name].parameters])
-        if columns.shape[1] == 1 and lower[0] == 0 and solved[0] < 0:
+        if name not in self.stated and columns.shape[1] == 1 and lower[0] == 0 and solved[0] < 0:
             return 0.0
         fitted = columns @ solved
         return float(fitted @ self.residual)
@@ -125,7 +127,8 @@ def compute_signatures(
     o = setting.log
     if o.has_large_amplitude:
         starts = setting.segment_starts(fitted) if segment_starts is None else segment_starts
-        return _signatures_by_window(simulator, o, starts, at[simulator.n_initial_states :], own)
+        found = _signatures_by_window(simulator, o, starts, at[simulator.n_initial_states :], own, tried)
+        return replace(found, stated=frozenset(setting.stated_effects))
     flat = sensitivities_sigma(simulator, at, o).reshape(-1, len(simulator.parameters))
     nuisance = [
         i
@@ -138,7 +141,7 @@ def compute_signatures(
     for name in tried:
         columns = flat[:, [i for i, slot in enumerate(simulator.parameters) if slot.effect == name]]
         of[name] = project_out(basis, columns)
-    return Signatures(project_out(basis, residual), of)
+    return Signatures(project_out(basis, residual), of, frozenset(setting.stated_effects))
 
 
 def scorable_effects(setting: FitContext) -> tuple[str, ...]:
@@ -148,7 +151,12 @@ def scorable_effects(setting: FitContext) -> tuple[str, ...]:
 
 
 def _signatures_by_window(
-    simulator: Simulator, observations: Observations, starts: Array, effects: Array, own: frozenset[str]
+    simulator: Simulator,
+    observations: Observations,
+    starts: Array,
+    effects: Array,
+    own: frozenset[str],
+    tried: Sequence[str],
 ) -> Signatures:
     """Of a wide swing: a model that lacks something cannot follow it as one motion, but each piece of it for itself.
 
@@ -163,5 +171,5 @@ def _signatures_by_window(
         for name in simulator.effect_names
     }
     basis = orthonormal(columns[:, [i for name in sorted(own) for i in places[name]]])
-    of = {name: project_out(basis, columns[:, place]) for name, place in places.items() if name not in own}
+    of = {name: project_out(basis, columns[:, places[name]]) for name in tried}
     return Signatures(project_out(basis, residual), of)

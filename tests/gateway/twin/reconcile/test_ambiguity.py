@@ -171,7 +171,7 @@ def test_prior_of_parts_holds_a_sum_that_a_small_swing_does_not_determine(
 
 def test_prior_of_parts_is_that_of_their_limits(model: Model) -> None:
     simulator = Simulator(model.rig, ["axis_offset", "viscous_damping"])
-    prior = prior_of_parts(simulator)
+    prior = prior_of_parts(simulator, simulator.neutral())
     precision = {spec.label: p for spec, p in zip(simulator.parameters, prior.precision, strict=True)}
 
     assert precision["axis_offset.offset_g[x]"] == pytest.approx(0.06**-2)
@@ -187,7 +187,7 @@ def test_only_causes_that_the_recording_needs_are_kept(model: Model, record: Cal
     found = make_candidate(setting, values, setting.fit(values, held_by_parts=True))
 
     assert found is not None
-    assert necessary_names(found, setting.simulator(tuple(values)), setting.log) == {"viscous_damping", "axis_offset"}
+    assert necessary_names(found, setting) == {"viscous_damping", "axis_offset"}
 
 
 def test_a_best_attempt_below_the_noise_bars_no_usual_causes() -> None:

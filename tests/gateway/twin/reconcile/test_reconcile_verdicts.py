@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gateway.documents.format import format_number
 from gateway.twin.model import Model
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.data.observations import Observations
@@ -15,6 +16,7 @@ from gateway.twin.reconcile.output.serialisation import to_json
 from gateway.twin.reconcile.output.text import to_text
 from gateway.twin.reconcile.reconcile import reconcile
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
+from gateway.twin.report.page import render_report
 from tests.values import present
 
 
@@ -39,6 +41,36 @@ def test_damping_is_named_with_its_value(model: Model, loaded: Callable[..., Che
     assert low < 0.01 < high
     assert present(found.gap).after_held_out == pytest.approx(1, abs=0.15)
     assert re.search(r"damping_ratio = 0\.0\d+ \(0\.0\d+ to 0\.0\d+\)$", to_text(found), re.MULTILINE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("stated", "than"), [(0.003, "larger"), (0.02, "smaller")])
+def test_an_effect_that_the_rig_states_with_a_wrong_value_is_named_with_the_true_one(
+    model: Model, loaded: Callable[..., CheckedRecording], stated: float, than: str
+) -> None:
+    hidden = {"quadratic_drag": {"drag_per_m": 0.01}}
+    believed = Model(model.rig, {"quadratic_drag": {"drag_per_m": stated}})
+    found = reconcile(believed, loaded(hidden), loaded(hidden, "held_out"))
+
+    assert found.verdict == "named"
+    assert [effect.name for effect in found.effects] == ["quadratic_drag"]
+    assert found.model["quadratic_drag"]["drag_per_m"] == pytest.approx(0.01, rel=0.05)
+    assert "missing: quadratic_drag other than stated" in to_text(found)
+    assert f"; {than} than stated: {stated:g} 1/m" in to_text(found)
+    assert to_json(found, 0.0)["effects"][0]["parameters"]["drag_per_m"]["stated"] == stated
+    page = render_report(found, title="t", software="s")
+    assert f"states {format_number(stated)} 1/m" in page
+    assert "lacks the true size of quadratic drag" in page
+
+
+@pytest.mark.slow
+def test_nothing_is_missing_where_the_rig_states_the_effect_rightly(
+    model: Model, loaded: Callable[..., CheckedRecording]
+) -> None:
+    hidden = {"quadratic_drag": {"drag_per_m": 0.01}, "rope_length": {"relative_error": 0.02}}
+    found = reconcile(Model(model.rig, hidden), loaded(hidden), loaded(hidden, "held_out"))
+
+    assert found.verdict == "none_missing"
 
 
 @pytest.mark.slow
