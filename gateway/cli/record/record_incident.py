@@ -197,6 +197,6 @@ def analyse_cause(recording: Path) -> "CauseAnalysis":
         computed={"recording": recording.name, "time": f"{time.monotonic() - begin_s:.1f} s"},
     )
     (recording.parent / REPORT).write_text(page, encoding="utf-8")
-    names = result.candidates or tuple(effect.name for effect in result.effects)
+    names = result.alternatives or tuple(effect.name for effect in result.effects)
     found = f"{VERDICT_SENTENCES[result.verdict]} {', '.join(names)}".strip()
     return CauseAnalysis(f"Against a free swing in the simulation: {found}. {as_sentence(result.reason)}", REPORT)

@@ -9,7 +9,7 @@ check_recording -> split_recordings -> detect_in_samples -> take_means
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import cache
 from typing import Protocol
 
 import numpy as np
@@ -33,8 +33,8 @@ from gateway.twin.reconcile.output.outcome import SearchOutcome
 from gateway.twin.reconcile.output.result import AVERAGED, Reconciliation
 from gateway.twin.reconcile.output.result_builder import unusable_result
 from gateway.twin.reconcile.search.ambiguity import (
+    contributions,
     fit_usual_causes,
-    indistinguishable,
     is_beyond_parts,
     replace_implausible,
 )
@@ -134,7 +134,7 @@ def _decide(run: SearchRun, random: np.random.Generator) -> SearchOutcome:
         improves_selection=_is_supported_by_selection(run, best, base, random),
         beyond_parts=frozenset(name for name in best.names if is_beyond_parts(name, best.candidate, context)),
     )
-    decision = decide(evidence, run.recordings.log, partial(indistinguishable, context, validator, best.candidate))
+    decision = decide(evidence, run.recordings.log, cache(lambda: contributions(context, validator, best.candidate)))
     if ended_early:
         decision = as_best_so_far(decision)
     return SearchOutcome(replace(run, table=table), ranked, decision, ended_early)

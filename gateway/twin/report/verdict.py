@@ -91,7 +91,7 @@ def _sentence(result: Reconciliation) -> str:
             them = "it" if len(effects) == 1 else "them"
             return f"The nominal model lacks {names}. With {them}, the simulation agrees with the measurement."
         case "one_of":
-            return _group_sentence(result.candidates, with_remainder=result.leaves_remainder)
+            return _group_sentence(result.alternatives, with_remainder=result.leaves_remainder)
         case "named_with_remainder":
             return f"The nominal model lacks {names}, and a further effect that is not known."
         case "unmodelled":

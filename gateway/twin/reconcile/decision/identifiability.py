@@ -9,6 +9,8 @@ is possible and what parts have: an effect that would have to is no alternative.
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import combinations
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,46 +54,104 @@ class FittedRecording:
     """Chi-square of the residual beyond what a wrongly stated noise gives: what the model leaves unexplained, 0 or more."""
 
 
-def indistinguishable_from(
-    rig: TwinRig, model: EffectValues, name: str, others: Iterable[str], recordings: Sequence[FittedRecording]
-) -> tuple[str, ...]:
-    """Effects out of `others` that make the same contribution to all recordings as one effect of a fitted model.
+class Substitutes(Protocol):
+    """What could take the place of an effect of a fitted set."""
 
-    The most similar one is first.
-    """
-    size_sigma, angles_rad = contribution_angles(rig, model, name, others, recordings)
-    unexplained = sum(each.excess_chi2 for each in recordings)
-    # What the model leaves unexplained could be twice the difference between the two effects.
-    misfit_rad = 2 * math.sqrt(unexplained) / size_sigma if size_sigma else 0.0
-    limit_rad = max(MAX_INDISTINGUISHABLE_ANGLE_RAD, min(misfit_rad, DISTINCT_ANGLE_RAD))
-    alike = (other for other, angle in angles_rad.items() if angle < limit_rad)
-    return tuple(sorted(alike, key=lambda other: (angles_rad[other], other)))
+    def alike(self, name: str) -> tuple[str, ...]:
+        """Return the effects that make the same contribution, the most similar first."""
+
+    def alike_pairs(self, name: str) -> tuple[tuple[str, str], ...]:
+        """Return the pairs that make it together, the most similar first."""
 
 
-def contribution_angles(
-    rig: TwinRig, model: EffectValues, name: str, others: Iterable[str], recordings: Sequence[FittedRecording]
-) -> tuple[float, dict[str, float]]:
-    """Size of an effect's contribution at its fitted parameters, and its angle to what each other effect could contribute.
+@dataclass(frozen=True, slots=True)
+class Contributions:
+    """What the effects of a fitted set contribute to the recordings, and what others could contribute in their place."""
 
-    The size is in sigma of the noise, the norm over all samples and axes; angles are in rad.
-    """
-    tried = [other for other in others if other not in model and EFFECTS[other].is_scored]
+    specs: Sequence[ParameterSpec]
+    """Of the values of the set, and of the effects that could take the place of one."""
+    fitted: frozenset[str]
+    """The effects of the set."""
+    triangle: Array
+    """Sensitivities in sigma by the values, nuisances projected out, in an orthonormal basis of their own, shape (k, values)."""
+    change: Array
+    """Of each value from where the effect is as the rig states it, shape (values,)."""
+    lower: Array
+    upper: Array
+    """By how much each value may fall and rise, shape (values,)."""
+    excess_chi2: float
+    """What the set leaves unexplained on all recordings."""
+
+    def alike(self, name: str) -> tuple[str, ...]:
+        """Effects that make the same contribution as one of the set, the most similar first."""
+        contribution, size = self._contribution(name)
+        # What the model leaves unexplained could be twice the difference between the two effects.
+        misfit_rad = 2 * math.sqrt(self.excess_chi2) / size if size else 0.0
+        limit_rad = max(MAX_INDISTINGUISHABLE_ANGLE_RAD, min(misfit_rad, DISTINCT_ANGLE_RAD))
+        angles_rad = {other: self._angle_rad(name, (other,), contribution, size) for other in self._others(size)}
+        alike = (other for other, angle in angles_rad.items() if angle < limit_rad)
+        return tuple(sorted(alike, key=lambda other: (angles_rad[other], other)))
+
+    def alike_pairs(self, name: str) -> tuple[tuple[str, str], ...]:
+        """Pairs of effects that together make the same contribution as one of the set, and neither alone does.
+
+        As far as the noise could tell: what differs by less than the margin of the evidence is left to it.
+        """
+        contribution, size = self._contribution(name)
+        alone = set(self.alike(name))
+        pairs = list(combinations([other for other in self._others(size) if other not in alone], 2))
+        angles_rad = {pair: self._angle_rad(name, pair, contribution, size) for pair in pairs}
+        noise_rad = math.sqrt(MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE) / size if size else 0.0
+        limit_rad = max(MAX_INDISTINGUISHABLE_ANGLE_RAD, min(noise_rad, DISTINCT_ANGLE_RAD))
+        alike = (pair for pair, angle in angles_rad.items() if angle < limit_rad)
+        return tuple(sorted(alike, key=lambda pair: (angles_rad[pair], pair)))
+
+    def _contribution(self, name: str) -> tuple[Array, float]:
+        """Return what an effect contributes, and the size of what the others of the set could not, in sigma over all samples."""
+        own = _places(self.specs, (name,))
+        contribution = self.triangle[:, own] @ self.change[own]
+        beside = orthonormal(self.triangle[:, self._beside(name)])
+        return contribution, float(np.linalg.norm(project_out(beside, contribution)))
+
+    def _angle_rad(self, name: str, others: Sequence[str], contribution: Array, size: float) -> float:
+        """Return the angle between an effect's contribution and the nearest one of others, where the set may change as well."""
+        used = [*_places(self.specs, others), *self._beside(name)]
+        if size_left(contribution, self.triangle[:, used]) > DISTINCT_ANGLE_RAD * size:
+            return math.pi / 2  # not even without bounds
+        beyond = distance_within(contribution, self.triangle[:, used], self.lower[used], self.upper[used])
+        return math.asin(min(1.0, beyond / size))
+
+    def _beside(self, name: str) -> list[int]:
+        return _places(self.specs, self.fitted - {name})
+
+    def _others(self, size: float) -> list[str]:
+        """Return the effects that could take the place of one; none of one that contributes nothing."""
+        return sorted({spec.effect for spec in self.specs if spec.effect} - self.fitted) if size else []
+
+
+def find_contributions(
+    rig: TwinRig,
+    stated: EffectValues,
+    fitted: EffectValues,
+    others: Iterable[str],
+    recordings: Sequence[FittedRecording],
+) -> Contributions:
+    """Linearise a fitted set beside what the rig states, with `others` that could take the place of an effect of it."""
+    model = {**stated, **fitted}
+    tried = [other for other in others if other not in fitted and EFFECTS[other].is_scored]
     simulator = Simulator(rig, sorted({*model, *tried}))
     columns = np.concatenate([_project_recording(simulator, rig, model, each) for each in recordings])
-    specs = simulator.parameters
-    kept = [i for i, spec in enumerate(specs) if spec.effect in model and spec.effect != name and not spec.refitted]
-    contribution = columns[:, _places(specs, name)] @ _distance_from_neutral(simulator, model, name)
-    basis = orthonormal(columns[:, kept])
-    size = float(np.linalg.norm(project_out(basis, contribution)))
-    if size == 0.0:
-        return 0.0, {}
+    asked = [i for i, spec in enumerate(simulator.parameters) if spec.effect in {*fitted, *tried} and not spec.refitted]
     lower, upper = possible_changes(simulator, model, rig)
-    angles_rad = {}
-    for other in tried:
-        used = [*_places(specs, other), *kept]
-        beyond = distance_within(contribution, columns[:, used], lower[used], upper[used])
-        angles_rad[other] = float(np.arcsin(min(1.0, beyond / size)))
-    return size, angles_rad
+    return Contributions(
+        specs=[simulator.parameters[i] for i in asked],
+        fitted=frozenset(fitted),
+        triangle=np.linalg.qr(columns[:, asked], mode="r"),
+        change=(simulator.values([], model) - simulator.values([], stated))[asked],
+        lower=lower[asked],
+        upper=upper[asked],
+        excess_chi2=sum(each.excess_chi2 for each in recordings),
+    )
 
 
 def possible_changes(simulator: Simulator, model: EffectValues, rig: TwinRig) -> tuple[Array, Array]:
@@ -111,6 +171,11 @@ def possible_changes(simulator: Simulator, model: EffectValues, rig: TwinRig) ->
         lower[i] = min(0.0, max(spec.lower, spec.neutral - reach) - at[i])
         upper[i] = max(0.0, min(spec.upper, spec.neutral + reach) - at[i])
     return lower, upper
+
+
+def size_left(target: Array, columns: Array) -> float:
+    """Distance of a target (m,) from the space that columns (m, k) span."""
+    return float(np.linalg.norm(project_out(orthonormal(columns), target)))
 
 
 def distance_within(target: Array, columns: Array, lower: Array, upper: Array) -> float:
@@ -146,11 +211,6 @@ def _project_recording(simulator: Simulator, rig: TwinRig, model: EffectValues, 
     return project_out(basis, flat)
 
 
-def _places(specs: Sequence[ParameterSpec], name: str) -> list[int]:
-    return [i for i, spec in enumerate(specs) if spec.effect == name and not spec.refitted]
-
-
-def _distance_from_neutral(simulator: Simulator, model: EffectValues, name: str) -> Array:
-    values = simulator.values([], model)
-    distance: Array = (values - simulator.neutral())[_places(simulator.parameters, name)]
-    return distance
+def _places(specs: Sequence[ParameterSpec], names: Iterable[str]) -> list[int]:
+    chosen = set(names)
+    return [i for i, spec in enumerate(specs) if spec.effect in chosen]

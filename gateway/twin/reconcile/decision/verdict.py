@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
+from itertools import chain
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Effect
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.decision.evidence import Evidence, RankedCandidate
+from gateway.twin.reconcile.decision.identifiability import Substitutes
 from gateway.twin.reconcile.output.result import Verdict
 from gateway.twin.reconcile.residual import has_lines, residual_lines
 from gateway.twin.reconcile.search.candidates import CandidateFit
@@ -24,6 +26,8 @@ MIN_CLOSED_BY_EVENT = 0.99
 """The same for an event: of a motion that no model follows, each event explains a part."""
 MAX_AMBIGUOUS = 4
 """Candidates of a one_of verdict, those with the most evidence; more would be no answer."""
+MAX_COINCIDENCES = 2
+"""Pairs of effects that are stated for a named effect, the closest ones."""
 SAME_LINE_CYCLES = 3.0
 """Cycles in the recording by which two lines may differ and yet be one whose amplitude changes."""
 
@@ -62,6 +66,8 @@ class Decision:
     """The set of effects whose parameters and prediction are given."""
     named: tuple[str, ...]
     candidates: tuple[str, ...] = ()
+    sets: tuple[tuple[str, ...], ...] = ()
+    """How the candidates act together, where one alone does not explain the data."""
     also_one_of: tuple[tuple[str, ...], ...] = ()
     """Further groups, of each of which one effect acts as well."""
     leaves_remainder: bool = False
@@ -184,8 +190,12 @@ def _rivals_differ_in_one_place(evidence: Evidence) -> bool:
 
 
 def _one_of(reason: Reason, evidence: Evidence) -> Decision:
-    candidates = _contested(evidence)[:MAX_AMBIGUOUS]
-    return _make("one_of", reason, evidence.best, _everywhere(evidence) | evidence.baseline_names, candidates)
+    everywhere, candidates = _everywhere(evidence), _contested(evidence)[:MAX_AMBIGUOUS]
+    decision = _make("one_of", reason, evidence.best, everywhere | evidence.baseline_names, candidates)
+    sets = tuple(
+        tuple(sorted(each.names - everywhere)) for each in evidence.rivals if each.names <= {*everywhere, *candidates}
+    )
+    return replace(decision, sets=sets if any(len(each) > 1 for each in sets) else ())
 
 
 RULES = (
@@ -213,17 +223,19 @@ RULES = (
 """The first rule that applies gives the verdict."""
 
 
-def decide(evidence: Evidence, log: Observations, indistinguishable: Callable[[str], tuple[str, ...]]) -> Decision:
+def decide(evidence: Evidence, log: Observations, linearise: Callable[[], Substitutes]) -> Decision:
     """Decide by the first rule that applies, then correct for what no recording separates.
 
-    `indistinguishable` returns the effects with the same signature as one of the decided model, the most similar first.
+    `linearise` tells which effects could take the place of one of the best set.
     """
     decision = next(rule.conclude(evidence) for rule in RULES if rule.applies(evidence))
     decision = _drop_nonstationary_lines(decision, log)
     decision = _name_one_mixture_of_axes(decision)
-    decision = _group_indistinguishable(decision, evidence.baseline_names, indistinguishable)
+    decision = _group_indistinguishable(decision, evidence.baseline_names, linearise)
     if decision.verdict not in ("named", "one_of"):
         return decision  # where a residual remains, it may be what was detected in the time stamps
+    if decision.reason is Reason.UNIQUE:
+        decision = _state_coincidences(decision, linearise())
     return replace(decision, named=tuple(sorted({*decision.named, *evidence.detected})))
 
 
@@ -274,21 +286,49 @@ def _name_one_mixture_of_axes(decision: Decision) -> Decision:
 
 
 def _group_indistinguishable(
-    decision: Decision, baseline: frozenset[str], indistinguishable: Callable[[str], tuple[str, ...]]
+    decision: Decision, baseline: frozenset[str], linearise: Callable[[], Substitutes]
 ) -> Decision:
     """Replace named effects by their ambiguity groups, whatever the fits of the groups' members say.
 
     First those of the baseline: beside a wrong length, a clock's rate differs from it by nothing but a loss.
     """
     for name in sorted(decision.named, key=lambda each: each not in baseline):
-        partners = () if EFFECTS[name].found_before_search else indistinguishable(name)
-        if partners:
-            decision = _with_group(decision, name, (name, *partners)[:MAX_AMBIGUOUS])
+        if EFFECTS[name].found_before_search:
+            continue
+        substitutes = linearise()
+        members: list[tuple[str, ...]] = [(name,), *((other,) for other in substitutes.alike(name))]
+        if decision.verdict not in PARTIAL:
+            members += [pair for pair in substitutes.alike_pairs(name) if has_one_cause(pair)]
+        if len(members) > 1:
+            decision = _with_group(decision, name, members)
     return decision
 
 
-def _with_group(decision: Decision, name: str, group: tuple[str, ...]) -> Decision:
+def has_one_cause(pair: tuple[str, str]) -> bool:
+    """Whether one cause can make both errors: one tape or drum measures all distances along the rope.
+
+    All of them times s are the times of the swing times √s, as a clock makes them.
+    """
+    return all(EFFECTS[name].length_like for name in pair)
+
+
+def _state_coincidences(decision: Decision, substitutes: Substitutes) -> Decision:
+    """Say which pairs of effects would explain the data as well: two causes that happen to add up to one."""
+    found = [
+        f"{' with '.join(pair)} in place of {name}"
+        for name in decision.named
+        if not EFFECTS[name].found_before_search
+        for pair in substitutes.alike_pairs(name)[:MAX_COINCIDENCES]
+    ]
+    if not found:
+        return decision
+    return replace(decision, text=f"{decision.text[:-1]}, but for a coincidence: {'; '.join(found)}.")
+
+
+def _with_group(decision: Decision, name: str, members: list[tuple[str, ...]]) -> Decision:
     """Put a group in place of a named effect; the first group of an answer are its candidates."""
+    group = tuple(dict.fromkeys(chain.from_iterable(members)))[:MAX_AMBIGUOUS]
+    sets = tuple(each for each in members if set(each) <= set(group))
     named = tuple(each for each in decision.named if each != name)
     stays = decision.verdict == "unmodelled" or (decision.leaves_remainder and named)
     verdict: Verdict = decision.verdict if stays else "one_of"
@@ -297,4 +337,4 @@ def _with_group(decision: Decision, name: str, group: tuple[str, ...]) -> Decisi
         return replace(decision, also_one_of=(*decision.also_one_of, group))
     if verdict == "one_of" and decision.reason is not Reason.PARTLY:
         decision = replace(decision, reason=Reason.INDISTINGUISHABLE, text=Reason.INDISTINGUISHABLE.value)
-    return replace(decision, candidates=group)
+    return replace(decision, candidates=group, sets=sets if any(len(each) > 1 for each in sets) else ())

@@ -238,6 +238,8 @@ class Reconciliation:
     effects: tuple[NamedEffect, ...] = ()
     candidates: tuple[str, ...] = ()
     """Names that explain the data equally well, where the verdict is one_of."""
+    candidate_sets: tuple[tuple[str, ...], ...] = ()
+    """How candidates act together where one alone does not explain the data; empty where each does."""
     also_one_of: tuple[tuple[str, ...], ...] = ()
     """Further groups of candidates, of each of which one effect acts as well."""
     equivalents: tuple[Equivalent, ...] = ()
@@ -269,6 +271,11 @@ class Reconciliation:
     """What the final model leaves of the motion; None where no model was fitted."""
     law: Law | None = None
     """What describes the remainder where no effect explains it; part of the final model."""
+
+    @property
+    def alternatives(self) -> tuple[str, ...]:
+        """The candidates, those that act together as one: `a with b`."""
+        return tuple(" with ".join(each) for each in self.candidate_sets) or self.candidates
 
     @property
     def best_attempt(self) -> EffectValues:

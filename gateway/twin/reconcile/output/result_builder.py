@@ -62,6 +62,7 @@ def build_result(found: SearchOutcome, counts: Mapping[str, int], random: np.ran
             _sample_loss(found) if name == SampleLoss.name else _named_effect(name, found) for name in decision.named
         ),
         candidates=decision.candidates,
+        candidate_sets=decision.sets,
         also_one_of=decision.also_one_of,
         leaves_remainder=decision.leaves_remainder,
         split_by="; ".join(splitting) or None,

@@ -44,6 +44,7 @@ def to_json(result: Reconciliation, runtime_s: float) -> dict[str, Any]:
             for name, values in result.best_attempt.items()
         },
         "candidates": list(result.candidates),
+        "candidate_sets": [list(each) for each in result.candidate_sets],
         "also_one_of": [list(group) for group in result.also_one_of],
         "split_by": result.split_by,
         "equivalents": [

@@ -24,7 +24,7 @@ VERDICT_SENTENCES = {
 def to_text(result: Reconciliation) -> str:
     """A few lines."""
     named = tuple(f"{effect.name}{' other than stated' if effect.is_stated else ''}" for effect in result.effects)
-    names = {"one_of": result.candidates, "unmodelled": ()}.get(result.verdict, named)
+    names = {"one_of": result.alternatives, "unmodelled": ()}.get(result.verdict, named)
     lines = [f"verdict      {_verdict(result, names)}".rstrip(), f"because      {result.reason}"]
     if result.verdict in ("one_of", "unmodelled") and named:
         lines.append(f"also missing {', '.join(named)}")

@@ -16,7 +16,11 @@ from gateway.twin.effects.parameter import Values
 from gateway.twin.effects.plausibility import implausibility
 from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE
-from gateway.twin.reconcile.decision.identifiability import FittedRecording, indistinguishable_from
+from gateway.twin.reconcile.decision.identifiability import (
+    Contributions,
+    FittedRecording,
+    find_contributions,
+)
 from gateway.twin.reconcile.fit.coloured_covariance import coloured_covariance
 from gateway.twin.reconcile.fit.fit_context import FitContext, is_world_directed
 from gateway.twin.reconcile.residual import EXCESS_SIGNIFICANT, excess_chi2
@@ -94,8 +98,8 @@ def necessary_names(fit: CandidateFit, setting: FitContext) -> set[str]:
     return left
 
 
-def indistinguishable(context: SearchContext, validator: Validator, best: CandidateFit, name: str) -> tuple[str, ...]:
-    """Effects with the same signature as one of a fitted set, on the log and on the selection part together, by similarity."""
+def contributions(context: SearchContext, validator: Validator, best: CandidateFit) -> Contributions:
+    """What the effects of a fitted set contribute to the log and to the selection part together."""
     setting, n = context.setting, context.setting.simulator(best.names).n_initial_states
     validation = validator.evaluate(best)
     recordings = (
@@ -114,9 +118,7 @@ def indistinguishable(context: SearchContext, validator: Validator, best: Candid
             excess_chi2=excess_chi2(validator.selection, validation.fit),
         ),
     )
-    model = {name: each for name, each in setting.model_effects.items() if name not in setting.crane_inputs}
-    model |= best.values
-    return indistinguishable_from(setting.rig, model, name, scorable_effects(setting), recordings)
+    return find_contributions(setting.rig, setting.stated_effects, best.values, scorable_effects(setting), recordings)
 
 
 def replace_implausible(
@@ -132,7 +134,7 @@ def replace_implausible(
             continue
         rest = best.without(name)
         starts = context.segment_starts(best)
-        partners = sorted(indistinguishable(context, validator, best, name))
+        partners = sorted(contributions(context, validator, best).alike(name))
         for other in partners:
             requests = context.requests(table, rest, other, context.guesses(other, best), starts)
             table = context.fit_in_turn(table, requests)

@@ -13,7 +13,7 @@ from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.decision.identifiability import (
     FittedRecording,
     distance_within,
-    indistinguishable_from,
+    find_contributions,
     possible_changes,
 )
 from gateway.twin.reconcile.fit.fit_context import FitContext
@@ -83,7 +83,7 @@ def partners(model: EffectValues, name: str, others: tuple[str, ...], tilt_rad: 
     initial = np.array([tilt_rad, tilt_rad / 2, 0.0, 0.0, 0.0])
     observations = swing(AT_PIVOT, model, initial, np.arange(0, 60, 1 / RATE_HZ), seed=None)
     recording = FittedRecording(observations, {}, initial, heading_is_fitted=False, excess_chi2=1e6)
-    return indistinguishable_from(AT_PIVOT, model, name, others, [recording])
+    return find_contributions(AT_PIVOT, {}, model, others, [recording]).alike(name)
 
 
 def test_distance_is_to_the_nearest_point_inside_the_bounds() -> None:
@@ -126,6 +126,34 @@ def test_a_clock_is_no_alternative_of_a_loss_beside_a_length() -> None:
 
     assert partners(model, "viscous_damping", ("clock_drift",), tilt_rad=1.2) == ()
     assert partners(model, "rope_length", ("clock_drift",), tilt_rad=1.2) == ("clock_drift",)
+
+
+def pairs_alike(nominal: EffectValues, fitted: EffectValues, name: str) -> tuple[tuple[str, str], ...]:
+    initial = np.array([0.1, 0.05, 0.0, 0.05, 0.0])
+    observations = swing(RIG, {**nominal, **fitted}, initial, np.arange(0, 60, 1 / RATE_HZ), seed=None)
+    recording = FittedRecording(observations, nominal, initial, heading_is_fitted=False, excess_chi2=0.0)
+    others = EFFECTS.choose(is_scored=True, needs_temperature=False)
+    return find_contributions(RIG, nominal, fitted, others, [recording]).alike_pairs(name)
+
+
+@pytest.mark.slow
+def test_all_lengths_times_a_factor_are_a_clock() -> None:
+    """Times of a pendulum whose lengths are longer by s are longer by √s; no other reading changes."""
+    clock: EffectValues = {"clock_drift": {"relative": 0.01}}
+
+    assert pairs_alike({}, clock, "clock_drift")[0] == ("housing_position", "rope_length")
+    assert pairs_alike({}, {"viscous_damping": {"damping_ratio": 0.01}}, "viscous_damping") == ()
+
+
+@pytest.mark.slow
+def test_what_the_rig_states_is_no_contribution() -> None:
+    stated: EffectValues = {"clock_drift": {"relative": 0.01}}
+    initial = np.array([0.1, 0.05, 0.0, 0.05, 0.0])
+    observations = swing(RIG, stated, initial, np.arange(0, 60, 1 / RATE_HZ), seed=None)
+    recording = FittedRecording(observations, stated, initial, heading_is_fitted=False, excess_chi2=0.0)
+    found = find_contributions(RIG, stated, stated, (), [recording])
+
+    assert found.change == pytest.approx(0.0)
 
 
 def with_remainder(checked: CheckedRecording, amplitude_g: float) -> CheckedRecording:

@@ -1,5 +1,7 @@
 """Which sets of effects stay rivals of the best one, and which verdict the evidence gives."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -50,12 +52,25 @@ def log() -> Observations:
     return Observations(np.arange(300) / 20, noise, None, np.full(3, 1e-3), np.ones(300, dtype=bool))
 
 
-def partners_by_yaw(name: str) -> tuple[str, ...]:
-    return tuple(sorted(frozenset().union(*(pair for pair in YAW if name in pair)) - {name}))
+@dataclass(frozen=True, slots=True)
+class Alike:
+    """Effects and pairs that could take the place of others, by name."""
+
+    singles: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    pairs: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
+
+    def alike(self, name: str) -> tuple[str, ...]:
+        return self.singles.get(name, ())
+
+    def alike_pairs(self, name: str) -> tuple[tuple[str, str], ...]:
+        return self.pairs.get(name, ())
 
 
-def decided(log: Observations, found: Evidence) -> Decision:
-    return decide(found, log, partners_by_yaw)
+BY_YAW = Alike({name: tuple(sorted(pair - {name})) for pair in YAW for name in pair})
+
+
+def decided(log: Observations, found: Evidence, alike: Alike = BY_YAW) -> Decision:
+    return decide(found, log, lambda: alike)
 
 
 def rivals_beside(*others: RankedCandidate) -> list[list[str]]:
@@ -201,7 +216,7 @@ CONTESTED = (("viscous_damping", "wind_gust"), ("steady_wind",), ("impact",), ("
 @pytest.mark.parametrize("residual", [False, True])
 def test_an_effect_stays_in_its_group_however_many_are_like_it(log: Observations, residual: bool) -> None:
     best = ranked(0.0, "viscous_damping")
-    found = decide(evidence(best, best_leaves_excess=residual), log, lambda _: PARTNERS)
+    found = decided(log, evidence(best, best_leaves_excess=residual), Alike({"viscous_damping": PARTNERS}))
     assert (found.verdict, found.named) == ("one_of", ())
     assert found.candidates == ("viscous_damping", "impact", "hoisting", "axis_offset")
 
@@ -267,8 +282,7 @@ def test_effects_that_rivals_replace_are_candidates_beside_a_remainder(log: Obse
 def test_an_answer_beside_a_remainder_may_have_two_groups(log: Observations) -> None:
     best = ranked(0.0, "viscous_damping", "axis_offset", reduced_chi2=9.0)
     rival = ranked(5.0, "coulomb_friction", "axis_offset", reduced_chi2=9.1)
-    tilt = {"axis_offset": ("mount_misalignment",)}
-    found = decide(evidence(best, rival, **PARTLY), log, lambda name: tilt.get(name, ()))
+    found = decided(log, evidence(best, rival, **PARTLY), Alike({"axis_offset": ("mount_misalignment",)}))
 
     assert (found.verdict, found.named) == ("one_of", ())
     assert found.candidates == ("viscous_damping", "coulomb_friction")
@@ -278,12 +292,35 @@ def test_an_answer_beside_a_remainder_may_have_two_groups(log: Observations) -> 
 
 
 def test_each_of_two_effects_that_nothing_separates_from_others_is_a_group(log: Observations) -> None:
-    alike = {"axis_offset": ("mount_misalignment",), "rope_length": ("clock_drift",)}
-    found = decide(evidence(ranked(0.0, "axis_offset", "rope_length")), log, lambda name: alike.get(name, ()))
+    alike = Alike({"axis_offset": ("mount_misalignment",), "rope_length": ("clock_drift",)})
+    found = decided(log, evidence(ranked(0.0, "axis_offset", "rope_length")), alike)
     assert (found.verdict, found.named) == ("one_of", ())
     assert found.candidates == ("axis_offset", "mount_misalignment")
     assert found.also_one_of == (("rope_length", "clock_drift"),)
     assert not found.leaves_remainder
+
+
+def test_a_clock_is_one_of_a_group_with_all_distances_along_the_rope(log: Observations) -> None:
+    alike = Alike(pairs={"clock_drift": (("housing_position", "rope_length"), ("rope_length", "scale_error"))})
+    found = decided(log, evidence(ranked(0.0, "clock_drift")), alike)
+
+    assert (found.verdict, found.named) == ("one_of", ())
+    assert found.candidates == ("clock_drift", "housing_position", "rope_length")
+    assert found.sets == (("clock_drift",), ("housing_position", "rope_length"))
+
+
+def test_two_causes_that_add_up_to_a_named_one_are_stated_as_a_coincidence(log: Observations) -> None:
+    alike = Alike(pairs={"rope_length": (("clock_drift", "housing_position"),)})
+    found = decided(log, evidence(ranked(0.0, "rope_length")), alike)
+
+    assert (found.verdict, found.named) == ("named", ("rope_length",))
+    assert found.text.endswith("but for a coincidence: clock_drift with housing_position in place of rope_length.")
+
+
+def test_sets_of_rivals_that_differ_in_several_effects_are_told(log: Observations) -> None:
+    best, rival = ranked(0.0, "clock_drift"), ranked(3.0, "rope_length", "housing_position")
+
+    assert decided(log, evidence(best, rival)).sets == (("clock_drift",), ("housing_position", "rope_length"))
 
 
 def test_what_the_samples_show_is_no_explanation_of_a_remainder(log: Observations) -> None:

@@ -74,6 +74,20 @@ def test_nothing_is_missing_where_the_rig_states_the_effect_rightly(
 
 
 @pytest.mark.slow
+def test_a_rope_that_is_longer_with_the_housing_in_proportion_is_in_the_group_of_the_clock(
+    model: Model, loaded: Callable[..., CheckedRecording]
+) -> None:
+    hidden = {"rope_length": {"relative_error": 0.025}, "housing_position": {"error_m": 0.025 * model.rig.position_m}}
+    found = reconcile(model, loaded(hidden), loaded(hidden, "held_out"))
+
+    assert found.verdict == "one_of"
+    assert set(found.candidates) == {"clock_drift", "rope_length", "housing_position"}
+    assert "missing: one of clock_drift, housing_position with rope_length" in to_text(found)
+    assert "clock drift or housing position with rope length" in render_report(found, title="t", software="s")
+    assert to_json(found, 0.0)["candidate_sets"] == [["clock_drift"], ["housing_position", "rope_length"]]
+
+
+@pytest.mark.slow
 def test_what_the_data_cannot_separate_is_one_of_a_group_with_what_would_split_it(
     model: Model, loaded: Callable[..., CheckedRecording]
 ) -> None:
