@@ -146,7 +146,7 @@ def find_contributions(
     return Contributions(
         specs=[simulator.parameters[i] for i in asked],
         fitted=frozenset(fitted),
-        triangle=np.linalg.qr(columns[:, asked], mode="r"),
+        triangle=np.linalg.qr(columns[:, asked])[1],
         change=(simulator.values([], model) - simulator.values([], stated))[asked],
         lower=lower[asked],
         upper=upper[asked],

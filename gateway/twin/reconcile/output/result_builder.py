@@ -16,7 +16,7 @@ from gateway.twin.model import Model, TwinRig
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_MARGIN
 from gateway.twin.reconcile.equation.selection import FoundLaw
-from gateway.twin.reconcile.fit.coloured_covariance import standard_uncertainties
+from gateway.twin.reconcile.fit.companions import intervals
 from gateway.twin.reconcile.output.estimates import Estimate, Law, LawTerm, NamedEffect, Resemblance
 from gateway.twin.reconcile.output.outcome import SearchOutcome, list_data_parts, measure_gap, residuals_sigma
 from gateway.twin.reconcile.output.result import (
@@ -32,7 +32,7 @@ from gateway.twin.reconcile.residual import analyse_residual, describe_remainder
 from gateway.twin.reconcile.search.ambiguity import any_length_changes, coincident_effects
 from gateway.twin.reconcile.search.candidates import MIN_SCORE_STATISTIC
 from gateway.twin.reconcile.search.search import SearchRun
-from gateway.twin.reconcile.search.signatures import confusable, orthonormal
+from gateway.twin.reconcile.search.signatures import confusable, orthonormal, scorable_effects
 
 Array = NDArray[np.float64]
 MAX_RANKED = 12
@@ -49,7 +49,7 @@ def build_result(found: SearchOutcome, counts: Mapping[str, int], random: np.ran
     """Put everything into one record."""
     decision, recordings, run = found.decision, found.run.recordings, found.run
     log_curves, held_curves = found.log_curves(), found.held_out_curves()
-    sigma = residuals_sigma(log_curves)
+    sigma, reaches = residuals_sigma(log_curves), _reaches(found)
     groups = (decision.candidates, *decision.also_one_of)
     splitting = dict.fromkeys(EFFECTS[name].discriminating_experiment for group in groups for name in group)
     return Reconciliation(
@@ -59,7 +59,8 @@ def build_result(found: SearchOutcome, counts: Mapping[str, int], random: np.ran
         parts=list_data_parts(recordings),
         rig=found.rig,
         effects=tuple(
-            _sample_loss(found) if name == SampleLoss.name else _named_effect(name, found) for name in decision.named
+            _sample_loss(found) if name == SampleLoss.name else _named_effect(name, found, reaches)
+            for name in decision.named
         ),
         candidates=decision.candidates,
         candidate_sets=decision.sets,
@@ -72,7 +73,7 @@ def build_result(found: SearchOutcome, counts: Mapping[str, int], random: np.ran
             analyse_residual(recordings.log.time_s, *sigma, log_curves.noise_g), log_curves, found.rig
         ),
         remainder=describe_remainder(log_curves, found.rig),
-        law=None if found.law is None else _law(found.law, found),
+        law=None if found.law is None else _law(found.law, found, reaches),
         steps=_steps(run),
         scores=_scores(run),
         ranking=_ranking(found),
@@ -98,16 +99,26 @@ def unusable_result(model: Model, log: CheckedRecording, fault: str) -> Reconcil
     return Reconciliation(unusable, fault, unusable, model.rig, log.counts, model.effects)
 
 
-def _named_effect(name: str, found: SearchOutcome) -> NamedEffect:
+Reaches = tuple[Array, Array]
+"""How far the interval of each value of the final model reaches below and above it, (values,) each."""
+
+
+def _reaches(found: SearchOutcome) -> Reaches:
+    """Allow for companions, but beside a remainder: each of them would take a part of it."""
+    setting, final = found.run.context.setting, found.decision.model.candidate
+    companions = () if found.decision.leaves_remainder or not found.decision.named else scorable_effects(setting)
+    return intervals(setting, final.fit, final.values, companions, found.run.table.noise_inflation)
+
+
+def _named_effect(name: str, found: SearchOutcome, reaches: Reaches) -> NamedEffect:
     """Return an effect of the final model with its parameters and their intervals."""
     effect, final = EFFECTS[name], found.decision.model.candidate
-    values, fit = final.values[name], final.fit
+    values, (below, above) = final.values[name], reaches
     simulator = found.run.context.setting.simulator(tuple(final.values))
-    sigma = standard_uncertainties(fit, found.run.recordings.log)
     parameters, stated = {}, found.run.known.model.effects.get(name, {})
     for p in effect.parameters:
         own = [(spec.effect, spec.parameter) == (name, p.name) for spec in simulator.parameters]
-        estimate = _estimate(p, values[p.name], sigma[own], found.rig)
+        estimate = _estimate(p, values[p.name], below[own], above[own], found.rig)
         parameters[p.name] = replace(estimate, stated=stated.get(p.name))
     return NamedEffect(name, effect.explains, effect.equation, parameters, effect.interval_s(values))
 
@@ -116,15 +127,17 @@ def _sample_loss(found: SearchOutcome) -> NamedEffect:
     effect = EFFECTS[SampleLoss.name]
     fraction = found.run.lost_fraction or 0.0
     count = len(found.run.recordings.log.time_s)
-    sigma = np.sqrt([fraction * (1 - fraction) / count])  # binomial
-    estimate = _estimate(effect.parameters[0], fraction, sigma, found.rig)
+    reach = NORMAL_975 * np.sqrt([fraction * (1 - fraction) / count])  # binomial
+    estimate = _estimate(effect.parameters[0], fraction, reach, reach, found.rig)
     return NamedEffect(effect.name, effect.explains, effect.equation, {"fraction": estimate}, None)
 
 
-def _estimate(parameter: Parameter, value: Value, sigma: Array, rig: TwinRig) -> Estimate:
+def _estimate(parameter: Parameter, value: Value, below: Array, above: Array, rig: TwinRig) -> Estimate:
+    """Return a value with its interval, which reaches from `below` to `above` it, (components,) each; empty: not fitted."""
     numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
-    spread = NORMAL_975 * (sigma if len(sigma) == len(numbers) else np.zeros(len(numbers)))
-    low, high = np.maximum(numbers - spread, parameter.lower), np.minimum(numbers + spread, parameter.upper)
+    if len(below) != len(numbers):
+        below = above = np.zeros(len(numbers))
+    low, high = np.maximum(numbers - below, parameter.lower), np.minimum(numbers + above, parameter.upper)
     doubtful = rests_at_edge(parameter, value) or bool(excess(parameter, value, rig).any())
     plausible, limit = not doubtful, limit_of(parameter, rig)
     if parameter.components:
@@ -134,24 +147,24 @@ def _estimate(parameter: Parameter, value: Value, sigma: Array, rig: TwinRig) ->
     return Estimate(float(numbers[0]), interval, parameter.unit, parameter.meaning, plausible, limit)
 
 
-def _law(law: FoundLaw, found: SearchOutcome) -> Law:
+def _law(law: FoundLaw, found: SearchOutcome, reaches: Reaches) -> Law:
     """Return the law of a remainder: terms with intervals, what they close on the test part, and what they resemble."""
     test = found.run.recordings.test
     before, after = (test.reduced_chi2(each.fit.force_g) for each in (law.before, law.after))
     return Law(
-        terms=tuple(_term(name, law, found) for name in law.terms),
+        terms=tuple(_term(name, law, found, reaches) for name in law.terms),
         beside=tuple(sorted(law.candidate.names - set(law.terms))),
         closed_test_percent=Gap.closed_percent(before, after),
     )
 
 
-def _term(name: str, law: FoundLaw, found: SearchOutcome) -> LawTerm:
+def _term(name: str, law: FoundLaw, found: SearchOutcome, reaches: Reaches) -> LawTerm:
     term, values = TERMS[name], law.candidate.values[name]
     return LawTerm(
         name=name,
         text=f"{term.quantity} = {term.law(values)}",
         meaning=term.in_words(values),
-        parameters=_named_effect(name, found).parameters,
+        parameters=_named_effect(name, found, reaches).parameters,
         alternatives=law.alternatives[name],
         closest_effects=_closest_effects(law.signatures[name], found.run.context.signatures(law.base).of),
     )
