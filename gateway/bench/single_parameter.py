@@ -107,15 +107,15 @@ def fit_single_parameter(pairs: DisplacementPairs, setup: LaserSetup) -> SingleP
     check_pairs(pairs, setup.distance_m)
     angle = beam_angle_rad(pairs.displacement_m, setup.distance_m)
     by_displacement, by_distance, by_angle = _relative_changes(pairs, setup)
-    same_zero = np.where(pairs.session[:, None] == pairs.session, SHARED_ZERO, 0.0) + SHARED_ZERO * np.eye(len(angle))
     causes = (
-        ("displacement of the spot", "A", np.outer(by_displacement, by_displacement) * same_zero),
-        ("raw angle", "A", np.outer(by_angle, by_angle) * same_zero),
-        ("distance", "B", np.outer(by_distance, by_distance)),
-        ("squareness of the beam at zero", "B", _common(np.sin(angle) ** 2 / angle * setup.u_square_rad)),
-        ("zero-g offset of the reading axis", "B", _common(angle / 2 * setup.u_zero_g_offset_g)),
+        ("displacement of the spot", "A", _with_zero(by_displacement, pairs.session)),
+        ("raw angle", "A", _with_zero(by_angle, pairs.session)),
+        ("distance", "B", by_distance),
+        ("squareness of the beam at zero", "B", np.sin(angle) ** 2 / angle * setup.u_square_rad),
+        ("zero-g offset of the reading axis", "B", angle / 2 * setup.u_zero_g_offset_g),
     )
-    total = np.sum([covariance for _, _, covariance in causes], axis=0)
+    changes = np.vstack([change for _, _, change in causes])
+    total = changes.T @ changes
     weights = np.linalg.solve(total, np.ones(len(angle)))
     weights /= weights.sum()
     values = pair_parameters_g(pairs, setup.distance_m)
@@ -128,13 +128,13 @@ def fit_single_parameter(pairs: DisplacementPairs, setup: LaserSetup) -> SingleP
     widened = _widening(values - mean, total)
     return SingleParameterFit(
         a_z_off_g=mean,
-        u_g=widened * float(np.sqrt(weights @ total @ weights)),
+        u_g=widened * float(np.linalg.norm(changes @ weights)),
         pair_a_g=values,
         pair_u_g=pair_uncertainties_g(pairs, setup),
         pair_angle_rad=angle,
         contributions=tuple(
-            ParameterContribution(source, kind, widened * float(np.sqrt(weights @ covariance @ weights)))
-            for source, kind, covariance in causes
+            ParameterContribution(source, kind, widened * float(np.linalg.norm(change @ weights)))
+            for source, kind, change in causes
         ),
         widened=widened,
         setup=setup,
@@ -196,8 +196,13 @@ def _relative_changes(pairs: DisplacementPairs, setup: LaserSetup) -> tuple[Arra
     return by_displacement, -d * setup.u_distance_m / square, setup.u_raw_angle_rad / pairs.raw_angle_rad
 
 
-def _common(change: Array) -> Array:
-    return np.outer(change, change)
+def _with_zero(change: Array, session: NDArray[np.int64]) -> Array:
+    """Return independent changes of A_z,off, shape (m, n): of each pair alone, and of the zero of each session.
+
+    Their root sum of squares cannot become negative by rounding where pairs on both sides of the zero cancel.
+    """
+    of_session = np.unique(session)[:, None] == session
+    return np.vstack((np.sqrt(1 - SHARED_ZERO) * np.diag(change), np.sqrt(SHARED_ZERO) * of_session * change))
 
 
 def _widening(residual: Array, covariance: Array) -> float:

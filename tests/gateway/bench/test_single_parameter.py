@@ -55,6 +55,17 @@ def test_the_mean_of_many_pairs_is_no_better_than_the_distance() -> None:
     assert fit_single_parameter(TABLE_7, STATED).u_g > fit_single_parameter(many, STATED).u_g > 0.000385
 
 
+@pytest.mark.parametrize("sides_deg", [[1.0, 2.0, 3.0, 4.0], [2.0, 4.0], [1.0, 2.0, 3.0], [0.5, 1.0, 1.5, 2.0]])
+def test_causes_that_cancel_between_pairs_on_both_sides_of_the_zero_contribute_nothing(sides_deg: list[float]) -> None:
+    angle_deg = np.concatenate((sides_deg, np.negative(sides_deg)))
+    fit = fit_single_parameter(pairs_of(3.897 * np.tan(np.radians(angle_deg)), 1.0129 * angle_deg), LaserSetup(3.897))
+    assert fit.a_z_off_g == pytest.approx(-np.log(1.0129))
+    contributions = {each.source: each.u_g for each in fit.contributions}
+    for source in ("squareness of the beam at zero", "zero-g offset of the reading axis"):
+        assert contributions[source] == pytest.approx(0.0, abs=1e-12)
+    assert np.hypot.reduce(list(contributions.values())) == pytest.approx(fit.u_g)
+
+
 def test_equation_20_gives_the_relative_uncertainty_of_a_calibrated_angle() -> None:
     fit = fit_single_parameter(TABLE_7, STATED)
     u = relative_angle_u_rad(np.radians([2.0]), fit, np.radians(0.001)) / correct_relative_angle(
