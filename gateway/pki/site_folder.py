@@ -188,6 +188,8 @@ class SiteFolder:
     def revoke(self, name: str, now: datetime, *, keep_newest: bool = False) -> int:
         """Put the certificates of a name on the revocation list; return how many. Raises `InputError` where there is none."""
         serials = [one.identity.serial for one in self._valid(name, now)]
+        if keep_newest and len(serials) == 1:
+            raise InputError(f"{name} has no valid certificate before its newest, which --keep-newest spares")
         if keep_newest:
             del serials[-1:]
         if not serials:

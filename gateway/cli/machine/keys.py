@@ -104,7 +104,10 @@ def run_renew(arguments: argparse.Namespace) -> int:
     print(
         f"{made}: new key and certificate of {arguments.name}, valid for {arguments.days} days; replace the files with them"
     )
-    print(f"the certificate before stays valid until it expires, or until plumbline keys revoke {arguments.name}")
+    print(
+        "the certificate before stays valid until it expires, or until "
+        f"plumbline keys revoke {arguments.name} --keep-newest, once the new one is in use"
+    )
     return 0
 
 
@@ -112,7 +115,7 @@ def run_renew(arguments: argparse.Namespace) -> int:
     "revoke",
     "put the certificates of a name on the revocation list",
     None,
-    "example: plumbline keys revoke ann",
+    "examples:\n  plumbline keys revoke ann\n  plumbline keys revoke crane-1 --keep-newest     # after a renewal",
     FOLDER_OPTION,
     HOLDER_OPTION,
     option("--keep-newest", action="store_true", help="revoke those before the newest, after a renewal"),
@@ -121,9 +124,13 @@ def run_revoke(arguments: argparse.Namespace) -> int:
     """Revoke the certificates of a name."""
     folder, now = _open(arguments)
     count = folder.revoke(_checked(arguments.name), now, keep_newest=arguments.keep_newest)
-    print(
-        f"{count} certificates of {arguments.name} revoked; copy {folder.path}/revoked.pem to bus.tls.revoked of each gateway"
-    )
+    counted = "1 certificate" if count == 1 else f"{count} certificates"
+    print(f"{counted} of {arguments.name} revoked; copy {folder.path}/revoked.pem to bus.tls.revoked of each gateway")
+    if count > 1 and not arguments.keep_newest:
+        print(
+            f"WARNING: the newest is among them, and {arguments.name} has no valid certificate now; after a renewal "
+            f"--keep-newest spares it; plumbline keys renew {arguments.name} issues another"
+        )
     print(
         "their commands are refused at once; for their links also remove the name from bus.access, and restart the gateway"
     )
