@@ -47,7 +47,13 @@ COMMANDS: dict[str, str | Command] = {
         name="record",
         help="show what is in recordings, and recover incomplete ones",
         epilog="example: plumbline record info plumbline-data",
-        modules=("record.record_info", "record.record_export", "record.record_replay", "record.record_incident"),
+        modules=(
+            "record.record_info",
+            "record.record_verify",
+            "record.record_export",
+            "record.record_replay",
+            "record.record_incident",
+        ),
     ),
     "remote": Command(
         name="remote",

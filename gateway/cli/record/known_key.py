@@ -51,7 +51,7 @@ class KnownKey:
 
 
 def key_of_recordings(given: str | None, ca: Path | None, paths: Sequence[Path]) -> KnownKey:
-    """Return the key for recordings in order of time, one at least.
+    """Return the key for recordings in order of time.
 
     Raises `InputError` and `KeyFileError` for an option that cannot be read, `RecordingError` for a recording.
     """
@@ -61,7 +61,7 @@ def key_of_recordings(given: str | None, ca: Path | None, paths: Sequence[Path])
 
     return KnownKey(
         given=None if given is None else read_public_key(given),
-        heard=known_statement(_gateway_of(paths[0])),
+        heard=known_statement(_gateway_of(paths[0])) if paths else None,
         vouched=None if ca is None else find_vouched_key(paths, refusal_by(ca)),
     )
 

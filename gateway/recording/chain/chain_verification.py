@@ -3,8 +3,8 @@
 The key may be given, or found by what the CA of the site says of it in the segments.
 """
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import reduce
 from itertools import pairwise
 from pathlib import Path
@@ -14,9 +14,12 @@ from gateway.bus.known_gateways import RefuseKey
 from gateway.file_input import parse_json
 from gateway.messages import NewestStatement
 from gateway.pki.signing_key import fingerprint
+from gateway.recording.chain.chain_files import entire_folders, is_data_folder, place_destroyed
 from gateway.recording.chain.chain_state import STATE_NAME, ChainState, ChainStateError, read_state
 from gateway.recording.chain.file_verification import FileVerification
 from gateway.recording.chain.statements import (
+    NOT_GIVEN,
+    REMOVED,
     SIGNATURE,
     DeletionStatement,
     MissingSegments,
@@ -31,8 +34,9 @@ from gateway.recording.chain.statements import (
 from gateway.recording.reading.interval import iso_utc
 from gateway.recording.reading.recording_file import read_index
 
-Answer = Literal["genuine", "consistent", "differs"]
-"""Everything is as the key signed that was given; as the recordings say themselves, whoever wrote them; something is not."""
+Answer = Literal["genuine", "extract", "consistent", "differs"]
+"""Everything is as the key signed that was given; what is here is, of a folder that lacks others; everything is as the recordings
+say themselves, whoever wrote them; something is not."""
 LATEST_NS = 30_000_000_000
 """Samples may be recorded so much later than messages about the gateway itself, so that neighbouring segments overlap. Basis: on
 a busy host samples wait up to 25 s to be processed (`parts.MAX_WAITING_BLOCKS`), and a wireless sensor is some seconds late."""
@@ -51,13 +55,21 @@ class ChainVerification:
     public_keys: tuple[str, ...]
     is_key_known: bool
     """The key of the gateway was given from outside the recordings."""
+    gateways: tuple[str, ...] = ()
+    """Those that have signed the files; more than one where a gateway got another name."""
+    extract_of: int | None = None
+    """The files are a part of the segments 1 to this one at least; None: nothing says that there are others."""
+    is_folder_extract: bool = False
+    """Others may have been removed: the folder was given as a whole, and lacks them."""
 
     @property
     def answer(self) -> Answer:
         """The answer in a word."""
         if self.problems or any(file.problems for file in self.files):
             return "differs"
-        return "genuine" if self.is_key_known and self.public_keys else "consistent"
+        if not (self.is_key_known and self.public_keys):
+            return "consistent"
+        return "extract" if self.is_folder_extract else "genuine"
 
     @property
     def segments(self) -> list[int]:
@@ -71,7 +83,9 @@ class ChainVerification:
             "genuine": self.answer == "genuine",
             "problems": list(self.problems),
             "remarks": list(self.remarks),
+            "gateways": list(self.gateways),
             "public_keys": list(self.public_keys),
+            "extract_of": self.extract_of,
             "first_segment": self.segments[0] if self.segments else None,
             "last_segment": self.segments[-1] if self.segments else None,
             "missing": [asdict(each) for each in self.missing],
@@ -84,11 +98,14 @@ def verify_chain(
     folders: Sequence[Path] = (),
     key: str | None = None,
     heard: Sequence[NewestStatement] = (),
+    remembered: Sequence[NewestStatement] = (),
 ) -> ChainVerification:
     """Compare the statements of files with each other; `folders` are given as a whole, from the first to the newest segment.
 
-    `key` is the one with which the files were verified, `heard` what somebody has kept of the gateway's statements.
+    `key` is the one with which the files were verified. `heard` is what somebody gives of the gateway's statements, and must be
+    here; what this user has `remembered` need not be in an extract. A folder without anything else of a gateway is an extract.
     """
+    files = place_destroyed(files)
     numbered = sorted((file for file in files if file.segment is not None), key=lambda file: file.segment or 0)
     others = [file for file in files if file.segment is None]
     stated = [(file, file.statement) for file in numbered if file.statement is not None]
@@ -101,14 +118,20 @@ def verify_chain(
     for (before, first), (after, second) in pairwise(stated):
         problems += _between(before, first, after, second)
     problems += _not_whole(numbered)
-    named = {statement.gateway for _, statement in stated}
-    heard = [each for each in heard if each.gateway in named]
-    problems += _rewritten(numbered, heard)
+    named = tuple(dict.fromkeys(statement.gateway for _, statement in stated))
+    heard, remembered = ([each for each in given if each.gateway in named] for given in (heard, remembered))
+    problems += _rewritten(numbered, [*heard, *remembered])
     states = _read_states(numbered, folders, remarks)
     deletions = _join_deletions([file for file, _ in stated], states, problems)
-    newest = max((state.final_segment for state in states), default=0)
-    newest = max([newest, *(each.segment for each in heard)])
+    proven = max([0, *(state.final_segment for state in states), *(each.segment for each in heard)])
+    newest = max([proven, *(each.segment for each in remembered)])
+    entire = entire_folders(files, folders)
     missing = _missing(numbered, newest, deletions, is_whole=bool(folders))
+    if not any(is_data_folder(folder) for folder in entire):
+        missing = tuple(_not_given(missing, proven))
+    is_part = any(each.reason == NOT_GIVEN for each in missing)
+    last = max((file.segment or 0 for file in numbered), default=0)
+    is_begun_later = bool(numbered) and not folders and (numbered[0].segment or 0) > 1
     removed, deleted = describe_missing(missing, deletions)
     for number in sorted({statement.rebuilt_before for _, statement in stated} - {0}):
         remarks.append(
@@ -116,8 +139,28 @@ def verify_chain(
             "whether later ones had been there, and what the quota had just deleted, cannot be proved"
         )
     return ChainVerification(
-        (*numbered, *others), missing, (*problems, *removed), (*deleted, *remarks), keys, key is not None
+        (*numbered, *others),
+        missing,
+        (*problems, *removed),
+        (*deleted, *remarks),
+        keys,
+        key is not None,
+        named,
+        max(newest, last) if is_part or is_begun_later else None,
+        is_part and bool(entire),
     )
+
+
+def _not_given(missing: Sequence[MissingSegments], proven: int) -> Iterator[MissingSegments]:
+    """Yield what is missing of an extract: of its beginning and end only what is `proven` to belong here was removed."""
+    for each in missing:
+        if each.reason != REMOVED or each.place == "middle" or (each.place == "end" and each.last <= proven):
+            yield each
+        elif each.place == "end" and each.first <= proven:
+            yield replace(each, last=proven)
+            yield replace(each, first=proven + 1, reason=NOT_GIVEN)
+        else:
+            yield replace(each, reason=NOT_GIVEN)
 
 
 def _read_states(numbered: Sequence[FileVerification], folders: Sequence[Path], remarks: list[str]) -> list[ChainState]:
@@ -200,6 +243,8 @@ def _not_whole(numbered: Sequence[FileVerification]) -> list[str]:
     wrong: dict[Path, str] = {}
     for after in numbered:
         if after.statement is None or (before := by_number.get(after.statement.previous_segment)) is None:
+            continue
+        if before.is_destroyed:
             continue
         if before.statement is None or not before.is_final:
             wrong[before.path] = (

@@ -98,12 +98,15 @@ class FileVerification:
     path: Path
     size_bytes: int = 0
     segment: int | None = None
-    """Number that the statement gives, or the file claims where there is none; None: it is not of a chain."""
+    """Number that the statement gives, or the file claims where there is none; of a destroyed one that of its place, by its name;
+    None: it is not of a chain."""
     statement: Statement | None = None
     """The last one that matches the content."""
     statement_text: str = ""
     deletions: dict[str, str] = field(default_factory=dict)
     """The last statement about deletions that is followed by a signature; empty: a version wrote the file that made none."""
+    is_destroyed: bool = False
+    """It is no MCAP file any more."""
     is_closed: bool = False
     """Behind the data is the section that is made from them."""
     unsigned_bytes: int = 0

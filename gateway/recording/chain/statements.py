@@ -30,6 +30,8 @@ REMOVED = "removed"
 """The gateway states no deletion: somebody else took the segment away."""
 NOT_STATED = "not_stated"
 """The segment is older than what is stated of deletions, and the gateway may have deleted it."""
+NOT_GIVEN = "not_given"
+"""The files are an extract, and nothing proves that the segment should be among them."""
 DELETED = {"quota": "by the quota", "disk": "for want of space on the disk, with a quota"}
 SHOWN = 8
 """Ranges that a message names; of others it has the number. Basis: a choice; one line of a terminal."""
@@ -177,7 +179,7 @@ class MissingSegments:
     last: int
     place: Place
     reason: str
-    """Why the gateway has deleted them; or `REMOVED`, or `NOT_STATED`."""
+    """Why the gateway has deleted them; or `REMOVED`, `NOT_STATED`, or `NOT_GIVEN`."""
     quota_mb: float | None = None
     """The quota at the time of the deletion."""
 
@@ -201,7 +203,7 @@ def describe_missing(missing: Iterable[MissingSegments], stated: DeletionStateme
         elif reason == NOT_STATED:
             why = f"the quota had deleted segments up to {stated.unstated_up_to}, and which ones is not stated"
             remarks.append(f"{which}; nothing signed says why: {why}")
-        else:
+        elif reason != NOT_GIVEN:
             signed = "has signed" if stated.public_key else "states without a signature"
             remarks.append(
                 f"{which}: deleted {DELETED.get(reason, reason)} of {quota_mb:g} MB, as the gateway {signed}"

@@ -82,6 +82,10 @@ class SalvageReport:
     """Number of messages whose channel was in a damaged chunk, or whose content does not match their schema."""
 
 
+class NotMcapError(RecordingError):
+    """A file can be read, and is none of MCAP."""
+
+
 def describe_losses(report: SalvageReport) -> list[str]:
     """Return a phrase for each kind of loss; none for a complete file."""
     phrases = {
@@ -121,8 +125,8 @@ def open_mcap(path: Path) -> BinaryIO:
         return file
     file.close()
     if not magic:
-        raise RecordingError(f"{path}: is empty; choose another recording")
-    raise RecordingError(f"{path}: is not an MCAP file; give one that the gateway wrote")
+        raise NotMcapError(f"{path}: is empty; choose another recording")
+    raise NotMcapError(f"{path}: is not an MCAP file; give one that the gateway wrote")
 
 
 @contextmanager

@@ -1,6 +1,7 @@
 """Messages of every topic, and a recorder in a folder of its own."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -261,10 +262,13 @@ def record(
         compacted: bool = True,
         closed: bool = True,
         signed: bool = True,
+        gateway: str = GATEWAY,
     ) -> list[Path]:
         key = load_or_create_key(folder / "signing-key.pem") if signed else None
-        chain = SegmentChain(folder, GATEWAY, key)
-        recorder = Recorder(folder, header, segment_s=30, fsync_s=1.0, quota_mb=quota_mb, chain=chain)
+        chain = SegmentChain(folder, gateway, key)
+        site, crane, sensor = gateway.split("/")
+        of_gateway = replace(header, site=site, crane=crane, sensor=sensor)
+        recorder = Recorder(folder, of_gateway, segment_s=30, fsync_s=1.0, quota_mb=quota_mb, chain=chain)
         recorder.set_device(device, start_ns)
         recorder.start(start_ns)
         for number in range(segments * 30 - 1):

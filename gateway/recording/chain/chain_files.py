@@ -1,0 +1,121 @@
+"""The files of one chain among those that are given: of a gateway, of a key, or of the data folder of a gateway."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+
+from gateway.pki.signing_key import KEY_NAME
+from gateway.recording.chain.chain_state import STATE_NAME, list_aside
+from gateway.recording.chain.file_verification import FileVerification
+from gateway.recording.chain.statements import SIGNATURE, parse_statement
+from gateway.recording.format.salvage import NotMcapError
+from gateway.recording.reading.recording_file import read_index
+from gateway.recording.reading.timeline import list_recordings
+
+MARKS = STATE_NAME, KEY_NAME, ".lock", "alerts", "calibration", "page-pin"
+"""What stands beside the recordings in the data folder of a gateway and in its copy, and not beside an extract. Basis: what a
+start of the gateway makes there."""
+
+
+@dataclass(slots=True)
+class ChainFiles:
+    """Files of one chain."""
+
+    paths: list[Path] = field(default_factory=list)
+    """In the order in which they are given."""
+    destroyed: list[FileVerification] = field(default_factory=list)
+    """Those that are no MCAP files any more."""
+    claims: set[str] = field(default_factory=set)
+    """The gateways, keys and data folders that make them one chain."""
+
+    @property
+    def folders(self) -> set[Path]:
+        """The folders in which they lie."""
+        return {path.parent for path in (*self.paths, *(file.path for file in self.destroyed))}
+
+
+def is_data_folder(folder: Path) -> bool:
+    """Return whether a folder is that of a gateway or its copy, in which all of its segments are expected."""
+    return any((folder / name).exists() for name in MARKS) or bool(list_aside(folder))
+
+
+def group_by_chain(paths: Sequence[Path]) -> list[ChainFiles]:
+    """Return the files of each chain, in the order of their first files.
+
+    What a file claims is not checked here: a false claim differs from what was signed in whichever chain it stands. Raises
+    `RecordingError` where a file cannot be read, or none is an MCAP file.
+    """
+    chains: list[ChainFiles] = []
+    silent: list[ChainFiles] = []
+    problems: list[NotMcapError] = []
+    for path in paths:
+        try:
+            claims = _claims(path)
+        except NotMcapError as error:
+            problems.append(error)
+            silent.append(ChainFiles(destroyed=[_destroyed(path, error)]))
+            continue
+        if is_data_folder(path.parent):  # which is of one gateway, whatever lies in it
+            claims.add(str(path.parent.resolve()))
+        if claims:
+            _join(chains, ChainFiles([path], [], claims))
+        else:
+            silent.append(ChainFiles([path]))
+    if len(problems) == len(paths):
+        raise problems[0]
+    for single in silent:
+        beside = [chain for chain in chains if chain.folders & single.folders]
+        single.claims = set(beside[0].claims) if len(beside) == 1 else {str(each) for each in single.folders}
+        _join(chains, single)
+    order = {path: number for number, path in enumerate(paths)}
+    for chain in chains:
+        chain.paths.sort(key=order.__getitem__)
+    return chains
+
+
+def place_destroyed(files: Sequence[FileVerification]) -> list[FileVerification]:
+    """Return the files, those that are destroyed with the number that is free beside their neighbours in the folder, by name."""
+    placed = list(files)
+    ordered = sorted(range(len(placed)), key=lambda number: (placed[number].path.parent, placed[number].path.name))
+    taken = {file.segment for file in placed}
+    for order, step in ((ordered, 1), (ordered[::-1], -1)):
+        for before, here in pairwise(order):
+            file, number = placed[here], (placed[before].segment or 0) + step
+            is_beside = placed[before].segment is not None and placed[before].path.parent == file.path.parent
+            if file.is_destroyed and file.segment is None and is_beside and number > 0 and number not in taken:
+                placed[here] = replace(file, segment=number)
+                taken.add(number)
+    return placed
+
+
+def entire_folders(files: Sequence[FileVerification], folders: Sequence[Path]) -> set[Path]:
+    """Return the folders of which every recording is given, as folders or by name."""
+    given = {file.path.resolve() for file in files}
+    named = {file.path.parent for file in files} - set(folders)
+    return {*folders, *(each for each in named if {path.resolve() for path in list_recordings([each])} <= given)}
+
+
+def _claims(path: Path) -> set[str]:
+    """Return the gateway and the key that the last statement in a file names."""
+    statement = parse_statement(read_index(path).metadata.get(SIGNATURE, {}).get("statement", ""))
+    return set() if statement is None else {f"gateway {statement.gateway}", f"key {statement.public_key}"} - {"key "}
+
+
+def _join(chains: list[ChainFiles], new: ChainFiles) -> None:
+    """Add files to the chain with which they have a claim in common; where there are several, these are one."""
+    common = [chain for chain in chains if chain.claims & new.claims]
+    if not common:
+        chains.append(new)
+        return
+    for each in (*common[1:], new):
+        common[0].paths += each.paths
+        common[0].destroyed += each.destroyed
+        common[0].claims |= each.claims
+    chains[:] = [chain for chain in chains if chain not in common[1:]]
+
+
+def _destroyed(path: Path, error: NotMcapError) -> FileVerification:
+    reason = str(error).removeprefix(f"{path}: ").partition(";")[0]
+    problems = [f"DESTROYED: {reason}, and nothing of what was recorded is left in it"]
+    return FileVerification(path, path.stat().st_size, is_destroyed=True, problems=problems)
