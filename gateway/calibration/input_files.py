@@ -14,7 +14,13 @@ from pydantic import ValidationError
 from devices.tables.foreign import TableOptions, UnitRange, read_foreign_table
 from gateway.calibration.poses.pose import RawReadings
 from gateway.calibration.record import CalibrationRecord
-from gateway.calibration.store import parse_record
+from gateway.calibration.store import (
+    IN_FORCE_NAME,
+    RECORDS_FOLDER,
+    UNREADABLE_NAME,
+    InForceState,
+    parse_record,
+)
 from gateway.errors import InputError, describe_problems
 from gateway.file_input import parse_json, read_bounded, reason_of
 from gateway.numerics.array import Array
@@ -28,6 +34,8 @@ RANGES_AT_REST = (
 """Ranges of the median magnitude of the readings of an uncalibrated sensor at rest; in V: three outputs near the middle of a
 supply of at most 5 V. Basis: 9.81 m/s2 within the sensitivity and offset of an uncalibrated sensor."""
 
+STORE_FILES = IN_FORCE_NAME, UNREADABLE_NAME, "drift.json", "session.json"
+"""Files of a store that are no records."""
 FED_READINGS = 64
 """Number of readings of a block. Basis: the result does not depend on it."""
 
@@ -77,29 +85,64 @@ def read_file(path: Path, options: TableOptions) -> FileReadings:
     )
 
 
-def read_records(paths: Sequence[Path]) -> tuple[list[CalibrationRecord], tuple[str, ...]]:
-    """Return the records of files and of all `.json` files below folders, each once, and notes on files left out.
+@dataclass(frozen=True, slots=True)
+class ReadRecords:
+    """The calibration records of files, each once."""
 
-    A file that is named must be a record; below a folder other files are left out with a note. Raises `InputError` for a named
-    file that is none, and where nothing is a record.
+    counted: list[CalibrationRecord]
+    not_counted: list[CalibrationRecord]
+    """Those that were never in force by the history beside them, or were withdrawn."""
+    notes: tuple[str, ...]
+    """What was left out, and why."""
+
+
+def read_records(paths: Sequence[Path]) -> ReadRecords:
+    """Return the records of files and of all `.json` files below folders.
+
+    A file that is named must be a record; below a folder other files are left out with a note, those of the store without one.
+    Raises `InputError` for a named file that is none, and where nothing is a record.
     """
-    records: dict[str, CalibrationRecord] = {}
+    counted: dict[str, CalibrationRecord] = {}
+    others: dict[str, CalibrationRecord] = {}
     notes = []
     for path in paths:
         for file in sorted(path.rglob("*.json")) if path.is_dir() else [path]:
+            if file != path and file.name in STORE_FILES:
+                continue
             try:
                 record = read_record(file)
+                if (reason := _not_in_force(file, record)) is None:
+                    counted[record.sha256] = record
+                    continue
+                others[record.sha256] = record
+                notes.append(f"left out: {file}: {reason}")
             except InputError as error:
                 if file == path:
                     raise
                 notes.append(f"left out: {error}")
-            else:
-                records[record.sha256] = record
-    if not records:
+    if not counted and not others:
         raise InputError(
             f"{', '.join(map(str, paths))}: contain no calibration record; name records or a store's folder"
         )
-    return list(records.values()), tuple(notes)
+    return ReadRecords(list(counted.values()), list(others.values()), tuple(notes))
+
+
+def _not_in_force(path: Path, record: CalibrationRecord) -> str | None:
+    """Return why a record does not count by the history of its store or its copy; None: it counts, or there is no history."""
+    folder = path.parent.parent if path.parent.name == RECORDS_FOLDER else path.parent
+    if not (folder / IN_FORCE_NAME).exists():
+        return None
+    try:
+        state = InForceState.model_validate(_read_content(folder / IN_FORCE_NAME))
+    except (InputError, ValidationError):
+        return None  # the gateway itself reports it
+    if state.device_id != record.device_id or record.id in state.standing:
+        return None
+    withdrawn = [change for change in state.history if change.before == record.id]
+    if not withdrawn:
+        return "it was never in force"
+    last = withdrawn[-1]
+    return f"it was withdrawn on {last.time_utc[:10]} by {last.by}" + (f": {last.reason}" if last.reason else "")
 
 
 def read_record(path: Path) -> CalibrationRecord:

@@ -8,6 +8,7 @@ A file that cannot be read leaves the device without a calibration, and this is 
 
 import json
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal, Self
 from urllib.parse import quote
@@ -21,6 +22,9 @@ from gateway.file_input import parse_json, read_bounded
 
 ID_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,119}$"
 """Pattern of a record's id, which is the name of its file."""
+IN_FORCE_NAME = "in_force.json"
+UNREADABLE_NAME = "in_force.unreadable.json"
+RECORDS_FOLDER = "records"
 REMEDY = "restore it from a copy, or put a record in force with plumbline remote"
 
 
@@ -50,11 +54,33 @@ class InForceState(BaseModel):
     history: tuple[InForceChange, ...]
     """Changes, oldest first."""
 
+    @property
+    def standing(self) -> tuple[str, ...]:
+        """The records that count, by `standing_records`."""
+        return standing_records((change.before, change.after) for change in self.history)
+
     @model_validator(mode="after")
     def _check_history(self) -> Self:
         if (self.history[-1].after if self.history else None) != self.in_force:
             raise ValueError("the record in force is not the one of the last change")
         return self
+
+
+def standing_records(changes: Iterable[tuple[object, object]]) -> tuple[str, ...]:
+    """Return the ids of the records that were in force, without those that were withdrawn.
+
+    `changes` are the ids before and after each change. One back to a record that came into force earlier than the one that it
+    replaces, or to none but the factory's, withdraws the latter.
+    """
+    order: list[str] = []
+    withdrawn: set[object] = set()
+    for before, after in changes:
+        if isinstance(after, str):
+            order += [after] if after not in order else []
+            withdrawn.discard(after)
+        if before in order and (not isinstance(after, str) or order.index(after) < order.index(str(before))):
+            withdrawn.add(before)
+    return tuple(each for each in order if each not in withdrawn)
 
 
 class CalibrationStore:
@@ -97,7 +123,7 @@ class CalibrationStore:
 
     def ids(self) -> list[str]:
         """Return the ids of all records, sorted."""
-        return sorted(path.stem for path in (self.folder / "records").glob("[!.]*.json"))
+        return sorted(path.stem for path in (self.folder / RECORDS_FOLDER).glob("[!.]*.json"))
 
     def add(self, record: CalibrationRecord) -> None:
         """Store a record without putting it in force.
@@ -121,7 +147,7 @@ class CalibrationStore:
         try:
             before = self.state()
         except CalibrationError:  # a person may put a record in force nevertheless; the unreadable file is kept
-            write_durably(self.folder / "in_force.unreadable.json", path.read_bytes())
+            write_durably(self.folder / UNREADABLE_NAME, path.read_bytes())
             before = InForceState(device_id=self.device_id, in_force=None, history=())
         change = InForceChange(
             time_utc=time_utc, by=by, reason=reason, request=request, before=before.in_force, after=record_id
@@ -135,14 +161,14 @@ class CalibrationStore:
 
     @property
     def _in_force_path(self) -> Path:
-        return self.folder / "in_force.json"
+        return self.folder / IN_FORCE_NAME
 
     def _record_path(self, record_id: str) -> Path:
         if not re.fullmatch(ID_PATTERN, record_id):
             raise CalibrationError(
                 f"{record_id!r} is no id of a record; an id has letters, digits, dots, dashes and underscores"
             )
-        return self.folder / "records" / f"{record_id}.json"
+        return self.folder / RECORDS_FOLDER / f"{record_id}.json"
 
 
 def find_record_in_force(data_dir: Path, device_id: str) -> CalibrationRecord | None:

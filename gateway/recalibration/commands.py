@@ -18,7 +18,7 @@ from gateway.errors import PlumblineError, describe_problems
 from gateway.recalibration.interlock import LoadInterlock, RecentSamples
 from gateway.recalibration.journal import Audit
 from gateway.recalibration.requests import Cancel, Commit, Fetch, Recalibrate, Request, RequestAnswer, Rollback, Zero
-from gateway.recalibration.session import Session, Timestamp, committed_text
+from gateway.recalibration.session import Session, Timestamp, committed_text, withdrawn_text
 
 ALERTS_RESUMED = "alerts are on again: the housing must hang on the rope"
 LISTED_FIELDS = {"id", "method", "created_utc", "by", "parent"}
@@ -165,7 +165,8 @@ class CommandHandler:
 
         def roll_back() -> CommandResult:
             self._change_in_force(target, request, now)
-            return CommandResult(self._in_force_again(target), session, target)
+            after = _after_rollback(session, self.store.device_id, target, request)
+            return CommandResult(self._in_force_again(target), after, target)
 
         return roll_back
 
@@ -207,6 +208,16 @@ class CommandHandler:
     def _change_in_force(self, record_id: str | None, request: Request, now: Timestamp) -> None:
         """Raises `OSError` if nothing has changed."""
         self.store.put_in_force(record_id, by=request.by, reason=request.reason, request=request.id, time_utc=now.utc)
+
+
+def _after_rollback(session: Session | None, device_id: str, target: str | None, request: Rollback) -> Session | None:
+    """Return the last session with what has become of its record."""
+    if session is None or session.phase != "committed" or session.device_id != device_id:
+        return session
+    text = committed_text(target) if session.record_id == target else None
+    if text is None and session.text == committed_text(session.record_id):
+        text = withdrawn_text(session.record_id, request.by, request.reason)
+    return session.model_copy(update={"text": text or session.text})
 
 
 def answer_fetch(fetch: Fetch, store: CalibrationStore, audit: Audit, session: Session | None) -> RequestAnswer:

@@ -199,5 +199,10 @@ def _text(session: Session, progress: PoseProgress | None) -> str:
 
 
 def committed_text(record_id: str | None) -> str:
-    """Return the outcome of a session whose record was put in force; it stays true when that is rolled back."""
+    """Return the outcome of a session whose record was put in force."""
     return f"record {record_id} was put in force"
+
+
+def withdrawn_text(record_id: str | None, by: str, reason: str) -> str:
+    """Return the outcome of such a session after a rollback."""
+    return f"{committed_text(record_id)}, and withdrawn by {by}" + (f": {reason}" if reason else "")

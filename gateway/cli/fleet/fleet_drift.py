@@ -26,7 +26,8 @@ def _date(text: str) -> datetime:
     "drift",
     "age, drift and date of the next calibration of many sensors, the most urgent first",
     "Print age, drift and date of the next calibration of every sensor, the most urgent first, from its "
-    "calibration records. Exit code 1: a sensor is overdue, or cannot be judged.",
+    "calibration records: those that were in force, without any that was withdrawn. Exit code 1: a sensor is overdue, or "
+    "cannot be judged.",
     "example: plumbline fleet drift /var/lib/plumbline/calibration archive/*.json --html drift.html",
     option(
         "records",
@@ -61,15 +62,18 @@ def run_drift(arguments: argparse.Namespace) -> int:
     from gateway.cli.output import show, write_text
 
     now = arguments.on or datetime.now(UTC)
-    records, notes = read_records(arguments.records)
-    sensors, failures = fleet_drift(records, now, limit_deg=arguments.limit_deg, interval_days=arguments.interval_days)
+    read = read_records(arguments.records)
+    limit_deg, interval_days = arguments.limit_deg, arguments.interval_days
+    sensors, failures = fleet_drift(read.counted, now, limit_deg=limit_deg, interval_days=interval_days)
+    without = {record.device_id for record in read.not_counted} - {record.device_id for record in read.counted}
+    failures += tuple(f"{device_id}: no record that was made is in force" for device_id in sorted(without))
     result = {
         "on_utc": now.isoformat(),
         "limit_deg": arguments.limit_deg,
         "sensors": [_as_json(sensor) for sensor in sensors],
         "not_judged": list(failures),
     }
-    show(_as_text(sensors, [*failures, *notes]), result, arguments.json)
+    show(_as_text(sensors, [*failures, *read.notes]), result, arguments.json)
     if arguments.html is not None:
         page = render_drift_report(sensors, now.date().isoformat(), arguments.limit_deg, failures)
         write_text(arguments.html, page)

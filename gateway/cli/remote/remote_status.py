@@ -140,11 +140,15 @@ def _forecast_text(connect: str, key: str, credentials: "Credentials") -> str:
 
 
 def describe_forecast(client: "GatewayClient") -> str:
-    """Return the forecast by the records of a gateway. Raises `InputError` where there are too few."""
+    """Return the forecast by the records of a gateway that counted. Raises `InputError` where there are too few."""
     from gateway.bus.client import FetchedList
+    from gateway.calibration.store import standing_records
     from gateway.certificate.comparison import forecast, sentence
     from gateway.cli.remote.remote_fetch import fetch_records, fetch_request
 
-    records, _ = fetch_records(client, fetch_request(client, {}, FetchedList, 0.0), 0.0)
-    report = forecast(records)
+    listed = fetch_request(client, {}, FetchedList, 0.0)
+    if listed.history:
+        standing = standing_records((each.get("from"), each.get("to")) for each in listed.history)
+        listed = listed.model_copy(update={"records": [each for each in listed.records if each.id in standing]})
+    report = forecast(fetch_records(client, listed, 0.0)[0])
     return "; ".join([sentence(report), *report.warnings])

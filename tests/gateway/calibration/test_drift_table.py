@@ -156,7 +156,7 @@ def store(tmp_path: Path) -> Path:
     folder.mkdir()
     for record in [record_of_table(number) for number in range(5)] + sensor("drifting", [0, 100, 200], 0.08):
         (folder / f"{record.device_id}-{record.id}.json").write_text(json.dumps(record.model_dump(mode="json")))
-    (folder / "in_force.json").write_text("{}")
+    (folder / "notes.json").write_text("{}")
     return folder
 
 
@@ -178,6 +178,48 @@ def test_the_command_prints_a_table_and_writes_json_and_a_report(
     text = page.read_text()
     assert "Tables 6 to 8" in text
     assert text.count("<svg") == 4  # offset and scale factor of two sensors
+
+
+def kept(folder: Path, device_id: str, changes: list[tuple[str | None, str | None]]) -> Path:
+    """A store as the gateway keeps it, with three records and its other files."""
+    records = sensor(device_id, [0, 100, 200], 0.08)
+    (folder / device_id / "records").mkdir(parents=True)
+    names: dict[str | None, str | None] = {None: None} | dict(zip("abc", (each.id for each in records), strict=True))
+    for each in records:
+        (folder / device_id / "records" / f"{each.id}.json").write_text(json.dumps(each.model_dump(mode="json")))
+    why = {"time_utc": "2026-08-01T00:00:00Z", "by": "ann", "reason": "wrong face", "request": "r"}
+    history = [why | {"from": names[before], "to": names[after]} for before, after in changes]
+    state = {"device_id": device_id, "in_force": history[-1]["to"], "history": history}
+    (folder / device_id / "in_force.json").write_text(json.dumps(state))
+    for name in ("session.json", f"{device_id}/drift.json"):
+        (folder / name).write_text("{}")
+    return folder
+
+
+def test_a_record_that_was_withdrawn_is_not_counted_and_files_of_the_store_are_no_note(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "drift.json"
+    forward: list[tuple[str | None, str | None]] = [(None, "a"), ("a", "b"), ("b", "c")]
+    for number, (changes, counted) in enumerate(
+        [(forward, 3), ([*forward, ("c", "b")], 2), ([*forward, ("c", "b"), ("b", "c")], 3), ([*forward[:2]], 2)]
+    ):
+        folder = kept(tmp_path / f"store-{number}", "part", changes)
+        assert run(folder, "--on", "2026-08-02", "--json", out) in (0, 1)
+        told = capsys.readouterr().out
+        assert json.loads(out.read_text())["sensors"][0]["records"] == counted, changes
+        assert told.count("note: ") == 3 - counted, told
+    assert "it was never in force" in told
+    run(tmp_path / "store-1", "--on", "2026-08-02")
+    assert "it was withdrawn on 2026-08-01 by ann: wrong face" in capsys.readouterr().out
+
+
+def test_a_sensor_whose_every_record_was_withdrawn_cannot_be_judged(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = kept(tmp_path / "store", "part", [(None, "a"), ("a", None)])
+    assert run(folder, "--on", "2026-08-02") == 1
+    assert "note: part: no record that was made is in force" in capsys.readouterr().out
 
 
 @pytest.mark.slow

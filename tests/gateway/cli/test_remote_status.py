@@ -75,7 +75,8 @@ class Store(GatewayClient):
 
     key = "plumbline/v1/a/b/c"
 
-    def __init__(self, *days: int) -> None:
+    def __init__(self, *days: int, history: tuple[dict[str, str | None], ...] = ()) -> None:
+        self.history = list(history)
         made = [(f"r{day}", np.datetime64("2026-01-01") + day, 0.0002 * day) for day in days]
         self.records = {name: _record(name, str(date), offset) for name, date, offset in made}
 
@@ -88,7 +89,7 @@ class Store(GatewayClient):
                 "device_id": "part-7",
                 "in_force": None,
                 "review": None,
-                "history": [],
+                "history": self.history,
                 "records": [*({"id": name} for name in self.records), {"id": "damaged", "error": "torn"}],
             },
         )
@@ -112,6 +113,13 @@ def _record(name: str, date: str, offset: float) -> dict[str, Any]:
         "temperature_c": {"mean": 20.0, "min": 20.0, "max": 20.0},
     }
     return content | {"sha256": content_hash(content)}
+
+
+def test_a_record_that_was_withdrawn_makes_no_forecast() -> None:
+    forward: tuple[dict[str, str | None], ...] = ({"from": None, "to": "r0"}, {"from": "r0", "to": "r90"})
+    assert "from 2 records over 90 days" in describe_forecast(Store(0, 30, 90, history=forward))
+    with pytest.raises(CalibrationError):
+        describe_forecast(Store(0, 90, history=(*forward, {"from": "r90", "to": "r0"})))
 
 
 def test_records_make_a_forecast() -> None:

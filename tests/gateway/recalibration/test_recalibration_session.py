@@ -11,6 +11,7 @@ from gateway.calibration.acceptance import Acceptance
 from gateway.calibration.record import CalibrationError
 from gateway.recalibration.session import MAX_IDLE_S, MAX_REVIEW_S, MAX_SESSION_S
 from tests.gateway.recalibration.scripted_site import Site
+from tests.values import present
 
 MakeContent = Callable[..., dict[str, Any]]
 
@@ -178,11 +179,17 @@ def test_a_rollback_of_the_first_record_returns_to_the_factory_record(site: Site
 
 def test_what_a_session_says_of_its_record_stays_true_after_a_rollback(site: Site) -> None:
     first, second = site.commit(1.0), site.commit(2.0)
-    assert site.ask("rollback").text == f"record {first} is in force again"
-    session = site.recalibration.session
-    assert session is not None
-    assert session.text == f"record {second} was put in force"
-    assert site.ask("rollback").text == "no record is in force: the device has none of its factory"
+
+    def said() -> str:
+        return present(site.recalibration.session).text
+
+    assert said() == f"record {second} was put in force"
+    assert site.ask("rollback", reason="wrong face").text == f"record {first} is in force again"
+    assert said() == f"record {second} was put in force, and withdrawn by ann: wrong face"
+    assert site.ask("rollback", by="bob").text == "no record is in force: the device has none of its factory"
+    assert said() == f"record {second} was put in force, and withdrawn by ann: wrong face"
+    assert site.ask("rollback", to=second).accepted
+    assert said() == f"record {second} was put in force"
 
 
 def test_zeroing_requires_a_record_and_a_load_that_hangs_still(site: Site) -> None:
