@@ -199,7 +199,8 @@ class CourseBuilder:
                     self._calibrations.append((time_s, content))
                 self._add_session(time_s, content.session)
             case Mark():
-                self._marks.append(TimedText(time_s, f"{content.by or 'an unnamed person'}: {content.text}"))
+                reason = f" ({content.reason})" if content.reason else ""
+                self._marks.append(TimedText(time_s, f"{content.by or 'an unnamed person'}: {content.text}{reason}"))
             case Log():
                 self._add_line(time_s, content)
             case _:

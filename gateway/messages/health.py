@@ -129,3 +129,4 @@ class Mark(Message):
     id: Annotated[str, Field(description="id of the request")]
     by: Annotated[str, Field(description="who set it, as stated in the request")]
     text: str
+    reason: Annotated[str, Field(description="as stated in the request; empty: none was")] = ""

@@ -113,11 +113,12 @@ class MarkService:
         if (known := self._answers.get(request.id)) is not None:
             return known
         now = MessageTime(self._wall_clock.clock.now_ns(), self._wall_clock.state)
-        mark = Mark(**self._headers.make("mark", now, None), id=request.id, by=request.by, text=request.text)
+        header = self._headers.make("mark", now, None)
+        mark = Mark(**header, id=request.id, by=request.by, text=request.text, reason=request.reason)
         if not self._send(encode_message("mark", mark, now.log_time_ns)):
             text = "the recorder is too busy; the mark is not in the recording"
             return RequestAnswer(id=request.id, request="mark", accepted=False, text=text)
-        log.info("mark by %s: %s", request.by, request.text)
+        log.info("mark by %s: %s%s", request.by, request.text, f" ({request.reason})" if request.reason else "")
         return self._answers.add(
             RequestAnswer(id=request.id, request="mark", accepted=True, text=f"marked: {request.text}")
         )

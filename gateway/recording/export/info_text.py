@@ -148,7 +148,11 @@ class _InfoText:
     def _marks(self) -> Iterator[str]:
         marks = self.info.marks
         return _section(
-            f"marks: {len(marks)}", [f"{self._time(each.utc_ns)}  {each.text} ({each.by})" for each in marks]
+            f"marks: {len(marks)}",
+            [
+                f"{self._time(each.utc_ns)}  {each.text} ({each.by}{f': {each.reason}' if each.reason else ''})"
+                for each in marks
+            ],
         )
 
     def _calibrations(self) -> Iterator[str]:

@@ -189,6 +189,7 @@ class RecordedMark:
     utc_ns: int
     by: str
     text: str
+    reason: str = ""
 
 
 @dataclass(frozen=True, slots=True)

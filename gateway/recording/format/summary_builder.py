@@ -86,7 +86,7 @@ class SummaryBuilder:
             case messages.Log():
                 self._add_line(message)
             case messages.Mark():
-                self._marks.append(RecordedMark(message.time_ns, message.by, message.text))
+                self._marks.append(RecordedMark(message.time_ns, message.by, message.text, message.reason))
             case _:
                 pass
 

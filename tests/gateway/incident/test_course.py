@@ -134,9 +134,11 @@ def test_the_offset_of_utc_is_that_before_the_origin_and_steps_are_kept() -> Non
     assert course.clock_steps_s == (1.0,)
 
 
-def test_a_mark_is_stated_with_the_person_who_set_it() -> None:
-    course = built((1.0, Mark(**HEAD, id="m1", by="Ann", text="load set down"))).course(ORIGIN_NS, ORIGIN_NS + 10**9)
-    assert [each.text for each in course.marks] == ["Ann: load set down"]
+@pytest.mark.parametrize(("reason", "said"), [("", ""), ("call at 10:05", " (call at 10:05)")])
+def test_a_mark_is_stated_with_the_person_who_set_it_and_the_reason(reason: str, said: str) -> None:
+    mark = Mark(**HEAD, id="m1", by="Ann", text="load set down", reason=reason)
+    course = built((1.0, mark)).course(ORIGIN_NS, ORIGIN_NS + 10**9)
+    assert [each.text for each in course.marks] == [f"Ann: load set down{said}"]
 
 
 def test_alerts_and_marks_stand_among_the_events_however_many_others_there_are() -> None:

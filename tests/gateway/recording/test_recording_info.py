@@ -225,8 +225,11 @@ def test_marks_are_listed(
     mark = every_message["mark"]
     assert isinstance(mark, messages.Mark)
     recorder.write(encode_message("mark", mark, start_ns))
+    recorder.write(encode_message("mark", replace(mark, reason="call at 10:05"), start_ns))
     recorder.close()
-    assert f"{mark.text} ({mark.by})" in info_text(summarise(path))
+    said = info_text(summarise(path))
+    assert f"{mark.text} ({mark.by})" in said
+    assert f"{mark.text} ({mark.by}: call at 10:05)" in said
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """Marks, written once and kept by the quota, and acknowledgements, which mean what the person had seen."""
 
 import json
+import logging
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -52,6 +53,16 @@ def test_a_mark_is_written_once_however_often_its_request_arrives() -> None:
     (sent,) = sink.messages
     assert isinstance(sent.message, Mark)
     assert (sent.topic, sent.message.by, sent.message.text) == ("mark", "ann", REQUEST["text"])
+
+
+def test_the_reason_of_a_mark_is_kept_and_logged(caplog: pytest.LogCaptureFixture) -> None:
+    sink = Sink()
+    with caplog.at_level(logging.INFO):
+        service(sink).answer(request(reason="call at 10:05"))
+    (sent,) = sink.messages
+    assert isinstance(sent.message, Mark)
+    assert sent.message.reason == "call at 10:05"
+    assert f"{REQUEST['text']} (call at 10:05)" in caplog.text
 
 
 def test_a_mark_that_is_no_line_of_text_is_refused() -> None:
