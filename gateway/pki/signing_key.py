@@ -56,7 +56,7 @@ def load_or_create_key(path: Path) -> SigningKey | None:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey  # noqa: PLC0415
 
     try:
-        if not path.exists():
+        if is_new := not path.exists():
             private = Ed25519PrivateKey.generate()
             pem = private.private_bytes(
                 serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
@@ -67,7 +67,7 @@ def load_or_create_key(path: Path) -> SigningKey | None:
             raise KeyFileError(f"{path}: is not an Ed25519 key; give one in PEM, or move it away so that one is made")
         key = SigningKey(loaded)
         public = path.with_name(path.name + PUBLIC_SUFFIX)
-        if not public.exists():
+        if is_new or not public.exists():
             write_private(public, f"{key.public_hex}\n".encode(), 0o644)
     except OSError as error:
         raise KeyFileError(

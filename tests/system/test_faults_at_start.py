@@ -12,6 +12,8 @@ from urllib.request import urlopen
 import pytest
 import zenoh
 
+from gateway.configuration.model import Configuration
+from gateway.daemon.doctor.checks import check_signing_key
 from gateway.messages import Health
 from gateway.recording.reading.recording_file import open_recording
 from tests.ports import unused_port
@@ -168,6 +170,30 @@ def test_a_damaged_state_file_does_not_stop_the_monitoring(
     assert code == 0
     assert "Traceback" not in err
     assert "ERROR" in err or "WARNING" in err
+
+
+@pytest.mark.slow
+def test_a_gateway_whose_signing_key_is_gone_makes_another_and_says_so(start_gateway: StartGateway) -> None:
+    first = start_gateway(arguments=["--duration", "2"])
+    assert first.wait()[0] == 0
+    folder = first.data_dir
+    before = (folder / "signing-key.pem.pub").read_text()
+    (folder / "signing-key.pem").unlink()
+    (found,) = check_signing_key(Configuration.model_validate({"gateway": {"data_dir": folder}}))
+    assert (found.grade, "signing-key.pem: is missing, and the recordings are signed with" in found.text) == (
+        "bad",
+        True,
+    )
+    code, _, err = start_gateway(arguments=["--duration", "2"]).wait()
+    assert code == 0
+    (line,) = [line for line in err.splitlines() if "signing-key.pem" in line]
+    assert "ERROR plumbline.fault: " in line
+    assert "was missing, and a new key was made" in line
+    assert (folder / "signing-key.pem.pub").read_text() != before
+    recorded = open_recording(first.recordings[-1])
+    health = [recorded.decode(message) for message in recorded.messages() if message.topic == "/health"]
+    assert any("new key" in each.standing_faults.get("signing", "") for each in health if isinstance(each, Health))
+    assert "signing-key.pem" not in start_gateway(arguments=["--duration", "2"]).wait()[2]
 
 
 @pytest.mark.slow

@@ -23,10 +23,13 @@ from gateway.daemon.doctor.service_check import examine_running
 from gateway.daemon.runtime.host import WallClockMonitor, disk_free_mb
 from gateway.daemon.runtime.instance import is_in_use
 from gateway.daemon.sampling.device_factory import make_device
+from gateway.daemon.storage.recording_worker import signing_key_path
 from gateway.errors import PlumblineError
 from gateway.extras import what_is_missing
 from gateway.page.channel import listen_at
+from gateway.pki.signing_key import fingerprint
 from gateway.recording.chain.chain_state import ChainStateError, list_aside, read_state
+from gateway.recording.chain.segment_chain import newest_signer
 
 LOW_DISK_MB = 500.0
 """Least free space without a warning. Basis: a choice; some hours of a recording, and a small share of any card."""
@@ -40,10 +43,10 @@ def examine(configuration: Configuration) -> Iterator[CheckResult]:
     yield CheckResult("good" if sys.version_info >= (3, 11) else "bad", "python", version)
     if is_in_use(configuration.gateway.data_dir):
         yield from examine_running(configuration)
-        checks = [_disk, _chain, _clock, _housing]
+        checks = [_disk, _chain, check_signing_key, _clock, _housing]
     else:
         opening = [_device, _bus, _page, check_relay] if user_to_be(configuration) is None else [_not_opened]
-        checks = [_data_folder, _chain, *opening, _clock, _housing]
+        checks = [_data_folder, _chain, check_signing_key, *opening, _clock, _housing]
     for check in checks:
         yield from check(configuration)
 
@@ -131,6 +134,14 @@ def _chain(configuration: Configuration) -> Iterator[CheckResult]:
             "chain",
             f"{folder}: has {names}, kept from damage; copy them for an investigation, then delete them",
         )
+
+
+def check_signing_key(configuration: Configuration) -> Iterator[CheckResult]:
+    """Check that the key is there with which the recordings are signed."""
+    path = signing_key_path(configuration)
+    if not path.exists() and (before := newest_signer(configuration.gateway.data_dir)):
+        text = f"{path}: is missing, and the recordings are signed with {fingerprint(before)}; restore it from its backup before "
+        yield CheckResult("bad", "signing", text + "the next start, which makes another")
 
 
 def _device(configuration: Configuration) -> Iterator[CheckResult]:

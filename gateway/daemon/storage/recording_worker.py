@@ -23,7 +23,7 @@ from gateway.extras import what_is_missing
 from gateway.messages import NewestStatement, Samples
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.pki.signing_key import KEY_NAME, KeyFileError, fingerprint, load_or_create_key
-from gateway.recording.chain.segment_chain import SegmentChain
+from gateway.recording.chain.segment_chain import SegmentChain, newest_signer
 from gateway.recording.format.content import RecordingHeader
 from gateway.recording.format.salvage import SalvageReport, describe_losses
 from gateway.recording.segments.compaction import CompactionError, compact, trim
@@ -296,15 +296,32 @@ def make_recorder(
 
 
 def load_key(configuration: Configuration, chain: SegmentChain, faults: FaultRegister) -> None:
-    """Give the chain its key, where it has none yet; the gateway works without it, and says so."""
+    """Give the chain its key, where it has none yet; the gateway works without it, and with another one, and says so."""
     if chain.key is not None:
         return
+    path = signing_key_path(configuration)
+    was_missing = not path.exists()
     try:
-        chain.key = load_or_create_key(configuration.recorder.key or configuration.gateway.data_dir / KEY_NAME)
+        chain.key = load_or_create_key(path)
     except KeyFileError as error:
         faults.set(SIGNING, f"recordings are not signed: {error}")
-    else:
+        return
+    before = newest_signer(configuration.gateway.data_dir)
+    if chain.key is None or before in ("", chain.key.public_hex):
         faults.clear(SIGNING)
+        return
+    what = "was missing, and a new key was made" if was_missing else "is another key"
+    faults.set(
+        SIGNING,
+        f"{path}: {what}: recordings before are signed with {fingerprint(before)}, those from now on with "
+        f"{fingerprint(chain.key.public_hex)}, and neither proves both; stop the gateway and restore the file from its backup, "
+        "or keep both public keys",
+    )
+
+
+def signing_key_path(configuration: Configuration) -> Path:
+    """Return the file of the key."""
+    return configuration.recorder.key or configuration.gateway.data_dir / KEY_NAME
 
 
 def describe_key(chain: SegmentChain, faults: FaultRegister) -> str:

@@ -252,6 +252,16 @@ class SegmentChain:
         save_state(self._data_dir, self._state)
 
 
+def newest_signer(data_dir: Path) -> str:
+    """Return the public key with which the newest signed recording in a folder is signed; empty: none is signed."""
+    for path in sorted(data_dir.glob("*.mcap"), reverse=True):
+        with suppress(RecordingError):
+            statement = parse_statement(read_index(path).metadata.get(SIGNATURE, {}).get("statement", ""))
+            if statement is not None and statement.public_key:
+                return statement.public_key
+    return ""
+
+
 def _describe(state: ChainState) -> str:
     """Return what the recordings told, and what they cannot tell."""
     if not state.newest_segment:
