@@ -146,7 +146,14 @@ def read_foreign_table(path: Path, options: TableOptions, ranges: Sequence[UnitR
         decimal=head.decimal,
         time_is_text=time.is_text,
     )
-    recording = read_table(path, layout)
+    try:
+        recording = read_table(path, layout)
+    except RecordingError as error:
+        if options.unit != "counts" or axes.unit in (None, "counts"):
+            raise
+        raise RecordingError(
+            f"{path}: --unit counts contradicts its columns, in {axes.unit}; leave --unit out"
+        ) from error
     recording = replace(recording, raw=recording.raw * (1.0, float(not options.is_planar), 1.0))
     unit = stated or find_unit(path, recording.raw, ranges)
     findings = _findings(names, axes, options, time, unit, recording.raw)

@@ -6,7 +6,7 @@ service, which `deploy/install.sh` has set up on this machine.
 
 import difflib
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -150,7 +150,12 @@ def _suggestion(place: list[str], table: dict[str, Any], model: type[Configurati
         kind = table["device"]["kind"] if place[0] == "device" else None
         section = _section_class(model, place[0], kind)
         known = list(_nested(section, place[1:-1]).model_fields)
-    close = difflib.get_close_matches(place[-1], known, n=1, cutoff=0.5)
+    return suggest(place[-1], known)
+
+
+def suggest(name: str, known: Collection[str]) -> str:
+    """Return the known name that was probably meant, or all of them, as the end of a sentence."""
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
     return f"; did you mean {close[0]}?" if close else f"; known are {', '.join(known)}"
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict
 
 from gateway.configuration.bus_section import LOCAL_PROTOCOLS
-from gateway.configuration.loading import ConfigurationError, load_text
+from gateway.configuration.loading import ConfigurationError, load_text, suggest
 from gateway.configuration.model import Configuration
 
 Table = dict[str, Any]
@@ -156,6 +156,8 @@ def visible_part(table: Table) -> Table:
 def require_remote(table: Table) -> None:
     """Refuse a proposal with a key that only the gateway's own machine may change. Raises `ConfigurationError`."""
     for section, keys in table.items():
+        if section not in Configuration.model_fields:
+            raise ConfigurationError(f"proposal: {section}: unknown key{suggest(section, Configuration.model_fields)}")
         if section not in REMOTE_KEYS or not isinstance(keys, dict):
             raise ConfigurationError(f"proposal: {section}: can only be changed on the gateway's own machine")
         for key in keys:

@@ -158,8 +158,11 @@ class CommandHandler:
     def _prepare_rollback(self, request: Rollback, session: Session | None, now: Timestamp) -> Command:
         in_force = self.store.state().in_force
         target = request.to if request.to is not None else self._parent_of(in_force)
+        factory = self.device.factory_calibration
+        if factory is not None and target == factory.get("id") and target not in self.store.ids():
+            target = None
         if target == in_force:
-            raise Refused(f"record {in_force} is in force already")
+            raise Refused(f"record {request.to or in_force} is in force already")
         if target is not None:
             self.store.record(target)
 

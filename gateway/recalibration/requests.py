@@ -10,11 +10,13 @@ from pydantic import BaseModel, ConfigDict, Field, StrictBool, ValidationError, 
 
 from gateway.calibration.record import PoseMethod
 from gateway.calibration.store import ID_PATTERN
-from gateway.errors import InputError, describe_problems
+from gateway.errors import InputError, describe_problems, pattern_of
 
 MAX_PAYLOAD_BYTES = 8192
 """Largest request. Basis: a choice; a credential may have as much, and a configuration has its own limit."""
-ONE_LINE_PATTERN = r"^[^\x00-\x1f\x7f\u2028\u2029]*$"
+ONE_LINE_PATTERN = pattern_of(
+    r"^[^\x00-\x1f\x7f\u2028\u2029]*$", "one line, without breaks and other control characters"
+)
 """Pattern of a text that cannot forge a second line in a log."""
 Model = TypeVar("Model", bound=BaseModel)
 RequestId = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{7,63}$")]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from gateway.cli.bus_link import ADDRESS_OPTIONS, gateway_client
 from gateway.cli.command import AddTo, Command, Run, option
 from gateway.cli.remote.remote_session import ask, new_request
-from gateway.errors import ANSWER_IS_NO
+from gateway.errors import ANSWER_IS_NO, printable
 
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient, RpcReply
@@ -44,6 +44,8 @@ def _propose(arguments: argparse.Namespace) -> int:
     for change in reply.content["changes"]:
         print(KeyChange.model_validate(change))
     if keep:
+        if voided := reply.content.get("voids"):
+            print(f"the proposal before, {printable(str(voided))}, is void: one is kept at a time")
         print(f"to apply it: plumbline remote config apply {reply.content['proposal']} --by {arguments.by}")
     return 0
 

@@ -47,7 +47,12 @@ def run_fetch(arguments: argparse.Namespace) -> int:
     write_text(arguments.out / "audit.jsonl", "".join(json.dumps(entry) + "\n" for entry in audit))
     for problem in damaged:
         print(printable(problem), file=sys.stderr)
-    print(printable(f"{arguments.out}: {len(records)} records of {listed.device_id}, in force {listed.in_force}"))
+    in_force = (
+        "none of them in force: the factory's, if it has one"
+        if listed.in_force is None
+        else f"in force {listed.in_force}"
+    )
+    print(printable(f"{arguments.out}: {len(records)} records of {listed.device_id}, {in_force}"))
     return ANSWER_IS_NO if damaged else 0
 
 

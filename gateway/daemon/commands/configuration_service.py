@@ -139,6 +139,8 @@ class ConfigurationService:
         wanted = request.expect(ProposeConfiguration)
         text = path.read_text(encoding="utf-8")
         checked = self._check(text, wanted)
+        before = self._stored_proposal() if wanted.keep else None
+        is_voided = before is not None and before.request.id != wanted.id and before.file_sha256 == text_hash(text)
         if wanted.keep:
             request.begin()
             stored = StoredProposal(request=wanted, file_sha256=text_hash(text))
@@ -147,6 +149,7 @@ class ConfigurationService:
         return {
             "text": f"{len(checked.changes)} keys change",
             "proposal": wanted.id if wanted.keep else None,
+            "voids": before.request.id if before is not None and is_voided else None,
             "changes": [change.model_dump() for change in checked.changes],
         }
 
@@ -168,9 +171,8 @@ class ConfigurationService:
             id=wanted.id, by=wanted.by, reason=wanted.reason, before=text, after=checked.text, kept=kept
         )
         request.begin()
-        self._note(
-            "applied", wanted, changes=[str(change) for change in checked.changes], proposed_by=stored.request.by
-        )
+        changes, proposed_by = [str(change) for change in checked.changes], stored.request.by
+        self._note("applied", wanted, proposal=wanted.proposal, changes=changes, proposed_by=proposed_by)
         before, after = (load_text(each, path.name, {}).alerts for each in (text, checked.text))
         note_change(self._data_dir, before, after)
         ConfigurationTrial(path).begin(begun)

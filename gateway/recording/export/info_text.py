@@ -5,9 +5,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from gateway.errors import counted
+from gateway.file_input import parse_json
 from gateway.recording.export.recording_info import RecordingInfo
 from gateway.recording.format.salvage import describe_losses
-from gateway.recording.format.segment_summary import CalibrationState, RecordedPeak
+from gateway.recording.format.segment_summary import CalibrationState, LogLine, RecordedPeak
 from gateway.recording.format.summary_builder import RecordedAlert
 from gateway.recording.reading.interval import zoned
 
@@ -15,6 +16,8 @@ LABEL_WIDTH = 15
 """Characters of the first column. Definition: the longest label and a space."""
 MAX_LIST_LINES = 20
 """Most lines of a list, of which `--json` has all entries; trips are always listed. Basis: a choice; a screen of a terminal."""
+CONFIGURATION_LOG, AUDIT = "plumbline.configuration", "audit "
+"""Name and beginning of the lines of the log that are entries of the configuration's audit."""
 LOG_LEVEL_WORDS = {3: "warning", 4: "error", 5: "fatal"}
 
 
@@ -54,6 +57,7 @@ class _InfoText:
         yield from self._alerts()
         yield from self._marks()
         yield from self._calibrations()
+        yield from self._configurations()
         yield from self._clock_changes()
         yield from self._gaps()
         yield from self._faults()
@@ -66,7 +70,10 @@ class _InfoText:
     def _state(self) -> str:
         losses = self.info.losses
         closed = ["closed properly"] if losses.closed and not losses.altered else []
-        return ", ".join(closed + describe_losses(losses))
+        repaired = sum(file.repaired for file in self.info.files)
+        which = "" if len(self.info.files) == 1 else f"{repaired} of {len(self.info.files)} files "
+        cut_off = [f"{which}cut off by a kill or a power failure and completed at the next start"] if repaired else []
+        return ", ".join(closed + cut_off + describe_losses(losses))
 
     def _clock(self) -> str:
         clock = self.info.clock
@@ -190,12 +197,20 @@ class _InfoText:
             first, last = of_kind[0], of_kind[-1]
             yield f"  {name}: {last.count}, first at {self._time(first.utc_ns)}, last at {self._time(last.utc_ns)}"
 
+    def _configurations(self) -> Iterator[str]:
+        found = [(line, text) for line in self.info.log if (text := _configuration_text(line)) is not None]
+        applied = sum(text.startswith("applied") for _, text in found)
+        title = f"configuration: {counted(applied, 'change')} applied over the bus"
+        return _section(title, [f"{self._time(line.utc_ns)}  {text}" for line, text in found])
+
     def _log(self) -> Iterator[str]:
+        others = [line for line in self.info.log if _configuration_text(line) is None]
         lines = [
             f"{self._time(line.utc_ns)}  {LOG_LEVEL_WORDS.get(line.level, line.level):<8}{line.message}"
-            for line in self.info.log
+            for line in others
         ]
-        return _section(f"log: {self.info.log_count} warnings and errors", lines, self.info.log_count)
+        count = self.info.log_count - len(self.info.log) + len(others)
+        return _section(f"log: {count} warnings and errors", lines, count)
 
     def _topics(self) -> Iterator[str]:
         yield ""
@@ -209,6 +224,24 @@ def _calibration_text(change: CalibrationState) -> str:
     text = f"{change.calibration_id or 'no record'}, {change.status}"
     session = f"; recalibration {change.phase} by {change.by or '?'}: {change.session_text}"
     return text if change.phase == "idle" else text + session
+
+
+def _configuration_text(line: LogLine) -> str | None:
+    """Return an entry of the audit of the configuration as a sentence; None: the line is something else."""
+    if line.name != CONFIGURATION_LOG or not line.message.startswith(AUDIT):
+        return None
+    try:
+        entry = parse_json(line.message.removeprefix(AUDIT))
+        text = f"{entry['event'].replace('_', ' ')} by {entry['by']}" + (
+            f" ({entry['reason']})" if entry["reason"] else ""
+        )
+        return ": ".join([text, *(["; ".join(entry["changes"])] if entry.get("changes") else []), *_why(entry)])
+    except (ValueError, LookupError, TypeError, AttributeError):
+        return None
+
+
+def _why(entry: dict[str, str]) -> list[str]:
+    return [entry["why"]] if entry.get("why") else []
 
 
 def _section(title: str, lines: Sequence[str], count: int | None = None) -> Iterator[str]:

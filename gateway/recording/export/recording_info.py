@@ -43,6 +43,8 @@ class FileInfo:
     losses: SalvageReport
     from_utc_ns: int
     to_utc_ns: int
+    repaired: bool = False
+    """It was cut off by a kill or a power failure, and completed at the next start."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,6 +172,7 @@ def _file_info(segment: SegmentIndex, summary: SegmentSummary, losses: SalvageRe
         losses=losses,
         from_utc_ns=summary.from_ns + summary.wall_offset_ns,
         to_utc_ns=summary.to_ns + summary.wall_offset_ns,
+        repaired=names.REPAIRED in segment.metadata,
     )
 
 

@@ -151,6 +151,11 @@ def test_axes_turn_readings_and_rates_into_the_housing(table: WriteTable) -> Non
         (["n,ax,ay,az", *rows(9, 1, ",0,0,1")], {"time": "n"}, "say what one second is, with --time n:ms"),
         (["t,ax,ay,az", "noon,0,0,1", "noon,0,0,1"], {}, "t: 'noon' is no time; give --time COLUMN"),
         (["only words", "and more words"], {}, "no header with the columns"),
+        (
+            ["time_s,ax_g,ay_g,az_g", "0.00,0.01,0.02,0.99", "0.01,0.01,0.02,0.98"],
+            {"unit": "counts"},
+            "--unit counts contradicts its columns, in g; leave --unit out",
+        ),
     ],
 )
 def test_what_cannot_be_understood_is_refused_with_the_option_that_helps(

@@ -132,7 +132,9 @@ def test_another_record_than_the_one_asked_for_is_not_written(
     hostile.answers["fetch"] = answer
     assert main(["remote", "fetch", "--connect", hostile.endpoint, "--out", str(tmp_path)]) == 1
     assert sorted(path.name for path in tmp_path.iterdir()) == ["audit.jsonl", "in_force.json"]
-    assert "another record came" in capsys.readouterr().err
+    said = capsys.readouterr()
+    assert "another record came" in said.err
+    assert "none of them in force: the factory's, if it has one" in said.out
 
 
 @pytest.mark.slow

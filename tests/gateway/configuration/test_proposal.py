@@ -69,6 +69,7 @@ def test_a_new_section_is_added() -> None:
         ({"device": {"power_cycle_command": ["sh"]}}, "device.power_cycle_command: can only be changed"),
         ({"device": {"bus_clear_command": ["sh"]}}, "device.bus_clear_command: can only be changed"),
         ({"device": {"kind": "replay", "path": "/etc/shadow"}}, "device.path: can only be changed"),
+        ({"alrts": {"trip_deg": 5.0}}, "alrts: unknown key; did you mean alerts?"),
         ({"gateway": {"data_dir": "/"}}, "gateway.data_dir: can only be changed"),
         ({"gateway": {"demonstration": True}}, "gateway.demonstration: can only be changed"),
         ({"bus": {"tls": {"key": "/tmp/k"}}}, "bus.tls: can only be changed"),
@@ -87,7 +88,7 @@ def test_a_new_section_is_added() -> None:
         ({"alerts": {"stale_s": 60}}, "alerts.stale_s: 60 is not between 0.2 and 5"),
         ({"rope": {"length_m": 0.1}, "housing": {"position_m": 0.05}}, "rope.length_m: 0.1 is not between 0.3 and 500"),
         ({"bus": {"listen": ["tls/0.0.0.0:7447#enable_mtls=false"]}}, "has parameters"),
-        ({"nonsense": 1}, "nonsense: can only be changed"),
+        ({"nonsense": 1}, "nonsense: unknown key; known are gateway"),
     ],
 )
 def test_refusals_name_key_and_remedy(proposal: Table, why: str) -> None:

@@ -175,6 +175,10 @@ def test_a_rollback_of_the_first_record_returns_to_the_factory_record(site: Site
     assert answer.accepted
     assert answer.text == "the device's factory record factory-7 is in force again"
     assert site.in_force() is None
+    assert site.ask("rollback", to="factory-7").text == "record factory-7 is in force already"
+    site.commit(2.0)
+    assert site.ask("rollback", to="factory-7").accepted
+    assert site.in_force() is None
 
 
 def test_what_a_session_says_of_its_record_stays_true_after_a_rollback(site: Site) -> None:

@@ -17,7 +17,7 @@ from gateway.recording.format.segment_summary import RecordedPeak
 from gateway.recording.reading.interval import RecordingInterval, parse_recording_time
 from gateway.recording.reading.timeline import open_timeline
 from gateway.recording.segments.copying import recover
-from tests.gateway.recording.conftest import SECOND_NS, MakeRecorder
+from tests.gateway.recording.conftest import SECOND_NS, MakeRecorder, Record
 from tests.gateway.recording.recorded_crane import RecordedCrane
 from tests.gateway.recording.recorded_files import summarise
 
@@ -230,6 +230,44 @@ def test_marks_are_listed(
     said = info_text(summarise(path))
     assert f"{mark.text} ({mark.by})" in said
     assert f"{mark.text} ({mark.by}: call at 10:05)" in said
+
+
+def test_changes_of_the_configuration_have_a_heading_and_other_lines_stay_in_the_log(
+    make_recorder: MakeRecorder, start_ns: int
+) -> None:
+    recorder = make_recorder()
+    path = recorder.start(start_ns)
+    entry = {"event": "applied", "id": "a", "by": "ann", "reason": "sling", "changes": ["alerts.trip_deg: 6.0 -> 5.0"]}
+    for name, text in (
+        ("plumbline.configuration", f"audit {json.dumps(entry)}"),
+        (
+            "plumbline.configuration",
+            f"audit {json.dumps(entry | {'event': 'rolled_back', 'changes': [], 'why': 'no samples'})}",
+        ),
+        ("plumbline.configuration", "audit [1]"),
+        ("plumbline", f"audit {json.dumps(entry)}"),
+    ):
+        line = messages.Log(
+            timestamp=messages.FoxgloveTime(sec=start_ns // SECOND_NS, nsec=0), level=3, message=text, name=name
+        )
+        recorder.write(encode_message("log", line, start_ns))
+    recorder.close()
+    said = info_text(summarise(path))
+    assert "configuration: 1 change applied over the bus\n" in said
+    assert "  applied by ann (sling): alerts.trip_deg: 6.0 -> 5.0\n" in said
+    assert "  rolled back by ann (sling): no samples\n" in said
+    assert "log: 2 warnings and errors\n" in said
+
+
+def test_a_file_that_was_cut_off_and_completed_says_so(record: Record, start_ns: int) -> None:
+    (whole,) = record(start_ns, segments=1)
+    assert "cut off" not in info_text(summarise(whole))
+    record(start_ns + 60 * SECOND_NS, segments=1, compacted=False, closed=False)
+    paths = record(start_ns + 120 * SECOND_NS, segments=1)
+    info = summarise_timeline(open_timeline(paths))
+    assert [file.repaired for file in info.files] == [False, True, False]
+    assert "1 of 3 files cut off by a kill or a power failure and completed at the next start" in info_text(info)
+    assert "closed properly, cut off by a kill" in info_text(summarise(paths[1]))
 
 
 @pytest.mark.slow

@@ -70,6 +70,19 @@ def test_a_proposal_is_shown_as_a_difference_and_changes_nothing(bench: Bench) -
     assert not bench.service.restart_wanted
 
 
+def test_a_proposal_that_voids_another_one_says_which(bench: Bench) -> None:
+    assert bench.propose()[1]["voids"] is None
+    assert bench.propose(keep=False, request_id="validate-1")[1]["voids"] is None
+    assert bench.propose(4.0, "propose-2")[1]["voids"] == "propose-1"
+    assert bench.propose(4.0, "propose-2")[1]["voids"] is None
+    assert bench.apply("propose-2")[0]
+    entry = json.loads((bench.data_dir / "configuration" / "audit.jsonl").read_text().splitlines()[-1])
+    assert (entry["id"], entry["proposal"]) == ("apply-001", "propose-2")
+    bench.start()
+    bench.service.confirm()
+    assert bench.propose(4.5, "propose-3")[1]["voids"] is None
+
+
 def test_a_validated_change_is_not_kept(bench: Bench) -> None:
     accepted, answer = bench.propose(keep=False)
     assert accepted

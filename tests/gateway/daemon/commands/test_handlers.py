@@ -71,6 +71,11 @@ def test_a_mark_that_is_no_line_of_text_is_refused() -> None:
             request(**change)
 
 
+def test_a_line_break_in_a_mark_is_refused_in_words() -> None:
+    with pytest.raises(RequestError, match="text: should be one line, without breaks"):
+        request(text="two\nlines")
+
+
 def test_a_mark_that_is_not_recorded_is_not_confirmed() -> None:
     marks = service(Sink(room=False))
     assert not marks.answer(request()).accepted
