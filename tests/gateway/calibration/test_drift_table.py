@@ -188,7 +188,9 @@ def kept(folder: Path, device_id: str, changes: list[tuple[str | None, str | Non
     for each in records:
         (folder / device_id / "records" / f"{each.id}.json").write_text(json.dumps(each.model_dump(mode="json")))
     why = {"time_utc": "2026-08-01T00:00:00Z", "by": "ann", "reason": "wrong face", "request": "r"}
-    history = [why | {"from": names[before], "to": names[after]} for before, after in changes]
+    history: list[dict[str, str | None]] = [
+        {**why, "from": names[before], "to": names[after]} for before, after in changes
+    ]
     state = {"device_id": device_id, "in_force": history[-1]["to"], "history": history}
     (folder / device_id / "in_force.json").write_text(json.dumps(state))
     for name in ("session.json", f"{device_id}/drift.json"):
