@@ -24,9 +24,10 @@ def write_mcap(
     temperature_c: Array | None = None,
     begin_s: float = 0.0,
     sensor: str = "hook",
+    configuration_toml: str = "",
 ) -> Path:
     """Write the readings of a device at its nominal rate, shape (n, 3), with a temperature for each, shape (n,)."""
-    header = RecordingHeader("0.1.0", "yard", "crane-2", sensor, "b00t", "")
+    header = RecordingHeader("0.1.0", "yard", "crane-2", sensor, "b00t", configuration_toml)
     folder = path.parent / f"{path.stem}-segments"
     folder.mkdir()
     recorder = Recorder(folder, header, segment_s=1e6, fsync_s=1e6, quota_mb=1000.0)

@@ -123,6 +123,8 @@ def misalignment_deg(sensitivity: Array) -> dict[str, list[float]]:
 class WarningKind(StrEnum):
     """Subject of a warning."""
 
+    INSTALLED = "installed"
+    """What was learned in service without taking the housing off."""
     NON_LINEARITY = "non-linearity"
     """An axis errs between its extremes."""
     OUTLIER = "outlier"

@@ -34,6 +34,7 @@ METHOD_SOURCES = {
     "rotation": "Łuczak n.d., eq. 11 and 12",
     "single-parameter": "Zhu et al. 2020, eq. 9 to 13, 19 to 21",
     "thermal": "Sawicki and Walendziuk 2016",
+    "installed": "free swings and rests on the rope",
     "thermal-rest": "magnitude at rest against temperature",
     "zero": "reading at rest against the vertical",
 }

@@ -42,6 +42,7 @@ LIMITS_BY_METHOD = {
     "rotation": "The rig's angle is taken as true: a periodic error of the rig appears as an error of the sensor.",
     "thermal": "The ramps measure the sensor in its housing; a mount or a rope that bends with temperature is not in the model.",
     "thermal-rest": "Only the axis along the rope was measured over temperature, offset and scale as a sum.",
+    "installed": "Swings and rests on the rope: sums that they cannot tell apart, and what is not listed, are the parent's.",
     "single-parameter": "Only relative angles within 5° of the level were calibrated; absolute tilt and magnitude were not.",
     "zero": "Zeroing removes offset and mount angle together, along the rope; scale and other attitudes are the parent's.",
 }

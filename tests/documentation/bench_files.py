@@ -9,6 +9,7 @@ from devices.block import DeviceInfo
 from gateway.cli.main import main
 from tests.benchmarks.rendered_photographs import Scene, moved, render
 from tests.documentation.reader import Reader
+from tests.gateway.bench.planted.service import Weeks
 from tests.gateway.bench.planted.thermal import Disturbances, draw_truth, service_at_rest, six_recordings
 from tests.gateway.bench.planted.workshop import (
     FACE_NAMES,
@@ -22,6 +23,7 @@ from tests.gateway.bench.planted.workshop import (
     write_table,
 )
 from tests.gateway.cli.test_calibrate_align import session as shaft_session
+from tests.gateway.cli.test_calibrate_installed import write_weeks
 from tests.recordings import write_mcap
 
 BOARD = Scene(pitch_mm=25.0, dot_mm=12.0, spots=((3.0, -50.0),), size_px=(1000, 1000))
@@ -79,6 +81,11 @@ def ramps(reader: Reader) -> None:
     assert main([*calibration, "--device-id", "part-7", "--json", str(reader.folder / "before.json")]) == 0
     _, raw, temperature_c = service_at_rest(random, truth, np.zeros(2), 1800.0, added)
     write_mcap(reader.folder / "service.mcap", _device("part-7"), raw, temperature_c=temperature_c)
+
+
+def weeks(reader: Reader) -> None:
+    """Swings and rests of some days on a crane, and the record by data sheet that was in force."""
+    write_weeks(reader.folder / "plumbline-data", Weeks(days=12, swings_a_day=2))
 
 
 def laser(reader: Reader) -> None:

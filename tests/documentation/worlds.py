@@ -200,6 +200,7 @@ WORLDS: dict[str, World] = {
     "docs/guides/service/deflection.md": bench_files.girder,
     "docs/guides/service/drift.md": bench_files.calibrated_before,
     "docs/guides/service/installation.md": gateway,
+    "docs/guides/service/installed.md": bench_files.weeks,
     "docs/guides/service/laser.md": bench_files.laser,
     "docs/guides/service/recovery.md": service,
     "docs/guides/service/rotation.md": bench_files.turns,

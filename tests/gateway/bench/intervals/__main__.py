@@ -8,12 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.gateway.bench.intervals import temperature, workshop
+from tests.gateway.bench.intervals import service, temperature, workshop
 
 PAGE = Path(__file__).parents[4] / "docs" / "evidence" / "bench_methods.md"
 MARKS = ("<!-- written by python -m tests.gateway.bench.intervals --write -->", "<!-- end -->")
-KINDS = {**temperature.KINDS, **workshop.KINDS}
-SLOW = {"laser, JPEG of quality 75": 10, **{kind: 2 for kind in temperature.KINDS if kind.startswith("at rest")}}
+KINDS = {**temperature.KINDS, **service.KINDS, **workshop.KINDS}
+SLOW = {
+    "laser, JPEG of quality 75": 10,
+    **{kind: 2 for kind in temperature.KINDS if kind.startswith("at rest")},
+    **dict.fromkeys(service.KINDS, 5),
+}
 """Kinds that have a fraction of the sessions."""
 
 
@@ -23,8 +27,9 @@ def rows(sessions: int, kinds: str = "") -> list[str]:
     for name, session in KINDS.items():
         if kinds in name:
             count = sessions // SLOW.get(name, 1)
-            hits = np.array([session(seed) for seed in range(count)], dtype=float)
-            u_percent = 100 * hits.mean(axis=1).std() / np.sqrt(count)
+            sessions_hit = [session(seed) for seed in range(count)]
+            hits = np.concatenate(sessions_hit).astype(float)
+            u_percent = 100 * np.std([np.mean(each) for each in sessions_hit]) / np.sqrt(count)
             found.append(f"| {name} | {count} | {hits.size} | {100 * hits.mean():.1f} ± {u_percent:.1f} |")
             print(found[-1], flush=True)
     return found
