@@ -29,12 +29,12 @@ export class Bullseye {
     this.svg.setAttribute("aria-label", text("no_reading"));
   }
 
-  // `value` is the angle that decides, with half its interval; null: it is not known.
+  // `value` is the big number (peak.js); null: it is not known. A lean that decides is a cross alone, as every lean.
   draw(state, value) {
     const {swing, motion} = state.topics;
     this.drawLimits(state.page);
     this.moving.replaceChildren();
-    if (value !== null) this.drawAngle(value, swing);
+    if (value !== null && !isLean(value)) this.drawAngle(value, swing);
     this.drawLean(swing);
     this.drawLoad(motion);
     if (this.moving.childElementCount === 0) addShape(this.moving, "text", {class: "none", x: 0, y: -8}, text("never"));
@@ -70,10 +70,10 @@ export class Bullseye {
     return (RADIUS * Math.min(deg, this.limitDeg)) / this.limitDeg;
   }
 
-  drawAngle({angleDeg, halfDeg}, swing) {
+  drawAngle({angleDeg, halfDeg, isBound}, swing) {
     const css = angleDeg >= this.limitDeg ? "swing beyond" : "swing";
     if (angleDeg <= halfDeg || !isKnown(swing?.azimuth_deg)) { // without a known direction all are possible
-      addShape(this.moving, "circle", {class: css, r: this.radius(angleDeg <= halfDeg ? angleDeg + halfDeg : angleDeg)});
+      addShape(this.moving, "circle", {class: css, r: this.radius(isBound ? angleDeg + halfDeg : angleDeg)});
       return;
     }
     const shown = {...swing, phi_max_deg: Math.min(angleDeg, this.limitDeg)};
@@ -123,8 +123,11 @@ export function semiMajorDeg(swing) {
   return (low + high) / 2;
 }
 
+const isLean = (value) => value.title === "leaning_angle";
+
 function describe(value, swing, directions) {
   if (value === null) return text("never");
+  if (isLean(value)) return `${text(value.title)} ${degrees(value.angleDeg)}`;
   const way = isKnown(swing?.azimuth_deg) ? text("along", {direction: directionWords(swing.azimuth_deg, directions)}) : "";
   const lean = isKnown(swing?.lean_deg) ? text("lean_words", {angle: degrees(swing.lean_deg)}) : "";
   return text("swing_words", {angle: degrees(value.angleDeg)}) + way + lean;

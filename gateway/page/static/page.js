@@ -97,14 +97,16 @@ function show() {
     acknowledger.show(gone ? [] : alarms);
     person.show(state.page.names);
     const blind = [verdict.word, ...verdict.also].some((word) => BLIND.has(word));
-    showSwing(blind ? {} : state.topics, verdict, waitedS);
+    const shown = blind ? {} : state.topics;
+    const value = bigNumber(verdict, shown, state.page);
+    showSwing(value, shown, verdict, waitedS);
     showFacts(state, waitedS);
     showReasons(verdict, state.topics);
     alertList.show(state.alert_log);
     mounting.draw(state.page.directions);
     showScreens(gone);
     if (gone) bullseye.clear();
-    else bullseye.draw(state, deciding(state.topics.motion));
+    else bullseye.draw(state, value);
     if (nowS() - trendS >= TREND_S) {
       trendS = nowS();
       trend.draw(state.page, state.time_ns + waitedS * 1e9, state.alert_log.alerts);
@@ -188,10 +190,9 @@ function showReasons(verdict, {condition, motion, health}) {
 }
 
 // The number is the one that decides; a small one is shown as its upper end alone.
-function showSwing(topics, verdict, waitedS) {
+function showSwing(value, topics, verdict, waitedS) {
   const {swing, motion} = topics;
   document.body.classList.toggle("doubtful", !verdict.sound);
-  const value = bigNumber(verdict, topics, state.page);
   setText("angle-title", text(value?.title ?? "deciding_angle"));
   setText("bound", value?.isBound ? "≤ " : "");
   setText("phi", value?.isBound ? upwards(value.angleDeg + value.halfDeg) : degrees(value?.angleDeg));
