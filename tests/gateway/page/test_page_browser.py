@@ -352,7 +352,7 @@ def test_no_swing_is_said_of_small_swings_only(gateway: FakeGateway, page: PageU
     gateway.scene.phi_max_deg, gateway.scene.phi_max_u_deg = 1.9, 1.1
     screen = Screen(browser, page.url)
     screen.text("#phi", "1.9°")
-    screen.text("#interval", re.compile(r"^± 2\.2° \(95 %\)\s+expected in 1\.\d s$"))
+    screen.text("#interval", "± 2.2° (95 %)")
     gateway.scene.phi_max_deg, gateway.scene.phi_max_u_deg = 0.9, 0.9
     screen.text("#interval", "no swing detected")
     screen.text("#phi", "2.7°")

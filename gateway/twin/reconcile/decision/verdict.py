@@ -32,7 +32,7 @@ SAME_LINE_CYCLES = 3.0
 """Cycles in the recording by which two lines may differ and yet be one whose amplitude changes."""
 
 
-class Reason(Enum):
+class VerdictReason(Enum):
     """Why a verdict was given; the value is the sentence that users read."""
 
     NOTHING_MISSING = "The nominal model explains both recordings down to the noise."
@@ -59,7 +59,7 @@ class Decision:
     """The verdict, and the model that it is about."""
 
     verdict: Verdict
-    reason: Reason
+    reason: VerdictReason
     text: str
     """The reason as a sentence."""
     model: RankedCandidate
@@ -89,7 +89,7 @@ class Rule:
 
 def _make(
     verdict: Verdict,
-    reason: Reason,
+    reason: VerdictReason,
     model: RankedCandidate,
     named: frozenset[str],
     candidates: tuple[str, ...] = (),
@@ -111,7 +111,7 @@ def _baseline_unexplained(evidence: Evidence) -> bool:
 
 def _conclude_unexplained(evidence: Evidence) -> Decision:
     verdict: Verdict = "named_with_remainder" if evidence.baseline_closes_gap else "unmodelled"
-    return _make(verdict, Reason.NOT_EXPLAINED, evidence.baseline, evidence.baseline_names)
+    return _make(verdict, VerdictReason.NOT_EXPLAINED, evidence.baseline, evidence.baseline_names)
 
 
 def _certain_beside_remainder(evidence: Evidence) -> frozenset[str]:
@@ -146,10 +146,10 @@ def _conclude_partly(evidence: Evidence) -> Decision:
     differ = _rivals_differ_in_one_place(evidence) and evidence.best.names - _everywhere(evidence) <= evidence.necessary
     group = _contested(evidence) if differ else ()
     if not certain and not group:
-        return _make("unmodelled", Reason.NO_SET_EXPLAINS, evidence.best, evidence.baseline_names)
+        return _make("unmodelled", VerdictReason.NO_SET_EXPLAINS, evidence.best, evidence.baseline_names)
     named = certain | (evidence.baseline_names & evidence.necessary)
-    decision = _make("named_with_remainder", Reason.PARTLY, evidence.best, named, group)
-    text = Reason.PARTLY.value.format(share=f"{100 * evidence.share_closed:.3g} %")
+    decision = _make("named_with_remainder", VerdictReason.PARTLY, evidence.best, named, group)
+    text = VerdictReason.PARTLY.value.format(share=f"{100 * evidence.share_closed:.3g} %")
     return replace(decision, verdict="named_with_remainder" if named else "one_of", text=text)
 
 
@@ -162,14 +162,14 @@ def _imitates(evidence: Evidence) -> bool:
 
 def _conclude_imitation(evidence: Evidence) -> Decision:
     verdict: Verdict = "named_with_remainder" if evidence.necessary else "unmodelled"
-    return _make(verdict, Reason.IMITATION, evidence.best, evidence.necessary)
+    return _make(verdict, VerdictReason.IMITATION, evidence.best, evidence.necessary)
 
 
 def _conclude_doubtful(evidence: Evidence) -> Decision:
     """Name all but the effects at an edge: what the fit looks for lies beyond it, and is something else."""
     named = evidence.best.names - evidence.at_edge | evidence.baseline_names
     verdict: Verdict = "named_with_remainder" if named - evidence.baseline_names else "unmodelled"
-    return _make(verdict, Reason.DOUBTFUL, evidence.best, named)
+    return _make(verdict, VerdictReason.DOUBTFUL, evidence.best, named)
 
 
 def _everywhere(evidence: Evidence) -> frozenset[str]:
@@ -189,7 +189,7 @@ def _rivals_differ_in_one_place(evidence: Evidence) -> bool:
     return len(evidence.rivals) > 1 and one_each and len(_contested(evidence)) <= MAX_AMBIGUOUS
 
 
-def _one_of(reason: Reason, evidence: Evidence) -> Decision:
+def _one_of(reason: VerdictReason, evidence: Evidence) -> Decision:
     everywhere, candidates = _everywhere(evidence), _contested(evidence)[:MAX_AMBIGUOUS]
     decision = _make("one_of", reason, evidence.best, everywhere | evidence.baseline_names, candidates)
     sets = tuple(
@@ -202,23 +202,23 @@ RULES = (
     Rule(lambda e: _baseline_wins(e) and _baseline_unexplained(e), _conclude_unexplained),
     Rule(
         lambda e: _baseline_wins(e) and bool(e.baseline_names or e.detected),
-        lambda e: _make("named", Reason.FOUND_BEFORE_SEARCH, e.baseline, e.baseline_names),
+        lambda e: _make("named", VerdictReason.FOUND_BEFORE_SEARCH, e.baseline, e.baseline_names),
     ),
-    Rule(_baseline_wins, lambda e: _make("none_missing", Reason.NOTHING_MISSING, e.baseline, frozenset())),
+    Rule(_baseline_wins, lambda e: _make("none_missing", VerdictReason.NOTHING_MISSING, e.baseline, frozenset())),
     Rule(_is_partly_explained, _conclude_partly),
     Rule(
         lambda e: e.best_leaves_excess,
-        lambda e: _make("unmodelled", Reason.NO_SET_EXPLAINS, e.best, e.baseline_names),
+        lambda e: _make("unmodelled", VerdictReason.NO_SET_EXPLAINS, e.best, e.baseline_names),
     ),
     Rule(_imitates, _conclude_imitation),
-    Rule(_rivals_differ_in_one_place, lambda e: _one_of(Reason.RIVALS_IN_ONE_PLACE, e)),
+    Rule(_rivals_differ_in_one_place, lambda e: _one_of(VerdictReason.RIVALS_IN_ONE_PLACE, e)),
     Rule(
         lambda e: len(e.rivals) > 1 and bool(_everywhere(e) - e.baseline_names),
-        lambda e: _make("named_with_remainder", Reason.SOME_CERTAIN, e.best, _everywhere(e) | e.baseline_names),
+        lambda e: _make("named_with_remainder", VerdictReason.SOME_CERTAIN, e.best, _everywhere(e) | e.baseline_names),
     ),
-    Rule(lambda e: len(e.rivals) > 1, lambda e: _one_of(Reason.SEVERAL_SETS, e)),
+    Rule(lambda e: len(e.rivals) > 1, lambda e: _one_of(VerdictReason.SEVERAL_SETS, e)),
     Rule(lambda e: bool((e.beyond_parts | e.at_edge) - e.baseline_names), _conclude_doubtful),
-    Rule(lambda _: True, lambda e: _make("named", Reason.UNIQUE, e.best, e.best.names)),
+    Rule(lambda _: True, lambda e: _make("named", VerdictReason.UNIQUE, e.best, e.best.names)),
 )
 """The first rule that applies gives the verdict."""
 
@@ -234,7 +234,7 @@ def decide(evidence: Evidence, log: Observations, linearise: Callable[[], Substi
     decision = _group_indistinguishable(decision, evidence.baseline_names, linearise)
     if decision.verdict not in ("named", "one_of"):
         return decision  # where a residual remains, it may be what was detected in the time stamps
-    if decision.reason is Reason.UNIQUE:
+    if decision.reason is VerdictReason.UNIQUE:
         decision = _state_coincidences(decision, linearise())
     return replace(decision, named=tuple(sorted({*decision.named, *evidence.detected})))
 
@@ -244,8 +244,8 @@ ENDED_EARLY = "The search was ended early: this is the best answer so far."
 
 def as_best_so_far(decision: Decision) -> Decision:
     """Return the decision of a search that was ended early: it does not say that nothing else explains the data."""
-    reason = Reason.BEST_SO_FAR if decision.reason is Reason.UNIQUE else decision.reason
-    text = reason.value if decision.reason is Reason.UNIQUE else decision.text
+    reason = VerdictReason.BEST_SO_FAR if decision.reason is VerdictReason.UNIQUE else decision.reason
+    text = reason.value if decision.reason is VerdictReason.UNIQUE else decision.text
     return replace(decision, reason=reason, text=f"{text} {ENDED_EARLY}")
 
 
@@ -259,9 +259,9 @@ def _drop_nonstationary_lines(decision: Decision, log: Observations) -> Decision
     named = tuple(name for name in decision.named if name not in unsteady)
     if named == decision.named:
         return decision
-    text = Reason.NONSTATIONARY_LINE.value.format(names=", ".join(sorted(unsteady)))
+    text = VerdictReason.NONSTATIONARY_LINE.value.format(names=", ".join(sorted(unsteady)))
     verdict: Verdict = "named_with_remainder" if named else "unmodelled"
-    reason = Reason.NONSTATIONARY_LINE
+    reason = VerdictReason.NONSTATIONARY_LINE
     return replace(decision, verdict=verdict, reason=reason, text=text, named=named, leaves_remainder=True)
 
 
@@ -282,7 +282,7 @@ def _name_one_mixture_of_axes(decision: Decision) -> Decision:
         return decision
     named = tuple(name for name in decision.named if name not in mixing[1:])
     decision = replace(decision, verdict="named_with_remainder", named=named, leaves_remainder=True)
-    return replace(decision, reason=Reason.AXES_MIXED, text=Reason.AXES_MIXED.value)
+    return replace(decision, reason=VerdictReason.AXES_MIXED, text=VerdictReason.AXES_MIXED.value)
 
 
 def _group_indistinguishable(
@@ -335,6 +335,6 @@ def _with_group(decision: Decision, name: str, members: list[tuple[str, ...]]) -
     decision = replace(decision, verdict=verdict, named=named)
     if decision.candidates:
         return replace(decision, also_one_of=(*decision.also_one_of, group))
-    if verdict == "one_of" and decision.reason is not Reason.PARTLY:
-        decision = replace(decision, reason=Reason.INDISTINGUISHABLE, text=Reason.INDISTINGUISHABLE.value)
+    if verdict == "one_of" and decision.reason is not VerdictReason.PARTLY:
+        decision = replace(decision, reason=VerdictReason.INDISTINGUISHABLE, text=VerdictReason.INDISTINGUISHABLE.value)
     return replace(decision, candidates=group, sets=sets if any(len(each) > 1 for each in sets) else ())
