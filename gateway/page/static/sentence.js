@@ -47,7 +47,7 @@ function alarmSentence(alarm, motion, keep, ageS) {
   const own = `${alarm.rule}_alarm`;
   if (hasText(own) && !isKnown(alarm.limit_deg) && !isKnown(alarm.value_deg)) return text(own); // the calibration has neither
   const isEnding = isKnown(alarm.ends_in_s) && isKnown(alarm.largest_deg);
-  const now = hasText(own) ? own : alarm.expected_in_s > SOON_S ? "alarm_coming" : "alarm_now";
+  const now = hasText(own) ? own : alarm.expected_in_s - ageS > SOON_S ? "alarm_coming" : "alarm_now";
   const form = keep("alarm", isEnding ? "alarm_was" : now);
   return [causeKey(motion) === null ? "" : doing(motion, keep), alarmText(alarm, form === "alarm_was" && !isEnding ? now : form), whatFollows(alarm, ageS)].join(" ").trim();
 }

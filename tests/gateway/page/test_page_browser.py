@@ -401,7 +401,7 @@ WARNING = {**SWING, **ENDS, "level": "warn", "value_deg": 4.36, "limit_deg": 4.0
 LEAN = {**SWING, **ENDS, "rule": "lean", "limit_deg": 3.0, "next_below_deg": 2.4, "expected_in_s": 0.0}
 ALARMS = [
     ({**SWING, **FALLS}, "Swing up to 6.4° expected; limit 6.0°. Becomes a warning below 5.4°."),
-    ({**SWING, **FALLS, "expected_in_s": 0.0}, "Swing up to 6.4°; limit 6.0°. Becomes a warning below 5.4°."),
+    ({**SWING, **FALLS, "expected_in_s": 0.4}, "Swing up to 6.4°; limit 6.0°. Becomes a warning below 5.4°."),
     (
         {**SWING, **FALLS, "value_deg": 5.1, "largest_deg": 7.92, "ends_in_s": 2.5},
         "It was 7.9°; limit 6.0°. Becomes a warning in 3 s.",
