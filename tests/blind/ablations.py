@@ -94,6 +94,16 @@ def _step(where: str) -> Call:
     return Call(where, _first)
 
 
+class _NoSubstitutes:
+    """Nothing could take the place of an effect."""
+
+    def alike(self, _name: str) -> tuple[str, ...]:
+        return ()
+
+    def alike_pairs(self, _name: str) -> tuple[tuple[str, str], ...]:
+        return ()
+
+
 GATES = {
     "held-out recording": Part(
         "the held-out recording has a say; without it the log alone decides",
@@ -107,7 +117,7 @@ GATES = {
         "effects of the same signature are fitted beside each other and stay rivals",
         (
             Call("reconcile.rivals_of", _best_alone),
-            Call("reconcile.indistinguishable", _constant(())),
+            Call("reconcile.contributions", _constant(_NoSubstitutes())),
             Call("search.persistent.partners_of", _constant(frozenset())),
             Call("search.stepwise_selection.partners_of", _constant(frozenset())),
         ),

@@ -128,10 +128,15 @@ class ReplayRun:
             self._compare_from(int(block.time_ns[0]) + WARM_UP_NS, step, why)
 
     def _end_waiting(self, until_ns: int) -> None:
-        """Count what waits; where the segment of the last block was cut off, what follows from the block may be missing."""
+        """Count what waits; where the end of the run was cut off, what follows from its last block may be missing."""
         torn_from_ns = LATEST_NS
-        if self._newest is not None and self._newest.block is not None and self._newest.segment.is_torn:
-            torn_from_ns = int(self._newest.block.time_ns[0])
+        newest = self._newest
+        if newest is not None and newest.block is not None:
+            ends = [
+                each for each in self._timeline.segments if each.boot_id == newest.boot_id
+            ]  # the last may have no block
+            if newest.segment.is_torn or ends[-1].is_torn:
+                torn_from_ns = int(newest.block.time_ns[0])
         self._comparison.end_waiting(until_ns, torn_from_ns)
 
     def _compare_from(self, time_ns: int, step: ReplayStep, why: str) -> None:

@@ -25,7 +25,7 @@ from gateway.recording.replay import replay_run as replay_result
 from gateway.recording.replay.replay_pipeline import RECOMPUTED_PATHS
 from tests.clocks import START_NS
 from tests.gateway.recorded_crane import HastyCrane
-from tests.gateway.recording.recorded_crane import CLOCK, RecordedCrane
+from tests.gateway.recording.recorded_crane import BOOT_ID, CLOCK, RecordedCrane
 from tests.gateway.restarted_crane import KilledCrane
 
 SUSPENSION = "SUSPENDED: the sensor is being recalibrated (six_position, by ann)"
@@ -375,6 +375,23 @@ def test_what_a_kill_has_cut_off_before_a_restart_is_no_difference(
     assert result["cut_off"] == {"/acceleration": 1, "/alert": 1, "/condition": 1, "/motion": 1, "/tilt": 1}
     assert main(["record", "replay", str(restarted)]) == 0
     assert "5 at the end of a segment that was cut off are not recorded" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_a_last_block_whose_results_were_to_follow_in_the_next_segment_is_no_difference(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Killed just after a new segment has begun, which has a line of the log alone."""
+    crane = KilledCrane(tmp_path)
+    crane.is_closed, crane.last_ns = True, START_NS + 7_000_000_000
+    crane.record(8.0)
+    killed = HastyCrane(tmp_path, BOOT_ID, START_NS + 8_000_000_000)
+    killed.log("about to be killed", START_NS + 8_000_000_000, "plumbline")
+    killed.recorder.tick(START_NS + 10_000_000_000)
+    killed.recorder.abandon("killed")
+    code, result = replay(tmp_path, capsys)
+    assert (code, result["differing"]) == (0, {})
+    assert {"/motion", "/tilt"} <= result["cut_off"].keys()
 
 
 class ForgetfulKilledCrane(KilledCrane):
