@@ -25,8 +25,8 @@ from gateway.calibration.poses.pose import (
 )
 from gateway.calibration.poses.pose_finder import PoseFinder
 from gateway.calibration.record import CalibrationError, CalibrationRecord, PoseMethod
+from gateway.messages.header import Reason, ReasonCode
 from gateway.numerics.array import Array
-from gateway.reason import Reason, ReasonCode
 
 MAX_POSES = 200
 """Largest number of poses of one session, which bounds memory and the time of the fit. Basis: a choice; ten times a usual

@@ -21,10 +21,10 @@ from gateway.measurement.motion import (
 )
 from gateway.measurement.source import Source
 from gateway.measurement.swing import cut_to_free_swing, estimate_source_swing
+from gateway.messages.header import Reason
 from gateway.motion.motion_monitor import MotionMonitor
 from gateway.numerics.array import Array
 from gateway.pipeline.motion_stage import motion_context
-from gateway.reason import Reason
 from gateway.stages.condition import DRIVEN_STATES, ConditionResult, MotionContext, judge_condition
 from gateway.stages.condition_window import ConditionWindow
 from gateway.stages.lowpass import LowPass

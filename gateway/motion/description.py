@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from gateway.messages.header import Reason
 from gateway.motion.estimate import MotionEstimate, MotionState
 from gateway.motion.hypotheses import probabilities
 from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
-from gateway.reason import Reason
 
 REST_RAD = np.radians(0.15)
 """Amplitude below which a load rests."""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from gateway.reason import Reason
+from gateway.messages.header import Reason
 
 MotionState = Literal["rest", "free", "driven", "hoisting", "wind", "unknown"]
 """What the crane or the load does: the load rests or swings freely, the pivot accelerates, the rope's length changes, a gust

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from gateway.messages.header import Reason, ReasonCode
 from gateway.motion.binning import Binning, BinNoise, ForceBin
 from gateway.numerics.array import Array
-from gateway.reason import Reason, ReasonCode
 from gateway.swing.data.bins import BINS_PER_PERIOD, Bins
 from gateway.swing.data.input_checks import find_constant_axis, find_implausible_mean
 from gateway.swing.detection.dead_axis import WINDOW_PERIODS, DeadAxis, compare_axes, contradiction_u_rel

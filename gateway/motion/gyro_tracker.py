@@ -7,11 +7,11 @@ forces fit worse than in the filter that has never seen them. Where both angles 
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.messages.header import Reason
 from gateway.motion.estimate import MotionEstimate
 from gateway.motion.gyro_reading import GyroPrior
 from gateway.motion.motion_tracker import MotionTracker
 from gateway.numerics.array import Array
-from gateway.reason import Reason
 from gateway.swing.rig import MountedHousing
 
 CONTRADICTS = Reason("gyro_left_out", "the gyroscope is left out: its rates contradict the accelerometer")

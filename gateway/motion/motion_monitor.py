@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.messages.header import Reason
 from gateway.motion.estimate import MotionEstimate, PeakEstimate
 from gateway.motion.fault_detector import FaultDetector
 from gateway.motion.gyro_reading import GyroPrior
 from gateway.motion.gyro_tracker import GyroTracker
 from gateway.motion.motion_tracker import MotionTracker
 from gateway.numerics.array import Array
-from gateway.reason import Reason
 from gateway.swing.model.sensor_lowpass import delay_s
 from gateway.swing.rig import MountedHousing
 

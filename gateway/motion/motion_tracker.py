@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.configuration.model import MountedOn
+from gateway.messages.header import Reason
 from gateway.motion.binning import BinGroups, Binning, ForceBin
 from gateway.motion.candidate import MotionCandidate
 from gateway.motion.estimate import MotionEstimate, PeakEstimate
@@ -25,7 +26,6 @@ from gateway.motion.state_estimate import Angle, Described, describe, swing_phas
 from gateway.motion.state_vector import AXIAL_OFFSET, GYRO_BIAS, N_GYRO_STATES, N_STATES, OFFSET
 from gateway.motion.step_record import StepHistory
 from gateway.numerics.array import Array
-from gateway.reason import Reason
 from gateway.swing.rig import MountedHousing
 
 LONGEST_BIN_S, BINS_PER_PERIOD = 0.5, 20

@@ -21,6 +21,7 @@ from gateway.messages import (
     Tilt,
     Validity,
 )
+from gateway.messages.header import Reason
 from gateway.motion.description import REST_RAD, SIGNIFICANT, engineer_reasons, operator_text
 from gateway.motion.estimate import MotionEstimate, PeakEstimate
 from gateway.motion.hypotheses import probabilities
@@ -28,7 +29,6 @@ from gateway.numerics.stats import NORMAL_975
 from gateway.pipeline.alert_manager import AlertChange
 from gateway.pipeline.incidents import IncidentRegister
 from gateway.pipeline.outgoing_message import Header
-from gateway.reason import Reason
 from gateway.stages.condition import ConditionResult
 from gateway.stages.tilt import axial_tilt, axial_tilt_uncertainty, fused_tilt, lean_direction
 from gateway.swing.estimate import FormulaAngles

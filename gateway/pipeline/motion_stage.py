@@ -17,6 +17,7 @@ from devices.saturation import angular_rates
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
 from gateway.messages import Motion, Swing
+from gateway.messages.header import Reason
 from gateway.motion.description import engineer_reasons, is_cause_distinct, operator_text
 from gateway.motion.estimate import MotionEstimate
 from gateway.motion.gyro_reading import GyroPrior
@@ -26,7 +27,6 @@ from gateway.numerics.stats import NORMAL_975
 from gateway.pipeline.compose import motion_message, swing_message
 from gateway.pipeline.outgoing_message import Header
 from gateway.pipeline.rig import configured_housing, with_sensor
-from gateway.reason import Reason
 from gateway.stages.condition import ConditionResult, MotionContext
 from gateway.swing.data.recent_extremes import RecentExtremes
 from gateway.swing.formulas import as_published

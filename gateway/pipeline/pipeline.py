@@ -17,6 +17,7 @@ from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
 from gateway.errors import InputError
 from gateway.messages import NO_SESSION, CalibrationSession, CalibrationStatus, Message
+from gateway.messages.header import Reason
 from gateway.packing import pack
 from gateway.pipeline import compose
 from gateway.pipeline.alert_manager import AlertChange, AlertManager, ValidityMonitor
@@ -34,7 +35,6 @@ from gateway.pipeline.outgoing_message import (
     PipelineOutput,
     RateLimiter,
 )
-from gateway.reason import Reason
 from gateway.stages.alerts import Reading
 from gateway.stages.condition import ConditionResult, judge_condition
 from gateway.stages.condition_window import ConditionWindow

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gateway.messages import Cause, MotionState, Verdict
+from gateway.messages.header import Reason, ReasonCode
 from gateway.numerics.array import Array
-from gateway.reason import Reason, ReasonCode
 from gateway.stages.condition_window import STILL_FLOOR_G, Bin, ConditionWindow, WindowFeatures
 
 ZERO_RATE_RAD_S = np.radians(2.0)

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from gateway.messages import Tilt
-from gateway.reason import ReasonCode
+from gateway.messages.header import ReasonCode
 
 Screw = Literal["pitch", "roll"]
 TOLERANCE_RAD = float(np.radians(0.03))

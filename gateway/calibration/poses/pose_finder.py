@@ -4,8 +4,8 @@ import numpy as np
 
 from gateway.calibration.poses.pose import NominalSensitivity, Pose, RawReadings, find_face, temperature_range
 from gateway.calibration.poses.windows import STILL_RATIO, Rest, StillnessGate, Window, WindowSplitter
+from gateway.messages.header import Reason
 from gateway.numerics.array import Array
-from gateway.reason import Reason
 
 READINGS_PER_POSE = 300
 """Number of readings of a pose (Łuczak et al. 2022, sec. 4)."""

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from devices.simulated.schedule import Hoist
+from gateway.messages.header import Reason
 from gateway.motion.description import engineer_reasons
 from gateway.motion.estimate import MotionEstimate
 from gateway.motion.motion_monitor import MotionMonitor
 from gateway.numerics.array import Array
-from gateway.reason import Reason
 from gateway.swing.rig import MountedHousing
 from tests.gateway.motion.conftest import Recording, swing
 from tests.values import present

@@ -8,8 +8,8 @@ from gateway.calibration.alignment.turn_advice import TurnAdvice
 from gateway.calibration.record import PoseMethod
 from gateway.languages import LANGUAGES, read_texts
 from gateway.messages import CalibrationStatus, HealthState, Level, MotionState, Verdict
+from gateway.messages.header import ReasonCode
 from gateway.page.verdict import STYLES
-from gateway.reason import ReasonCode
 from gateway.stages.condition import DISTURBING, UNUSABLE
 
 SENT = {

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gateway.messages import MotionState
-from gateway.reason import Reason
+from gateway.messages.header import Reason
 from gateway.stages.condition import ConditionResult, MotionContext, judge_condition
 from gateway.stages.condition_window import ConditionWindow
 

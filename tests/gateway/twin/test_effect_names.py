@@ -10,7 +10,6 @@ from gateway.twin.effects import EFFECTS
 
 GATEWAY = Path(__file__).parents[3] / "gateway"
 OTHER_MEANINGS = {
-    "reason": "what shakes a reading, as the gateway recognises it live",
     "messages/": "causes of a condition, as the gateway recognises them live",
     "stages/condition": "the same causes",
     "motion/": "states of the motion, as the gateway publishes them",
