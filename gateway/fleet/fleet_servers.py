@@ -106,8 +106,8 @@ class FleetPage:
 
     async def _events(self, request: Request) -> Response:
         address = request.client.host if request.client else ""
-        greeting = event("state", self._content(), number=0)
-        return StreamingResponse(self._hub.stream(address, greeting), media_type="text/event-stream")
+        events = self._hub.stream(address, lambda: event("state", self._content(), number=0))
+        return StreamingResponse(events, media_type="text/event-stream")
 
 
 def _card(status: GatewayStatus) -> dict[str, Any]:

@@ -7,7 +7,7 @@ a short queue for each; slow browsers are dropped.
 
 import asyncio
 from collections import Counter
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from typing import Generic, Protocol, TypeVar
 
 from pydantic_core import to_json
@@ -140,13 +140,13 @@ class EventStream:
             browser.end()
             self._browsers.release(browser)
 
-    async def stream(self, address: str, greeting: bytes) -> AsyncIterator[bytes]:
-        """Yield the events for one browser: the greeting, then everything that is published from now on."""
+    async def stream(self, address: str, greet: Callable[[], bytes]) -> AsyncIterator[bytes]:
+        """Yield the events for one browser: the greeting of the moment of its admission, then everything that is published."""
         browser = BrowserQueue(address)
         if self.closed or not self._browsers.admit(browser):
             return
         try:
-            yield b"retry: %d\n\n" % RECONNECT_MS + greeting
+            yield b"retry: %d\n\n" % RECONNECT_MS + greet()
             while (payload := await browser.queue.get()) is not None:
                 yield payload
         finally:

@@ -56,11 +56,14 @@ def make_application(state: PageState, hub: EventStream, actions: Actions, hosts
 
     async def api_events(request: Request) -> Response:
         address = request.client.host if request.client else ""
-        now_s = time.monotonic()
-        missing = state.history.rows(since=_first_missing(state.history, request.query_params), now_s=now_s)
-        history = {"id": state.history.id, "points": missing}
-        greeting = event("state", state.summary(now_s), number=0) + event("history", history, number=0)
-        return StreamingResponse(hub.stream(address, greeting), media_type="text/event-stream")
+
+        def greet() -> bytes:
+            now_s = time.monotonic()
+            missing = state.history.rows(since=_first_missing(state.history, request.query_params), now_s=now_s)
+            history = {"id": state.history.id, "points": missing}
+            return event("state", state.summary(now_s), number=0) + event("history", history, number=0)
+
+        return StreamingResponse(hub.stream(address, greet), media_type="text/event-stream")
 
     async def prometheus(_request: Request) -> Response:
         counters = metrics.Counters(
@@ -163,6 +166,8 @@ class Page:
                 present = self._state.summary(now_s)
                 self._hub.publish(event("change", {**changes(before, present), "points": points}, number=number))
                 before = present
+            else:
+                before = {}
             shown = self._state.history.next_index
             await asyncio.sleep(PUSH_INTERVAL_S - GATHER_S)
 
@@ -179,7 +184,7 @@ class Page:
 def changes(before: Mapping[str, Any], present: Mapping[str, Any]) -> dict[str, Any]:
     """Return a state without what has not changed since the push before: messages, and the parts that seldom do.
 
-    A browser that came in between has the same or newer: none of these ever takes an earlier value again.
+    A browser that came in between was greeted with a state as new: no part takes an earlier value again between two pushes.
     """
     shown = before.get("topics", {})
     topics = {name: message for name, message in present["topics"].items() if message != shown.get(name)}

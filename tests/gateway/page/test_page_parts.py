@@ -29,7 +29,7 @@ async def _next(stream: Any) -> bytes:
 def test_browsers_share_one_payload_and_the_slow_one_is_dropped() -> None:
     async def scenario() -> None:
         hub = EventStream()
-        quick, slow = hub.stream("a", b"hello\n\n"), hub.stream("b", b"hello\n\n")
+        quick, slow = (hub.stream(address, lambda: b"hello\n\n") for address in "ab")
         assert await _next(quick) == await _next(slow) == b"retry: 500\n\nhello\n\n"
         payload = event("state", {"a": 1}, number=7)
         for _ in range(MAX_WAITING_PUSHES + 1):
@@ -46,12 +46,28 @@ def test_browsers_share_one_payload_and_the_slow_one_is_dropped() -> None:
     asyncio.run(scenario())
 
 
+def test_a_browser_is_greeted_with_what_is_known_when_it_is_admitted() -> None:
+    """A push has only what has changed: what changes between the request and the admission would be lost."""
+
+    async def scenario() -> None:
+        hub, known = EventStream(), [b"old"]
+        stream = hub.stream("a", lambda: known[-1])
+        known.append(b"new")
+        hub.publish(b"change to new")  # before the admission
+        assert await _next(stream) == b"retry: 500\n\nnew"
+        hub.publish(b"next")
+        assert await _next(stream) == b"next"
+        hub.close()
+
+    asyncio.run(scenario())
+
+
 def test_a_new_browser_replaces_the_oldest_of_its_address_where_there_are_too_many() -> None:
     async def scenario() -> None:
         hub = EventStream()
-        streams = [hub.stream("a", b"") for _ in range(MAX_STREAMS_PER_ADDRESS)]
-        other = hub.stream("b", b"")
-        for stream in (other, *streams, hub.stream("a", b"")):
+        streams = [hub.stream("a", bytes) for _ in range(MAX_STREAMS_PER_ADDRESS)]
+        other = hub.stream("b", bytes)
+        for stream in (other, *streams, hub.stream("a", bytes)):
             await _next(stream)
         assert (len(hub), hub.dropped) == (MAX_STREAMS_PER_ADDRESS + 1, 1)
         with pytest.raises(StopAsyncIteration):
