@@ -55,8 +55,8 @@ def test_a_gateway_that_comes_after_many_invented_ones_is_heard(bus: zenoh.Sessi
         )
         for number in range(MOST_FOLLOWED):
             bus.put(f"plumbline/v1/a/b/invented-{number}/alert", ALERT)
-        bus.put("plumbline/v1/yard/c1/hook/alert", ALERT)
-        wait_until(lambda: heard("plumbline/v1/yard/c1/hook"), "the true one")
+        true_one = "plumbline/v1/yard/c1/hook"  # says it again, as a gateway does: a full queue drops a message
+        wait_until(lambda: bus.put(f"{true_one}/alert", ALERT) or heard(true_one), "the true one")
         assert len(receiver.present_states) == MOST_FOLLOWED
 
 
