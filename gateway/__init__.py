@@ -1,3 +1,3 @@
 """Plumbline: crane load swing, measured at the hoist rope."""
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
