@@ -141,18 +141,19 @@ def test_a_session_leads_to_a_record_in_spite_of_a_kill(site: Site, tmp_path: Pa
 
     assert site.peer.wait_for("health", lambda health: health["calibration_id"] == record["id"])["drift"]
 
-    fetched = site.remote("fetch", "--out", str(tmp_path))
+    fetched_to = tmp_path / "fetched" / "records"  # the command makes it
+    fetched = site.remote("fetch", "--out", str(fetched_to))
     assert fetched.returncode == 0, fetched.stderr
-    assert json.loads((tmp_path / f"{record['id']}.json").read_text()) == record
-    assert "Calibration certificate" in (tmp_path / f"{record['id']}.html").read_text()
-    assert "digitalCalibrationCertificate" in (tmp_path / f"{record['id']}.xml").read_text()
+    assert json.loads((fetched_to / f"{record['id']}.json").read_text()) == record
+    assert "Calibration certificate" in (fetched_to / f"{record['id']}.html").read_text()
+    assert "digitalCalibrationCertificate" in (fetched_to / f"{record['id']}.xml").read_text()
     status = json.loads(site.remote("status", "--json", "-").stdout)
     (topics,) = status.values()
     assert topics["drift"]["at_rest"].startswith("not known yet")
     assert "two calibrations at least" in topics["drift"]["by_records"]
-    history = json.loads((tmp_path / "in_force.json").read_text())["history"]
+    history = json.loads((fetched_to / "in_force.json").read_text())["history"]
     assert [(line["by"], line["reason"], line["to"]) for line in history] == [("bob", "first record", record["id"])]
-    asked = [json.loads(line) for line in (tmp_path / "audit.jsonl").read_text().splitlines()]
+    asked = [json.loads(line) for line in (fetched_to / "audit.jsonl").read_text().splitlines()]
     assert [(entry["verb"], entry["by"], entry["accepted"]) for entry in asked if entry["event"] == "request"] == [
         ("commit", "ann", False),
         ("recalibrate", "ann", True),

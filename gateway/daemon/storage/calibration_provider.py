@@ -70,13 +70,20 @@ class CalibrationProvider:
     def _earlier(
         self, record: CalibrationRecord, info: DeviceInfo
     ) -> tuple[CalibrationRecord | None, list[CalibrationRecord]]:
-        """Return the record's parent, and older records than these two. A damaged one is reported and left out."""
+        """Return the record's parent, and older ones that were in force and not withdrawn. A damaged one is left out."""
         store = CalibrationStore(self._data_dir, info.device_id)
         known: dict[str, CalibrationRecord] = {}
         if info.factory_calibration is not None:
             factory = CalibrationRecord.model_validate(info.factory_calibration)
             known[factory.id] = factory
+        try:
+            standing = store.state().standing
+        except CalibrationError as error:
+            log.error("%s", error)
+            standing = ()
         for record_id in store.ids():
+            if record_id != record.parent and record_id not in standing:
+                continue
             try:
                 known[record_id] = store.record(record_id)
             except CalibrationError as error:

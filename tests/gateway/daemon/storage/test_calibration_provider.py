@@ -20,7 +20,7 @@ from gateway.daemon.storage.calibration_provider import CalibrationProvider, Dri
 from gateway.daemon.storage.recording_worker import CalibrationChange, RecordingWorker
 from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.recording.segments.recorder import Recorder, RecorderError
-from gateway.recording.segments.segment import CalibrationFiles
+from gateway.recording.segments.segment import CalibrationFiles, calibration_files
 from tests.values import present
 
 INFO = DeviceInfo(kind="test", device_id="part-7", unit="counts", odr_hz=100.0, units_per_g=1000.0)
@@ -81,6 +81,20 @@ def test_recordings_contain_the_record_and_a_certificate_with_the_change_since_i
     assert (files.device_id, files.record_id) == ("part-7", "r1")
     certificate = next(file.data.decode() for file in files.files if file.name.endswith(".html"))
     assert "Change since the parent record r0" in certificate
+
+
+def test_the_forecast_of_a_certificate_counts_no_record_that_was_withdrawn(
+    provider: CalibrationProvider, put: PutRecord, tmp_path: Path
+) -> None:
+    known = {"covariance": np.diag([1e-12] * 9 + [1.0, 4.0, 9.0]).tolist()}
+    first = put("r0", created_utc="2025-01-01T00:00:00Z", **known)
+    wrong = put("wrong", created_utc="2025-06-01T00:00:00Z", parent="r0", offset=[40.0, -20.0, 30.0], **known)
+    CalibrationStore(tmp_path, "part-7").put_in_force(
+        "r0", by="ann", reason="wrong part", request="request-2", time_utc="2025-06-02T00:00:00Z"
+    )
+    last = put("r1", created_utc="2026-01-01T00:00:00Z", parent="r0", offset=[13.0, -20.0, 30.0], **known)
+    assert provider.files(INFO, provider.correction(INFO)) == calibration_files(last, first)
+    assert calibration_files(last, first) != calibration_files(last, first, [wrong])
 
 
 @pytest.mark.parametrize("parent", [None, "r0"])
