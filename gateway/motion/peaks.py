@@ -13,8 +13,10 @@ import numpy as np
 from gateway.motion.estimate import PeakEstimate
 from gateway.numerics.array import Array
 
-N_PHASES = 33
-"""Phases at which half a swing is evaluated. Basis: the maximum between two of them is 0.1 % above the larger."""
+N_HALF = 32
+"""Steps in which half a swing is evaluated. Basis: the maximum between two of them is 0.1 % above the larger."""
+EQUAL_SHARE = 1.001
+"""A peak of the second half swing counts where it is larger than that of the first by this ratio. Basis: that of the steps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,16 +32,21 @@ class SwingPhase:
 
 
 def next_peak(phase: SwingPhase, *, is_driven: bool) -> PeakEstimate:
-    """Return the largest angle of the next half swing.
+    """Return the largest angle of the next whole swing; of two equal ones, as of a swing about the vertical, the sooner.
 
-    `is_driven`: the pivot keeps its acceleration; else it coasts from now on.
+    About a lean one turning point is farther from the vertical than the other. `is_driven`: the pivot keeps its acceleration;
+    else it coasts from now on.
     """
     u, w, side, pivot = (complex(x, y) for x, y in phase.mean.reshape(4, 2).tolist())
     driven = float(is_driven)
     centre = driven * pivot - side
     chord = u / math.sqrt(0.5 * (1 + math.sqrt(max(1 - abs(u) ** 2, 0.0))))
     path = centre + (chord - centre) * _COSINE - (w / phase.rate_1_s) * _SINE
-    at = int(np.abs(path).argmax())
+    sizes = np.abs(path)
+    at = int(sizes[: N_HALF + 1].argmax())
+    later = int(sizes.argmax())
+    if sizes[later] > EQUAL_SHARE * sizes[at]:
+        at = later
     peak, cosine, sine = complex(path[at]), float(_COSINE[at]), float(_SINE[at]) / phase.rate_1_s
     size = abs(peak)
     direction = peak / max(size, 1e-9)
@@ -62,5 +69,5 @@ def ellipse(chord: complex, rate_over_frequency: complex) -> tuple[float, float,
     return (abs(right) + abs(left)) / 2, abs(abs(right) - abs(left)) / 2, 0.5 * cmath.phase(right * left)
 
 
-_ANGLE = np.linspace(0.0, np.pi, N_PHASES)
+_ANGLE = np.linspace(0.0, 2 * np.pi, 2 * N_HALF + 1)
 _COSINE, _SINE = np.cos(_ANGLE), np.sin(_ANGLE)

@@ -24,7 +24,7 @@ from tests.gateway.motion.conftest import GRAVITY_M_S2
 
 LENGTH_M, STEP_S = 10.0, 0.02
 RATE_1_S = float(np.sqrt(GRAVITY_M_S2 / LENGTH_M))
-HALF_SWING_S = np.pi / RATE_1_S
+SWING_S = 2 * np.pi / RATE_1_S
 
 
 def integrate(mean: Array, duration_s: float) -> tuple[Array, Array]:
@@ -50,9 +50,11 @@ def integrate(mean: Array, duration_s: float) -> tuple[Array, Array]:
 
 
 def largest(mean: Array) -> tuple[float, float]:
-    """The largest angle of the next half swing, and its time."""
-    time_s, angle_rad = integrate(mean, HALF_SWING_S * period_ratio(np.hypot(*mean[:2])))
-    at = int(angle_rad.argmax())
+    """The largest angle of the next swing, and its time; of two that differ by less than 0.1 %, the sooner."""
+    time_s, angle_rad = integrate(mean, SWING_S * period_ratio(np.hypot(*mean[:2])))
+    at = int(angle_rad[: len(angle_rad) // 2].argmax())
+    if angle_rad.max() > 1.001 * angle_rad[at]:
+        at = int(angle_rad.argmax())
     return float(angle_rad[at]), float(time_s[at])
 
 
@@ -74,6 +76,8 @@ CASES = {
     "elliptical": phase((0.1, 0.0), (0.05, 0.06)),
     "circular": phase((0.1, 0.0), (0.0, 0.1 * RATE_1_S)),
     "lean": phase((0.05, 0.02), (0.1, -0.05), side=(-0.03, 0.02)),
+    "lean, just past the near turning point": phase((-0.02, 0.0), (0.005, 0.0), side=(-0.075, 0.0)),
+    "lean, just past the far turning point": phase((0.17, 0.0), (-0.005, 0.0), side=(-0.075, 0.0)),
 }
 
 
@@ -85,7 +89,7 @@ def test_predicted_maximum_of_a_free_swing_is_that_of_the_pendulum(case: str) ->
     angle_rad, in_s = largest(CASES[case].mean)
     assert predicted.angle_rad == pytest.approx(angle_rad, rel=0.01)
     if case != "circular":  # every moment is a maximum
-        assert predicted.in_s == pytest.approx(in_s, abs=0.03 * HALF_SWING_S)
+        assert predicted.in_s == pytest.approx(in_s, abs=0.015 * SWING_S)
 
 
 @pytest.mark.slow
@@ -108,7 +112,7 @@ def test_predicted_maximum_holds_while_the_pivot_keeps_its_acceleration(pivot: t
 
     angle_rad, in_s = largest(driven.mean)
     assert predicted.angle_rad == pytest.approx(angle_rad, rel=0.01)
-    assert predicted.in_s == pytest.approx(in_s, abs=0.03 * HALF_SWING_S)
+    assert predicted.in_s == pytest.approx(in_s, abs=0.015 * SWING_S)
 
 
 def test_acceleration_of_the_pivot_does_not_count_when_it_coasts() -> None:
