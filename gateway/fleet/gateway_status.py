@@ -124,8 +124,9 @@ class GatewayStatus:
 
     @property
     def label(self) -> str:
-        """The state as people read it, marked where it is not authenticated, and where no sensor takes the samples."""
-        mark = "" if self.authenticated or self.state == "NOT AUTHENTICATED" else STATE_LABELS["NOT AUTHENTICATED"]
+        """The state as people read it, marked where what it says is not authenticated, and where no sensor takes the samples."""
+        is_marked = not self.authenticated and self.state not in ("NOT AUTHENTICATED", "GONE")
+        mark = STATE_LABELS["NOT AUTHENTICATED"] if is_marked else ""
         return " ".join(filter(None, (STATE_LABELS[self.state], mark, self.source)))
 
     @property

@@ -16,7 +16,7 @@ from gateway.messages import SCHEMA_VERSION
 from gateway.page.channel import place_of
 from gateway.units import DAY_S, HOUR_S, MINUTE_S
 
-TABLE_HEADER = ("gateway", "state", "level", "swing", "battery", "signal", "calibrated", "seen", "software", "why")
+TABLE_HEADER = ("gateway", "state", "level", "last swing", "battery", "signal", "calibrated", "seen", "software", "why")
 MAX_COLUMN_CHARACTERS = 48
 """Basis: a choice; columns stay side by side in a terminal."""
 MAX_REASON_CHARACTERS = 160

@@ -1,5 +1,5 @@
 // The view from above: the angle that decides as an ellipse about the lean, in the direction of the last swing, and the limits as
-// circles. The outer circle is the limit at any time, and what lies beyond is drawn on it, in its colour. The farthest point of the
+// circles. The outer circle is the limit at any time; what lies beyond ends at it, in its colour. The farthest point of the
 // ellipse is at the deciding angle from the vertical. A dot shows where the load is now. The crane's own words stand at the ends of the
 // axes.
 
@@ -19,6 +19,7 @@ const at = (deg, azimuthDeg) => {
 export class Bullseye {
   constructor(svg) {
     this.svg = svg;
+    addShape(addShape(svg, "clipPath", {id: "rim"}), "circle", {r: RADIUS + 5});
     this.ground = addShape(svg, "g", {});
     this.moving = addShape(svg, "g", {});
   }
@@ -76,11 +77,13 @@ export class Bullseye {
       addShape(this.moving, "circle", {class: css, r: this.radius(isBound ? angleDeg + halfDeg : angleDeg)});
       return;
     }
-    const shown = {...swing, phi_max_deg: Math.min(angleDeg, this.limitDeg)};
     const middle = at(this.radius(swing.lean_deg ?? 0), swing.lean_azimuth_deg ?? 0);
-    const rx = this.radius(semiMajorDeg(shown)), ry = Math.min(Math.max(this.radius(swing.minor_phi_max_deg ?? 0), 0.5), rx);
+    const majorDeg = semiMajorDeg({...swing, phi_max_deg: angleDeg});
+    const rx = Math.min((RADIUS * majorDeg) / this.limitDeg, RADIUS + Math.hypot(middle.x, middle.y));
+    const ry = Math.min(Math.max(this.radius(swing.minor_phi_max_deg ?? 0), 0.5), rx);
     const turn = `translate(${middle.x} ${middle.y}) rotate(${-swing.azimuth_deg})`;
-    const group = addShape(this.moving, "g", {class: css, transform: turn});
+    const inside = addShape(this.moving, "g", {"clip-path": "url(#rim)"});
+    const group = addShape(inside, "g", {class: css, transform: turn});
     addShape(group, "ellipse", {rx, ry});
     for (const side of [-1, 1]) {
       addShape(group, "line", {x1: side * rx, y1: -6, x2: side * rx, y2: 6});

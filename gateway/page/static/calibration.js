@@ -48,7 +48,7 @@ function upText(session) {
 }
 
 function whatNext(session) {
-  if (session.phase === "collecting") return (session.hints ?? []).map(reasonText).join(" ");
+  if (session.phase === "collecting") return [...new Set((session.hints ?? []).map(reasonText))].join(" ");
   if (session.phase === "review") return text(session.committable ? "rigger_review" : "rigger_refused");
   return text("rigger_left");
 }

@@ -3,8 +3,8 @@
 import {sentence} from "./sentence.js";
 import {hasText, partName, text} from "./texts.js";
 
-// Return the sentence of a card; empty where all is well and the limits are those of commissioning.
-export function cardSentence({word, alive, causes}) {
+// Return the sentence of a card beside its number; empty where all is well and the limits are those of commissioning.
+export function cardSentence({word, alive, causes, motion}, value) {
   switch (word) {
     case "OK": return causes.limits_changed ? text("note_limits") : "";
     case "MISSING": return text("fleet_missing");
@@ -15,13 +15,13 @@ export function cardSentence({word, alive, causes}) {
     case "BATTERY LOW": return text("note_battery");
     case "UNKNOWN": return causes.validity === "no_samples" ? text("reason_no_samples") : doubt(causes) ?? text("unknown");
     case "DISTURBED": return doubt(causes) ?? text("disturbed");
-    default: return sentence({word}, operatorState(alive, causes));
+    default: return sentence({word}, operatorState(alive, causes, motion), value);
   }
 }
 
 // Return what the operator's page would know of the gateway.
-function operatorState(alive, {alerts, validity, session, age_s: ageS}) {
-  return {gateway: alive, age_s: {oldest: ageS}, topics: {alert: {active: alerts, validity}, calibration: {session: {phase: session}}}};
+function operatorState(alive, {alerts, validity, session, age_s: ageS}, motion) {
+  return {gateway: alive, age_s: {oldest: ageS}, topics: {motion, alert: {active: alerts, validity}, calibration: {session: {phase: session}}}};
 }
 
 // Return why the reading is doubted; null where the gates do not tell.

@@ -3,7 +3,7 @@
 import {cardSentence} from "./card_sentence.js";
 import {Link} from "./link.js";
 import {ago, degrees, NONE, upwards} from "./number.js";
-import {deciding} from "./peak.js";
+import {bigNumber} from "./peak.js";
 import {addSymbols} from "./shapes.js";
 import {followLanguage, text} from "./texts.js";
 import {timeWithZone} from "./time.js";
@@ -78,8 +78,8 @@ function fill(card, gateway) {
   set(".source", gateway.source);
   set(".doubt", gateway.authenticated || gateway.word === "NOT AUTHENTICATED" ? "" : text("word_NOT AUTHENTICATED"));
   fillName(card.querySelector(".name"), gateway);
-  set(".why", cardSentence(gateway));
-  const value = deciding(gateway.motion);
+  const value = bigNumber({sound: true}, {motion: gateway.motion, alert: {active: gateway.causes.alerts}}, {}); // a doubtful motion is not sent
+  set(".why", cardSentence(gateway, value));
   set(".swing", angleText(value));
   set(".expected", value?.inS > 0 ? text("expected") : "");
   set(".age", gateway.seen_s === null ? text("fleet_never_seen") : ago(gateway.seen_s));
@@ -97,7 +97,7 @@ function fillName(heading, {site, crane, sensor, page}) {
 // The number is that of the crane's own page.
 function angleText(value) {
   if (value === null) return NONE;
-  return value.angleDeg > value.halfDeg ? degrees(value.angleDeg) : `≤ ${upwards(value.angleDeg + value.halfDeg)}`;
+  return value.isBound ? `≤ ${upwards(value.angleDeg + value.halfDeg)}` : degrees(value.angleDeg);
 }
 
 // Tell a screen reader when the number of cranes that ask for action changes.

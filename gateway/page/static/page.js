@@ -70,7 +70,7 @@ const link = new Link(
 // Return the server's verdict with the operator's sentence, or STALE or NO DATA without a connection to the server.
 function verdictNow() {
   const complaint = link.complaint();
-  if (complaint === null && state !== null) return {...state.verdict, sentence: steadySentence()};
+  if (complaint === null && state !== null) return state.verdict;
   const words = complaint === null ? text("starting") : text(complaint.key, {seconds: complaint.seconds});
   if (state === null) return {...LOST, word: "NO DATA", shape: "empty", sentence: words, also: []};
   const last = state.verdict;
@@ -78,16 +78,24 @@ function verdictNow() {
   return {...LOST, sentence: words, also};
 }
 
-function steadySentence() {
-  if (state.verdict.word !== steadyWord) steady.clear();
-  steadyWord = state.verdict.word;
-  return sentence(state.verdict, state, steady.keep, link.ageS());
+// Return the big number, and put the sentence beside it into the verdict: what is about to be said of the load decides on the number's
+// form, which is held as long.
+function sayBeside(verdict, topics) {
+  const value = bigNumber(verdict, topics, state.page);
+  if (verdict.word !== steadyWord) steady.clear();
+  steadyWord = verdict.word;
+  verdict.sentence ??= sentence(verdict, state, value, steady.keep, link.ageS());
+  const isBound = value?.isBound && steady.shows("doing", "rest");
+  return value && {...value, isBound: value.isResting && steady.keep("bound", isBound ? "bound" : "angle") === "bound"};
 }
 
 function show() {
   try {
     if (state !== null) followLanguage(state.page.language);
-    const verdict = verdictNow();
+    const verdict = {...verdictNow()};
+    const blind = [verdict.word, ...verdict.also].some((word) => BLIND.has(word));
+    const shown = blind ? {} : state?.topics;
+    const value = state === null ? null : sayBeside(verdict, shown);
     showVerdict(verdict);
     const alarms = standing(state?.topics.alert);
     sound.update([...unacknowledged(alarms), ...lossOfView(verdict)]);
@@ -96,12 +104,9 @@ function show() {
     const gone = GONE.has(verdict.word);
     acknowledger.show(gone ? [] : alarms);
     person.show(state.page.names);
-    const blind = [verdict.word, ...verdict.also].some((word) => BLIND.has(word));
-    const shown = blind ? {} : state.topics;
-    const value = bigNumber(verdict, shown, state.page);
     showSwing(value, shown, verdict, waitedS);
     showFacts(state, waitedS);
-    showReasons(verdict, state.topics);
+    showReasons(verdict, state.topics, value);
     alertList.show(state.alert_log);
     mounting.draw(state.page.directions);
     showScreens(gone);
@@ -121,10 +126,11 @@ function show() {
 const unacknowledged = (alarms) =>
   alarms.filter((one) => !one.acknowledged_by).map((one) => ({key: one.incident ?? one.rule, level: one.level}));
 
-// Return the alarm that nobody watches the swing: no gateway, no samples, suspended, or an angle that is not known any more. A gateway
+// Return the alarm that nobody watches the swing: no gateway, no samples, suspended, or an angle that a disturbance or another cause
+// has kept unknown for seconds. A gateway
 // that has started again does not end it before it knows the angle.
-function lossOfView({word}) {
-  const isUnmonitored = UNMONITORED.has(word), isKnownNow = !isUnmonitored && word !== "UNKNOWN";
+function lossOfView({word, also}) {
+  const words = [word, ...also], isUnmonitored = words.some((one) => UNMONITORED.has(one)), isKnownNow = !words.some((one) => BLIND.has(one));
   wasKnown ||= isKnownNow || Boolean(state?.last_good);
   if (isKnownNow || !wasKnown) knownS = nowS();
   const lost = isUnmonitored || nowS() - knownS > UNKNOWN_SOUNDS_S;
@@ -174,7 +180,7 @@ function announce(verdict, word) {
   setText("announcement", `${word}. ${verdict.sentence}`);
 }
 
-function showReasons(verdict, {condition, motion, health}) {
+function showReasons(verdict, {condition, motion, health}, value) {
   const list = element("reasons");
   const notices = serviceNotices(health);
   element("to-service").classList.toggle("faulty", notices.length > 0);
@@ -182,7 +188,7 @@ function showReasons(verdict, {condition, motion, health}) {
   setText("note", operatorNotice(health));
   const words = [verdict.word, ...verdict.also].filter((word) => word !== "OK");
   const codes = [...(condition?.reason_codes ?? []), ...(motion?.reason_codes ?? [])];
-  const all = [...notices, ...words.map((word) => sentence({word}, state)), ...codes.map(reasonText)];
+  const all = [...notices, ...words.map((word) => sentence({word}, state, value)), ...codes.map(reasonText)];
   const texts = [...new Set(all)].slice(0, MAX_REASONS);
   if (texts.length === 0) texts.push(text("none"));
   if (texts.join("\n") === [...list.children].map((item) => item.textContent).join("\n")) return;

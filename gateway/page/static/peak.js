@@ -38,18 +38,19 @@ export function deciding(motion) {
 }
 
 // Return the big number of a verdict, with its title and limits: the lean while a lean alarm decides, else the deciding angle; null
-// where it is not known. `halfDeg` is null where no interval can be stated; `isBound`: it is so small that its upper end says enough.
-export function bigNumber(verdict, {motion, alert}, {warn_deg, clear_deg, trip_deg}) {
+// where it is not known. `halfDeg` is null where no interval can be stated; `isResting`: the load rests, and the angle is no more than
+// its lean, so that no peak is expected; `isBound`: it is then no more than its uncertainty, and its upper end says enough.
+export function bigNumber(verdict, {motion, alert}, {warn_deg, trip_deg}) {
   const alarm = highest(alert);
   if (alarm?.rule === "lean") {
     if (!isKnown(alarm.estimate_deg)) return null;
     const limits = {warn_deg: null, trip_deg: alarm.limit_deg};
-    return {title: "leaning_angle", limits, angleDeg: alarm.estimate_deg, halfDeg: null, inS: 0, isBound: false};
+    return {title: "leaning_angle", limits, angleDeg: alarm.estimate_deg, halfDeg: null, inS: 0, isResting: false, isBound: false};
   }
   const value = deciding(motion);
   if (value === null) return null;
-  const isSmall = motion.state === "rest" || value.angleDeg <= value.halfDeg;
-  const isBound = isSmall && verdict.sound && alarm === null && value.angleDeg + value.halfDeg < clear_deg;
-  const halfDeg = verdict.sound ? value.halfDeg : null;
-  return {title: "deciding_angle", limits: {warn_deg, trip_deg}, ...value, halfDeg, isBound};
+  const isResting = motion.state === "rest" && Math.abs(value.angleDeg - (motion.lean_deg ?? 0)) <= value.halfDeg;
+  const isBound = isResting && value.angleDeg <= value.halfDeg && verdict.sound && alarm === null;
+  const [halfDeg, inS] = [verdict.sound ? value.halfDeg : null, isResting ? 0 : value.inS];
+  return {title: "deciding_angle", limits: {warn_deg, trip_deg}, angleDeg: value.angleDeg, halfDeg, inS, isResting, isBound};
 }

@@ -1,8 +1,7 @@
 // The operator's sentence: what happens, and what to expect, in two lines at most.
 
 import {highest} from "./alarm.js";
-import {ago, degrees, isKnown} from "./number.js";
-import {SOON_S} from "./peak.js";
+import {degrees, isKnown} from "./number.js";
 import {hasText, text} from "./texts.js";
 
 const CERTAIN = 0.95; // probability from which on a cause is named
@@ -10,27 +9,34 @@ const PASSING = new Set(["no_reading", "too_short", "undetermined", "turning_poi
 const CAUSES = new Set(["driven", "wind", "hoisting"]);
 const asItIs = (_part, form) => form;
 
-// Return the sentence of a verdict. `keep` may hold back a change of what the sentence is about, by part and form;
-// `waitedS` is the time since the state arrived.
-export function sentence(verdict, state, keep = asItIs, waitedS = 0) {
+// Return the sentence of a verdict beside its big number (peak.js; null: not known), which is the only angle: a sentence names limits.
+// `keep` may hold back a change of what the sentence is about, by part and form; `waitedS` is the time since the state arrived.
+export function sentence(verdict, state, value, keep = asItIs, waitedS = 0) {
   const {motion, alert, calibration} = state.topics;
+  const ageS = (topic) => (state.age_s[topic] ?? 0) + waitedS;
   switch (verdict.word) {
-    case "TRIP": case "WARN": return alarmSentence(highest(alert), motion, keep, (state.age_s.alert ?? 0) + waitedS);
+    case "TRIP": case "WARN": return alarmSentence(highest(alert), value, motion, keep, ageS);
     case "SUSPENDED": return text(isActive(calibration?.session) ? "suspended" : "suspended_after");
     case "UNCALIBRATED": return text("uncalibrated");
     case "DISTURBED": return text("disturbed");
     case "UNKNOWN": return unknownSentence(state);
     case "STALE": return staleSentence(state);
     case "NO DATA": return text(state.gateway ? "starting" : "gateway_gone");
-    default: return doing(motion, keep);
+    default: return doing(motion, value, keep);
   }
 }
 
-// Return what acts on the load, if that is all but certain, else what the load is seen to do. No reading of acceleration shows
-// whether a crane moves or rests.
-function doing(motion, keep) {
-  const key = keep("doing", causeKey(motion) ?? seenKey(motion));
+// Return what acts on the load, if that is all but certain, else what the load is seen to do; or that the number is too uncertain to
+// be calm about. No reading of acceleration shows whether a crane moves or rests.
+function doing(motion, value, keep) {
+  const key = keep("doing", isUncertain(value) ? "uncertain" : causeKey(motion) ?? seenKey(motion, value));
   return key === "unknown" ? "" : text(key);
+}
+
+// Return whether the number may be beyond the first limit, although the angle itself is below.
+function isUncertain(value) {
+  const limitDeg = value?.limits.warn_deg ?? value?.limits.trip_deg;
+  return isKnown(limitDeg) && isKnown(value.halfDeg) && value.angleDeg + value.halfDeg >= limitDeg;
 }
 
 function causeKey(motion) {
@@ -38,30 +44,29 @@ function causeKey(motion) {
   return motion.state === "hoisting" && motion.hoist_m_s > 0 ? "lowering" : motion.state;
 }
 
-const seenKey = (motion) => ({driven: "set_swinging", wind: "set_swinging", hoisting: "free"}[motion?.state] ?? motion?.state ?? "unknown");
+const SEEN = {driven: "set_swinging", wind: "set_swinging", hoisting: "free"};
+const seenKey = (motion, value) =>
+  motion?.state === "rest" && value?.isResting === false ? "free" : SEEN[motion?.state] ?? motion?.state ?? "unknown";
 
-// Return why an alarm stands, and what follows: the angle is the one that was compared, or the largest one since the alarm began
-// where the angle is low enough for the level to end.
-function alarmSentence(alarm, motion, keep, ageS) {
+// Return why an alarm stands, and what follows.
+function alarmSentence(alarm, value, motion, keep, ageS) {
   if (alarm === null) return "";
-  const own = `${alarm.rule}_alarm`;
-  if (hasText(own) && !isKnown(alarm.limit_deg) && !isKnown(alarm.value_deg)) return text(own); // the calibration has neither
-  const isEnding = isKnown(alarm.ends_in_s) && isKnown(alarm.largest_deg);
-  const now = hasText(own) ? own : alarm.expected_in_s - ageS > SOON_S ? "alarm_coming" : "alarm_now";
-  const form = keep("alarm", isEnding ? "alarm_was" : now);
-  return [causeKey(motion) === null ? "" : doing(motion, keep), alarmText(alarm, form === "alarm_was" && !isEnding ? now : form), whatFollows(alarm, ageS)].join(" ").trim();
+  if (!isKnown(alarm.limit_deg)) return text(`${alarm.rule}_alarm`); // the calibration has none
+  const cause = causeKey(motion);
+  const why = value === null ? text("alarm_unknown")
+    : text(keep("alarm", alarmForm(alarm, value, ageS("motion"))), {limit: text(`at_${alarm.level}`, {angle: degrees(alarm.limit_deg)})});
+  return [cause === null ? "" : text(keep("cause", cause)), why, whatFollows(alarm, ageS("alert"))].join(" ").trim();
 }
 
-function alarmText(alarm, form) {
-  if (!isKnown(alarm.value_deg)) return text("alarm_unknown");
-  const limit = text(`at_${alarm.level}`, {angle: degrees(alarm.limit_deg)});
-  if (form !== "alarm_was") return text(form, {angle: degrees(alarm.value_deg), limit});
-  const angle = degrees(alarm.largest_deg);
-  const isBelow = alarm.largest_deg < alarm.limit_deg && angle !== degrees(alarm.limit_deg); // a bound raised it
-  return text(isBelow ? "alarm_was_below" : form, {angle, limit});
+// Return what the number and the largest angle since the alarm began say of its limit.
+function alarmForm(alarm, value, ageS) {
+  if (hasText(`${alarm.rule}_alarm`)) return `${alarm.rule}_alarm`;
+  const isReached = value.angleDeg >= alarm.limit_deg, isComing = value.inS > ageS;
+  if (alarm.largest_deg >= alarm.limit_deg || (isReached && !isComing)) return "alarm_exceeded";
+  return isReached ? "alarm_coming" : "alarm_possible";
 }
 
-// Return what follows a level, and when, or below which angle.
+// Return what follows a level, and when, or below which angle: the gateway compares a part of the uncertainty with it too.
 function whatFollows({next_level: level, next_below_deg: belowDeg, ends_in_s: inS}, ageS) {
   if (!isKnown(belowDeg)) return "";
   if (isKnown(inS)) return text(`${level}_in`, {seconds: Math.max(1, Math.ceil(inS - ageS))});
@@ -77,22 +82,19 @@ function unknownSentence(state) {
   const {motion, condition} = state.topics;
   const codes = motion?.state === "unknown" ? motion.reason_codes : condition?.trusted === false ? condition.reason_codes : null;
   const code = codes?.[0];
-  return `${reasonText(code)} ${PASSING.has(code) ? whenBack(state) : knownLast(state)}`.trim();
+  return `${reasonText(code)} ${PASSING.has(code) ? whenBack(state) : ""}`.trim();
 }
-
-const knownLast = ({last_good: good}) => (good ? text("known_last", {ago: ago(good.age_s)}) : "");
 
 // Return when the swing is usually known again: within a period, unless it has been unknown for longer.
 function whenBack(state) {
   const periodS = state.topics.swing?.period_s;
   if (!state.last_good) return text("known_soon");
-  if (isKnown(periodS) && state.last_good.age_s < 2 * periodS) return text("back_within", {seconds: Math.ceil(periodS)});
-  return knownLast(state);
+  return isKnown(periodS) && state.last_good.age_s < 2 * periodS ? text("back_within", {seconds: Math.ceil(periodS)}) : "";
 }
 
 function staleSentence(state) {
   if (!state.gateway) return text("gateway_gone");
+  if (state.topics.alert?.validity === "no_samples") return text("reason_no_samples");
   const silentS = state.age_s.tilt ?? Math.max(...Object.values(state.age_s), 0); // others come once in seconds
-  if (state.topics.alert?.validity !== "no_samples") return text("no_new_data", {seconds: Math.round(silentS)});
-  return isKnown(state.age_s.tilt) ? `${text("reason_no_samples")} ${text("known_last", {ago: ago(silentS)})}` : text("reason_no_samples");
+  return text("no_new_data", {seconds: Math.max(1, Math.round(silentS))});
 }

@@ -1,6 +1,7 @@
 // Holds what a text is about for a time, so that it can be read.
 
 const HELD_S = 2;
+const YIELDING = new Set(["rest", "uncertain", "bound"]); // not held against a number that denies them
 
 export class Steady {
   constructor(clockS) {
@@ -12,10 +13,15 @@ export class Steady {
   keep = (part, form) => {
     const now = this.clockS();
     const held = this.forms.get(part);
-    if (held !== undefined && held.form !== form && now - held.sinceS < HELD_S) return held.form;
+    if (held !== undefined && held.form !== form && !YIELDING.has(held.form) && now - held.sinceS < HELD_S) return held.form;
     if (held?.form !== form) this.forms.set(part, {form, sinceS: now});
     return form;
   };
+
+  // Return whether a part has a form now.
+  shows(part, form) {
+    return this.forms.get(part)?.form === form;
+  }
 
   // Begin anew.
   clear() {

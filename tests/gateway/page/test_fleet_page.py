@@ -192,7 +192,7 @@ def test_a_card_shows_the_number_of_the_cranes_own_page(
     expect(expected).to_have_text("expected")
     scene.time_to_peak_s, scene.angle_share = 0.0, 1.0
     expect(expected).to_have_text("")
-    scene.expected_deg, scene.level = 0.1, "normal"
+    scene.expected_deg, scene.level, scene.state, scene.lean_deg = 0.1, "normal", "rest", 0.0
     expect(number).to_have_text("≤ 0.3°")
     window.close()
 
@@ -219,7 +219,7 @@ def test_cards_say_why_in_the_language_of_the_page(
     site.remove("crane-7")
     expect(window.locator("#cards .why")).to_have_text(
         [
-            "Pendeln bis 6,4°; Grenzwert 6,0°. Wird zur Warnung unter 5,4°.",
+            "Grenzwert 6,0° überschritten. Warnung, sobald klar unter 5,4°.",
             "Das Gateway wurde beendet oder ist nicht verbunden.",
             "Erwartet, und nie gesehen.",
             "Der Sensor ist nicht kalibriert. Der Winkel kann um mehrere Grad falsch sein.",

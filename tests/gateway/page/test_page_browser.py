@@ -26,10 +26,10 @@ def test_only_a_correct_state_is_calm(gateway: FakeGateway, page: PageUnderTest,
     screen.text("#also", "also: UNCALIBRATED")
     gateway.scene.phi_max_deg, gateway.scene.phi_max_u_deg = 6.1, 0.15
     screen.text("#phi", "6.1°")
-    screen.text("#sentence", "Swing up to 6.4°; limit 6.0°. Becomes a warning below 5.4°.")
+    screen.text("#sentence", "Limit 6.0° exceeded. Becomes a warning once clearly below 5.4°.")
     gateway.scene.phi_max_deg, gateway.scene.ends_in_s = 2.0, 2.6
     screen.text("#phi", "2.0°")
-    screen.text("#sentence", "It was 6.3°; limit 6.0°. Becomes a warning in 3 s.")
+    screen.text("#sentence", "Limit 6.0° exceeded. Becomes a warning in 3 s.")
 
     gateway.speaking.clear()
     screen.shows("STALE", "hourglass")
@@ -46,19 +46,6 @@ def test_only_a_correct_state_is_calm(gateway: FakeGateway, page: PageUnderTest,
 
 
 HOSTILE = "<img src=x onerror=\"document.title='owned'\"><script>document.title='owned'</script>"
-
-SWING = {
-    "rule": "swing",
-    "level": "trip",
-    "value_deg": 6.36,
-    "limit_deg": 6.0,
-    "largest_deg": 5.2,
-    "expected_in_s": 1.8,
-}
-
-ENDS = {"next_level": "normal", "next_below_deg": 3.0, "ends_in_s": None}
-
-WARNING = {**SWING, **ENDS, "level": "warn", "value_deg": 4.36, "limit_deg": 4.0, "expected_in_s": 0.0}
 
 
 def test_field_values_are_not_interpreted_as_markup(

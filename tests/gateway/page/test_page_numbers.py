@@ -32,6 +32,7 @@ def test_the_angle_is_updated(gateway: FakeGateway, page: PageUnderTest, browser
     expect(screen.page.locator("#trend .line:not(.doubtful)")).to_have_count(1)
 
     gateway.scene.phi_max_deg, gateway.scene.phi_max_u_deg = 0.1, 0.08
+    gateway.scene.state, gateway.scene.lean_deg = "rest", 0.0
     screen.text("#bound", "≤ ")
     screen.text("#phi", "0.3°")  # a bound is rounded up
     gateway.scene.motion_codes = ["too_short"]
@@ -201,20 +202,23 @@ def test_no_interval_stands_beside_a_doubt(gateway: FakeGateway, page: PageUnder
     assert screen.errors == []
 
 
-def test_no_swing_is_said_of_small_swings_only(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
-    """A warning ends below 3.0."""
-    gateway.scene.phi_max_deg, gateway.scene.phi_max_u_deg = 1.9, 1.1
-    screen = Screen(browser, page.url)
-    screen.text("#phi", "1.9°")
-    screen.text("#interval", "± 2.2° (95 %)")
+def test_no_swing_is_said_of_a_load_at_rest_alone(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
     gateway.scene.phi_max_deg, gateway.scene.phi_max_u_deg = 0.9, 0.9
+    screen = Screen(browser, page.url)
+    screen.text("#phi", "0.9°")
+    screen.text("#interval", "± 1.8° (95 %)")
+    screen.text("#sentence", "Load swings.")
+    gateway.scene.state = "rest"
     screen.text("#interval", "no swing detected")
     screen.text("#phi", "2.7°")
+    screen.text("#sentence", "Load at rest.")
     gateway.scene.level = "warn"
     screen.text("#phi", "0.9°")
-    gateway.scene.level, gateway.scene.phi_max_u_deg, gateway.scene.state = "normal", 0.1, "rest"
-    screen.text("#phi", "1.1°")
-    screen.text("#interval", "no swing detected")
+    gateway.scene.level, gateway.scene.phi_max_u_deg = "normal", 0.1
+    screen.text("#sentence", "Load at rest.")
+    screen.text("#interval", "± 0.2° (95 %)")
+    gateway.scene.phi_max_deg = 2.3
+    screen.text("#sentence", "Load swings.")
 
 
 def test_a_lean_alarm_shows_the_lean(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
@@ -225,15 +229,17 @@ def test_a_lean_alarm_shows_the_lean(gateway: FakeGateway, page: PageUnderTest, 
     screen.text("#phi", "6.2°")
     screen.text("#interval", "")
     expect(screen.page.locator("#gauge")).to_have_attribute("aria-label", "6.2°, limit 6°")
-    screen.text("#sentence", re.compile("^The rope leans 6.4°; limit 6.0°. Ends below 3.0°.$"))
+    screen.text("#sentence", re.compile("^The rope leans too far. Limit 6.0°. Ends once clearly below 3.0°.$"))
     gateway.scene.level = "normal"
     screen.text("#angle-title", "swing: now, or the larger coming peak")
     expect(screen.page.locator("#gauge")).to_have_attribute("aria-label", "2.3°, warning 4°, limit 6°")
     assert screen.errors == []
 
 
-def test_list_and_sentence_state_the_same_angle(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
+def test_the_list_has_the_largest_angle_of_an_alarm(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser
+) -> None:
     gateway.scene.level, gateway.scene.largest_deg, gateway.scene.ends_in_s = "trip", 7.92, 2.5
     screen = Screen(browser, page.url + "#alerts")
-    screen.text("#sentence", re.compile("^It was 7.9°;"))
+    screen.text("#sentence", "Limit 6.0° exceeded. Becomes a warning in 3 s.")
     screen.text("#alert-rows td >> nth=3", "7.9°")
