@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from gateway.twin.model import TwinRig
     from gateway.twin.reconcile.data.crane_inputs import CraneInputs
     from gateway.twin.reconcile.data.data_checks import CheckedRecording
-    from gateway.twin.reconcile.output.result import Curves, Reconciliation
+    from gateway.twin.reconcile.output.result import Reconciliation
 
 EXAMPLE = """examples:
   plumbline reconcile log.csv --rig rig.toml --held-out second.csv --json result.json --report report.html
@@ -268,10 +268,11 @@ def _prediction(result: "Reconciliation", source: "Source", *, of_second: bool) 
     from gateway.twin.reconcile.output.result import AVERAGED
     from gateway.twin.reconcile.output.serialisation import format_prediction_csv
 
-    curves: list[Curves | None] = [result.held_out] if of_second else [result.log, result.held_out]
-    predicted = [each for each in curves if each is not None]
+    if result.comparison is None:
+        return format_prediction_csv([])
+    log, held_out = result.comparison.log, result.comparison.held_out
     row_times_s = source.recording.time_s if AVERAGED in result.counts else None
-    return format_prediction_csv(predicted, source.held_rows if predicted else None, row_times_s)
+    return format_prediction_csv([held_out] if of_second else [log, held_out], source.held_rows, row_times_s)
 
 
 def _report(arguments: argparse.Namespace, result: "Reconciliation", runtime_s: float) -> str:

@@ -14,7 +14,7 @@ from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.least_squares import Fit
 from gateway.twin.reconcile.output.estimates import DIRECTIONS, Remainder
-from gateway.twin.reconcile.output.result import Curves, Disagreement, Peak, Residual, Spectrum
+from gateway.twin.reconcile.output.result import Curves, Disagreement, Peak, Residual
 
 Array = NDArray[np.float64]
 MAX_LAGS = 40
@@ -29,8 +29,6 @@ MIN_FLOOR_REACH_BINS = 12
 """The same at the lowest frequencies, where the floor of slow noise is steep."""
 MAX_PEAKS = 6
 """Number of peaks that are reported."""
-PLOTTED_BINS = 600
-"""Number of frequencies of the spectrum in the report."""
 SWING_BAND_HZ = (0.02, 1.5)
 """Band of the frequencies of swings and twice them; below it every fit removes the noise."""
 MIN_BAND_BINS = 4
@@ -105,23 +103,12 @@ def noise_floor(power: Array) -> Array:
     return floor
 
 
-def analyse_residual(time_s: Array, before: Array, after: Array, noise_g: Array) -> Residual:
-    """Return the whiteness of a model's residual (n, 3) in sigma, and its spectrum with that of the model before."""
-    p = ljung_box_p(after)
-    spectrum = decimated_spectrum(time_s, before, after)
-    return Residual(p > MIN_WHITENESS_P, p, find_peaks(time_s, after, noise_g), spectrum)
-
-
-def decimated_spectrum(time_s: Array, before: Array, after: Array) -> Spectrum:
-    """Return the spectra of two residuals (n, 3), averaged over neighbouring frequencies for a plot."""
-    frequency_hz, power_before = periodogram(time_s, before)
-    _, power_after = periodogram(time_s, after)
-    edges = np.unique(np.geomspace(ZERO_PADDING, len(frequency_hz), PLOTTED_BINS).astype(int))
-
-    def mean(values: Array) -> Array:
-        return np.add.reduceat(values, edges[:-1], axis=0) / np.diff([*edges[:-1], len(values)])[:, None]
-
-    return Spectrum(mean(frequency_hz[:, None])[:, 0], mean(power_before), mean(power_after))
+def analyse_residual(log: Curves, rig: TwinRig) -> Residual:
+    """Return the whiteness of what the final model leaves in the log, and its lines, each with the swing's multiple it is at."""
+    residual, swing_hz = log.residuals_sigma[1], swing_frequency_hz(log, rig)
+    p, peaks = ljung_box_p(residual), find_peaks(log.time_s, residual, log.noise_g)
+    peaks = tuple(replace(peak, multiple_of_swing=multiple_of_swing(peak.hz, swing_hz, log)) for peak in peaks)
+    return Residual(p > MIN_WHITENESS_P, p, peaks)
 
 
 def noise_inflation_factor(time_s: Array, residual: Array) -> float:
@@ -207,21 +194,14 @@ def describe_remainder(log: Curves, rig: TwinRig) -> Remainder:
     return Remainder(
         share=_share(after, motion, noise_power),
         share_before=_share(before, motion, noise_power),
-        share_wide=_share(after[wide], motion[wide], noise_power),
-        share_small=_share(after[~wide], motion[~wide], noise_power),
+        share_wide_swing=_share(after[wide], motion[wide], noise_power),
+        share_small_swing=_share(after[~wide], motion[~wide], noise_power),
         direction=direction,
         hz=None if peak is None else peak.hz,
         amplitude_g=None if peak is None else peak.amplitude_g,
-        multiple=None if peak is None else multiple_of_swing(peak.hz, swing_hz, log),
+        multiple_of_swing=None if peak is None else multiple_of_swing(peak.hz, swing_hz, log),
         is_slow=peak is not None and peak.hz < swing_hz / 2,
     )
-
-
-def name_multiples(residual: Residual, log: Curves, rig: TwinRig) -> Residual:
-    """Return a residual whose lines say at which multiple of the swing's frequency they are."""
-    swing_hz = swing_frequency_hz(log, rig)
-    peaks = tuple(replace(peak, multiple=multiple_of_swing(peak.hz, swing_hz, log)) for peak in residual.peaks)
-    return replace(residual, peaks=peaks)
 
 
 def multiple_of_swing(hz: float, swing_hz: float, log: Curves) -> int | None:

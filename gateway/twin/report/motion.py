@@ -12,8 +12,8 @@ from gateway.documents.format import format_time_span, human_name, join_names
 from gateway.documents.plots import add_legend, add_panels, plot_curve, render_svg
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 from gateway.twin.reconcile.output.estimates import NamedEffect
-from gateway.twin.reconcile.output.result import Curves, Disagreement, Reconciliation
-from gateway.twin.report.gap_table import fitted_part_name, held_out_name
+from gateway.twin.reconcile.output.result import Comparison, Curves, Disagreement, Reconciliation
+from gateway.twin.report.gap import fitted_part_name, held_out_name
 from gateway.twin.report.text import AXES, NOMINAL, caution, final_model_name, is_same_model, single_model_name
 
 Array = NDArray[np.float64]
@@ -28,10 +28,10 @@ NARROW = 2.0
 MIN_SAMPLES = 40
 
 
-def most_informative_window(result: Reconciliation, curves: Curves) -> tuple[float, float]:
+def most_informative_window(result: Reconciliation, compared: Comparison, curves: Curves) -> tuple[float, float]:
     """Return from and to, in s of the recording."""
     acted = next((effect.when_s for effect in effects_acting_in(result, curves)), None)
-    length_s = _length_s(result, curves)
+    length_s = _length_s(result, compared, curves)
     if acted is not None:
         margin_s = length_s / 2
         return _within(curves, acted[0] - margin_s, acted[1] + margin_s)
@@ -57,8 +57,8 @@ def effects_acting_in(result: Reconciliation, curves: Curves) -> tuple[NamedEffe
     )
 
 
-def _length_s(result: Reconciliation, curves: Curves) -> float:
-    strongest = max(result.disagreement, key=lambda each: each.rms_sigma, default=None)
+def _length_s(result: Reconciliation, compared: Comparison, curves: Curves) -> float:
+    strongest = max(compared.disagreement, key=lambda each: each.rms_sigma, default=None)
     length_s = PERIODS * result.rig.small_swing_period_s
     if strongest is not None and _is_fast(strongest, result):
         length_s = CYCLES / strongest.band_hz[1]
@@ -73,9 +73,8 @@ def _is_fast(disagreement: Disagreement, result: Reconciliation) -> bool:
 
 def _middle_s(curves: Curves, length_s: float, *, gained: bool) -> float:
     """Return the middle of the window in which the residual shrank most, or is largest after."""
-    after = (curves.residual_after_g / curves.noise_g) ** 2
-    wanted = (curves.residual_before_g / curves.noise_g) ** 2 - after if gained else after
-    wanted = np.where(curves.used, wanted.sum(axis=1), 0.0)
+    before, after = (each**2 for each in curves.residuals_sigma)
+    wanted = (before - after if gained else after).sum(axis=1)
     samples = min(len(wanted), max(1, int(np.searchsorted(curves.time_s - curves.time_s[0], length_s))))
     sums = np.convolve(wanted, np.ones(samples), mode="valid")
     return float(curves.recording_time_s[int(np.argmax(sums)) + samples // 2])
@@ -110,42 +109,29 @@ class PlotWindow:
     """The window of the next figure."""
 
 
-def motion_content(result: Reconciliation) -> dict[str, object]:
-    """Return figures of the whole recording and its most informative window, and the same of held-out data, or why not."""
-    if result.log is None:
-        return {}
-    held_out: tuple[Figure, ...] = ()
-    if result.held_out is not None:
-        what = f"{held_out_name(result)} (only initial conditions and other parameters of the recording were fitted)"
-        held_out = _figures(result, result.held_out, "held-out", what)
+def motion_content(result: Reconciliation, compared: Comparison) -> dict[str, object]:
+    """Return figures of the whole recording and its most informative window, and the same of held-out data."""
+    what = f"{held_out_name(compared)} (only initial conditions and other parameters of the recording were fitted)"
+    inputs = result.inputs if compared.held_out_is_last_third else result.held_out_inputs
     return {
         "caution": caution(result),
-        "fitted": _figures(result, result.log, "log", _log_name(result)),
-        "held_out": held_out,
-        "no_held_out": _absence(result),
+        "fitted": _figures(result, compared, compared.log, "log", fitted_part_name(compared), result.inputs),
+        "held_out": _figures(result, compared, compared.held_out, "held-out", what, inputs),
     }
 
 
-def _log_name(result: Reconciliation) -> str:
-    return "recording" if result.held_out is None else fitted_part_name(result)
-
-
-def _absence(result: Reconciliation) -> str:
-    if result.held_out is not None:
-        return ""
-    if result.held_out_is_last_third:
-        return (
-            "No second recording was given: the last third of this one was held out; it is part of the figures above."
-        )
-    return "No held-out recording was given."
-
-
-def _figures(result: Reconciliation, curves: Curves, name: str, what: str) -> tuple[Figure, Figure]:
+def _figures(
+    result: Reconciliation,
+    compared: Comparison,
+    curves: Curves,
+    name: str,
+    what: str,
+    inputs: tuple[EstimatedInput, ...],
+) -> tuple[Figure, Figure]:
     first_s, last_s = curves.span_s
-    from_s, to_s = most_informative_window(result, curves)
+    from_s, to_s = most_informative_window(result, compared, curves)
     acting, names = effects_acting_in(result, curves), (final_model_name(result), single_model_name(result))
     marked = f" Purple: when {join_names([effect.name for effect in acting])} acted." if acting else ""
-    inputs = result.inputs if name == "log" or result.held_out_is_last_third else result.held_out_inputs
     if any(_overlaps(each, first_s, last_s) for each in inputs):
         marked += " Grey: the crane worked, as estimated from the recording; these samples were not fitted."
     span, zoom_span = format_time_span(first_s, last_s), format_time_span(from_s, to_s)

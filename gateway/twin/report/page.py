@@ -4,8 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from gateway.documents.environment import render
-from gateway.twin.reconcile.output.result import Reconciliation
-from gateway.twin.report.effect_size import component_texts, unit_text
+from gateway.twin.reconcile.output.result import Comparison, Reconciliation
 from gateway.twin.report.gap import gap_content
 from gateway.twin.report.motion import motion_content
 from gateway.twin.report.residual import disagreement_figures, residual_figures
@@ -19,14 +18,12 @@ from gateway.twin.report.text import (
     rig_facts,
 )
 from gateway.twin.report.verdict import (
-    angle_deg,
     assessment,
-    has_same_signature,
+    component_texts,
     is_transient,
-    pairs_by_interest,
     ranked_candidates,
     relative_deficit,
-    twins_of_named,
+    unit_text,
     verdict_content,
 )
 
@@ -44,7 +41,7 @@ class ReportSection:
     """What its template prints beside the result itself: figures, and functions of parts of the result."""
 
 
-def _ranking_content(result: Reconciliation) -> Content:
+def _ranking_content(result: Reconciliation, _compared: Comparison) -> Content:
     return {
         "is_transient_tested": any(is_transient(each.name) for each in result.scores),
         "candidates": ranked_candidates(result),
@@ -53,25 +50,16 @@ def _ranking_content(result: Reconciliation) -> Content:
     }
 
 
-def _confusable_content(result: Reconciliation) -> Content:
-    return {
-        "twins": twins_of_named(result),
-        "pairs": pairs_by_interest(result),
-        "angle_deg": angle_deg,
-        "has_same_signature": has_same_signature,
-    }
-
-
-def _parameters_content(_result: Reconciliation) -> Content:
+def _parameters_content(_result: Reconciliation, compared: Comparison) -> Content:
     return {
         "component_texts": component_texts,
         "unit_text": unit_text,
         "is_transient": is_transient,
-        "is_same_model": is_same_model,
+        "is_same_model": is_same_model(compared.log),
     }
 
 
-def _model_content(result: Reconciliation) -> Content:
+def _model_content(result: Reconciliation, _compared: Comparison) -> Content:
     return {"caution": caution(result), "after_name": final_model_name(result), "model_value": model_value}
 
 
@@ -80,12 +68,11 @@ def data_content(_result: Reconciliation) -> Content:
     return {"counted": COUNTED, "refitted": REFITTED}
 
 
-MODEL_SECTIONS: tuple[tuple[str, str, Callable[[Reconciliation], Content]], ...] = (
+MODEL_SECTIONS: tuple[tuple[str, str, Callable[[Reconciliation, Comparison], Content]], ...] = (
     ("gap", "The gap, step by step", gap_content),
     ("motion", "Measured and simulated", motion_content),
     ("disagreement", "Where simulation and measurement disagree", disagreement_figures),
     ("ranking", "Effects considered", _ranking_content),
-    ("confusable", "Effects that cannot be distinguished", _confusable_content),
     ("parameters", "Estimated parameters", _parameters_content),
     ("residual", "Residual of the final model", residual_figures),
     ("model", "Model equations, before and after", _model_content),
@@ -101,10 +88,11 @@ def render_report(
     `software` is name and version of what computed it; `computed` whatever else it takes to compute it again, in words and in
     this order: the recordings, the rig's file, the seed, the time it took.
     """
-    if result.gap is None and result.log is None:
+    compared = result.comparison
+    if compared is None:
         found = [ReportSection("lacking", "No model was fitted", {})]
     else:
-        found = [ReportSection(name, heading, content(result)) for name, heading, content in MODEL_SECTIONS]
+        found = [ReportSection(name, heading, content(result, compared)) for name, heading, content in MODEL_SECTIONS]
     facts = (("software", software), *(computed or {}).items())
     sections = [
         *found,

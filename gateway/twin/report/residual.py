@@ -7,30 +7,23 @@ from numpy.typing import NDArray
 from gateway.documents.figures import AFTER, BEFORE, INK, SHADE, Figure
 from gateway.documents.format import format_number
 from gateway.documents.plots import add_legend, add_panels, label_decades, plot_curve, render_svg
-from gateway.twin.reconcile.output.result import Curves, Disagreement, Peak, Reconciliation, Residual, Spectrum
-from gateway.twin.report.gap_table import held_out_name
+from gateway.numerics.spectrum import periodogram
+from gateway.twin.reconcile.output.result import Comparison, Curves, Disagreement, Reconciliation
+from gateway.twin.report.gap import held_out_name
 from gateway.twin.report.text import AXES, AXIS_NAMES, is_same_model, single_model_name
 
 Array = NDArray[np.float64]
 
 
-def disagreement_figures(result: Reconciliation) -> dict[str, object]:
-    """Return the residual over time with the localised disagreements, and that of held-out data; None without a simulation."""
-    if result.log is None:
-        return {"figure": None, "held_out": None}
+def disagreement_figures(result: Reconciliation, compared: Comparison) -> dict[str, object]:
+    """Return the residual over time with the localised disagreements, and that of held-out data."""
     name = single_model_name(result)
-    held_out = None
-    if result.held_out is not None:
-        svg = residual_svg("held-out-residual", result.held_out, (), name)
-        held_out = Figure(svg, f"The same for the {held_out_name(result)}.")
-    figure = Figure(residual_svg("log-residual", result.log, result.disagreement, name))
-    return {"figure": figure, "held_out": held_out, "axis_names": AXIS_NAMES}
-
-
-def residual_sigma(measured_minus_simulated_g: Array, curves: Curves) -> Array:
-    """Return the residual in units of the noise at the samples that count, shape (m, 3)."""
-    found: Array = (measured_minus_simulated_g / curves.noise_g)[curves.used]
-    return found
+    held_out = residual_svg("held-out-residual", compared.held_out, (), name)
+    return {
+        "figure": Figure(residual_svg("log-residual", compared.log, compared.disagreement, name)),
+        "held_out": Figure(held_out, f"The same for the {held_out_name(compared)}."),
+        "axis_names": AXIS_NAMES,
+    }
 
 
 def residual_svg(name: str, curves: Curves, places: tuple[Disagreement, ...], single_model: str) -> str:
@@ -42,11 +35,10 @@ def residual_svg(name: str, curves: Curves, places: tuple[Disagreement, ...], si
 def _draw(canvas: Canvas, curves: Curves, places: tuple[Disagreement, ...], single_model: str) -> None:
     column = add_panels(canvas, gap=0.32)[:, 0]
     time_s = curves.recording_time_s[curves.used]
-    models = [("before", residual_sigma(curves.residual_before_g, curves), BEFORE)]
+    before, after = (each[curves.used] for each in curves.residuals_sigma)
+    models = [("before", before, BEFORE), ("after", after, AFTER)]
     if is_same_model(curves):
-        models = [(single_model, models[0][1], AFTER)]
-    else:
-        models.append(("after", residual_sigma(curves.residual_after_g, curves), AFTER))
+        models = [(single_model, after, AFTER)]
     for row, axis in enumerate(AXES):
         axes = column[row]
         for i, each in enumerate(places, start=1):
@@ -68,25 +60,39 @@ def _draw(canvas: Canvas, curves: Curves, places: tuple[Disagreement, ...], sing
 BANDS = 240
 LOWEST = 1e-2
 """Power below this share of white noise is not drawn. Basis: a choice; 20 dB below the noise."""
+LOWEST_CYCLES = 0.99
+"""Cycles in the recording of the lowest frequency that is drawn. Definition: one, but for rounding."""
 
 
-def residual_figures(result: Reconciliation) -> dict[str, object]:
-    """Return the residual over time and its spectrum; None for what was not kept."""
-    spectrum = None if result.residual is None else _spectrum_figure(result.residual, result)
-    return {"residual": _residual_figure(result.log), "spectrum": spectrum, "axis_names": AXIS_NAMES}
-
-
-def _residual_figure(log: Curves | None) -> Figure | None:
-    if log is None:
-        return None
-    label = "Residual of the final model over time"
-    svg = render_svg("after-residual", label, 3.5, lambda canvas: _draw_residual(canvas, log))
-    return Figure(svg, "Residual of the final model on its own scale. Dotted: ±2 σ, which contains 95 % of the noise.")
+def residual_figures(result: Reconciliation, compared: Comparison) -> dict[str, object]:
+    """Return the residual of the final model over time, and its spectrum."""
+    return {
+        "residual": Figure(
+            render_svg(
+                "after-residual",
+                "Residual of the final model over time",
+                3.5,
+                lambda canvas: _draw_residual(canvas, compared.log),
+            ),
+            "Residual of the final model on its own scale. Dotted: ±2 σ, which contains 95 % of the noise.",
+        ),
+        "spectrum": Figure(
+            render_svg(
+                "spectrum",
+                "Power spectrum of the residual on three axes",
+                5.0,
+                lambda canvas: _draw_spectrum(canvas, result, compared),
+            ),
+            "Power spectrum of the residual over that of the noise, which lies around the line at 1. Dotted: the swing "
+            "frequency and its double. Averaged over narrow bands; triangles mark spectral peaks.",
+        ),
+        "axis_names": AXIS_NAMES,
+    }
 
 
 def _draw_residual(canvas: Canvas, log: Curves) -> None:
     column = add_panels(canvas, share="all", top_margin_in=0.1)[:, 0]
-    time_s, residual = log.recording_time_s[log.used], residual_sigma(log.residual_after_g, log)
+    time_s, residual = log.recording_time_s[log.used], log.residuals_sigma[1][log.used]
     for row, axis in enumerate(AXES):
         plot_curve(column[row], time_s, residual[:, row], AFTER, width=0.5)
         column[row].set_ylabel(f"{axis} (σ)")
@@ -96,45 +102,21 @@ def _draw_residual(canvas: Canvas, log: Curves) -> None:
     column[2].set_xlim(float(time_s[0]), float(time_s[-1]))
 
 
-def _spectrum_figure(residual: Residual, result: Reconciliation) -> Figure | None:
-    if residual.spectrum is None:
-        return None
-    single_model = single_model_name(result) if result.log is not None and is_same_model(result.log) else None
-    swing_hz = 1 / result.rig.small_swing_period_s
-    spectrum = _resolved(residual.spectrum, result.log)
-    svg = render_svg(
-        "spectrum",
-        "Power spectrum of the residual on three axes",
-        5.0,
-        lambda canvas: _draw_spectrum(canvas, spectrum, residual.peaks, swing_hz, single_model),
-    )
-    return Figure(
-        svg,
-        "Power spectrum of the residual over that of the noise, which lies around the line at 1. Dotted: the swing frequency "
-        "and its double. Averaged over narrow bands; triangles mark spectral peaks.",
-    )
-
-
-def _resolved(spectrum: Spectrum, log: Curves | None) -> Spectrum:
-    """Return the spectrum without frequencies that the recording is too short to resolve."""
-    lowest_hz = 0.0 if log is None else 1 / float(log.time_s[-1] - log.time_s[0])
-    shown = spectrum.frequency_hz > 0.99 * lowest_hz
-    return Spectrum(spectrum.frequency_hz[shown], spectrum.before[shown], spectrum.after[shown])
-
-
-def _draw_spectrum(
-    canvas: Canvas, spectrum: Spectrum, peaks: tuple[Peak, ...], swing_hz: float, single_model: str | None
-) -> None:
+def _draw_spectrum(canvas: Canvas, result: Reconciliation, compared: Comparison) -> None:
     column = add_panels(canvas, share="all", gap=0.2)[:, 0]
-    models = [("before", spectrum.before, BEFORE), ("after", spectrum.after, AFTER)]
-    if single_model is not None:
-        models = [(single_model, spectrum.after, AFTER)]
+    log, swing_hz = compared.log, 1 / result.rig.small_swing_period_s
+    before, after = (periodogram(log.time_s, each) for each in log.residuals_sigma)
+    models = [("before", before, BEFORE), ("after", after, AFTER)]
+    if is_same_model(log):
+        models = [(single_model_name(result), after, AFTER)]
     for row, axis in enumerate(AXES):
         axes = column[row]
-        for label, power, color in models:
-            frequency_hz, mean = decimate_spectrum(spectrum.frequency_hz, power[:, row])
-            axes.plot(frequency_hz, np.maximum(mean, LOWEST), color=color, label=label if row == 0 else None)
-        for peak in peaks:
+        for label, (frequency_hz, power), color in models:
+            # Lower ones are longer than the recording.
+            resolved = frequency_hz * (log.time_s[-1] - log.time_s[0]) > LOWEST_CYCLES
+            bands_hz, mean = decimate_spectrum(frequency_hz[resolved], power[resolved, row])
+            axes.plot(bands_hz, np.maximum(mean, LOWEST), color=color, label=label if row == 0 else None)
+        for peak in compared.residual.peaks:
             if peak.axis == axis:
                 above = axes.get_xaxis_transform()
                 axes.plot(peak.hz, 1.05, "v", color=INK, markersize=5, transform=above, clip_on=False)
@@ -151,9 +133,7 @@ def _draw_spectrum(
 
 
 def decimate_spectrum(frequency_hz: Array, power: Array) -> tuple[Array, Array]:
-    """Return means over bands of equal width on a logarithmic scale; (m,) in, fewer out, without frequency zero."""
-    above = frequency_hz > 0
-    frequency_hz, power = frequency_hz[above], power[above]
+    """Return means over bands of equal width on a logarithmic scale, of frequencies above zero; (m,) in, fewer out."""
     edges = np.geomspace(frequency_hz[0], frequency_hz[-1] * (1 + 1e-9), BANDS + 1)
     band = np.clip(np.searchsorted(edges, frequency_hz, side="right") - 1, 0, BANDS - 1)
     count = np.bincount(band, minlength=BANDS)

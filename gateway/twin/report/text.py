@@ -83,7 +83,7 @@ def final_model_name(result: Reconciliation) -> str:
 
 def caution(result: Reconciliation) -> str:
     """Return what must not be read into the model after; empty where there is nothing to warn of."""
-    if result.log is None or is_same_model(result.log):
+    if result.comparison is None or is_same_model(result.comparison.log):
         return ""
     return EQUATION_CAUTION if result.law is not None else CAUTION.get(result.verdict, "")
 

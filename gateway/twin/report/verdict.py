@@ -1,19 +1,28 @@
 """The verdict: what was found, how large it is, and what it means for the operator of the crane.
 
-Below it stand the effects considered, in the order of the evidence, and pairs of them that these data cannot distinguish.
+Below it stand the effects considered, in the order of the evidence.
 """
 
 import math
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.documents.format import as_sentence, format_number, format_time_span, human_name, join_names
+from gateway.documents.format import (
+    as_sentence,
+    format_number,
+    format_time_span,
+    format_with_interval,
+    human_name,
+    join_names,
+)
 from gateway.twin.effects import EFFECTS
-from gateway.twin.reconcile.output.estimates import Law, NamedEffect
-from gateway.twin.reconcile.output.result import Candidate, Confusable, Equivalent, Reconciliation
-from gateway.twin.report.effect_size import Size, effect_sizes, unit_text
-from gateway.twin.report.gap_table import part_rows
+from gateway.twin.effects.parameter import Value
+from gateway.twin.reconcile.output.estimates import Estimate, Law, NamedEffect
+from gateway.twin.reconcile.output.result import Candidate, Comparison, Equivalent, Reconciliation
+from gateway.twin.report.gap import part_rows
 from gateway.twin.report.text import format_noise_ratio
 
 LABELS = {
@@ -33,7 +42,64 @@ NEXT_TIME = "Once it is confirmed, add it to the rig’s description: the next c
 WHERE_TO_LOOK = "Check what else acted on the load, the rope or the sensor."
 INDISTINGUISHABLE = ", and this recording cannot distinguish them"
 NO_SPLIT = "No experiment that would distinguish them was found."
+UNIT_SUFFIX = re.compile(r"(^|_)(m_s2|m_s|rad_s|deg_s|per_s|per_m|mg_per_c|hz|deg|rad|g|m|s)$")
 NOT_ONE_ALONE = "Until then, do not act on one of them alone."
+
+
+@dataclass(frozen=True, slots=True)
+class Size:
+    """A number that says how large an effect is, as it is printed."""
+
+    label: str
+    value: str
+    interval: str
+    """95 %."""
+    unit: str
+    """Empty for a pure number."""
+
+
+def effect_sizes(effect: NamedEffect) -> tuple[Size, ...]:
+    """Return the estimated parameters that say how large an effect is, not when it acted or with which phase."""
+    known = EFFECTS.get(effect.name)
+    refitted = {parameter.name for parameter in known.parameters if parameter.refitted} if known else set()
+    return tuple(
+        size
+        for name, estimate in effect.parameters.items()
+        if name not in refitted and not (estimate.unit == "s" and effect.when_s is not None)
+        for size in _sizes(effect.name, name, estimate)
+    )
+
+
+def _components(effect: str, parameter: str, value: Value) -> tuple[str, ...]:
+    """Return the names of a parameter's components; one empty name where it has none."""
+    if not isinstance(value, tuple):
+        return ("",)
+    known = (
+        next((p.components for p in EFFECTS[effect].parameters if p.name == parameter), ()) if effect in EFFECTS else ()
+    )
+    return known if len(known) == len(value) else tuple(str(i) for i in range(1, len(value) + 1))
+
+
+def unit_text(estimate: Estimate) -> str:
+    """Return a unit; empty for a pure number."""
+    return "" if estimate.unit == "1" else estimate.unit
+
+
+def component_texts(effect: str, name: str, estimate: Estimate) -> Iterator[tuple[str, str, str]]:
+    """Yield the name, value and 95 % interval of each component of a parameter."""
+    numbers = zip(_each(estimate.value), _each(estimate.ci95[0]), _each(estimate.ci95[1]), strict=True)
+    for component, each in zip(_components(effect, name, estimate.value), numbers, strict=True):
+        yield component, *format_with_interval(*each)
+
+
+def _sizes(effect: str, name: str, estimate: Estimate) -> Iterator[Size]:
+    short_name = human_name(UNIT_SUFFIX.sub("", name))
+    for component, value, interval in component_texts(effect, name, estimate):
+        yield Size(" ".join(filter(None, (short_name, component))), value, interval, unit_text(estimate))
+
+
+def _each(value: Value) -> tuple[float, ...]:
+    return value if isinstance(value, tuple) else (value,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +124,7 @@ def verdict_content(result: Reconciliation) -> dict[str, object]:
         "sentence": _sentence(result),
         "findings": _findings(result),
         "paragraphs": _paragraphs(result),
-        "parts": part_rows(result),
+        "parts": () if result.comparison is None else part_rows(result.comparison, result.rig),
     }
 
 
@@ -68,15 +134,11 @@ def confirmed_effects(result: Reconciliation) -> tuple[NamedEffect, ...]:
     return tuple(effect for effect in result.effects if effect.name not in group)
 
 
-def unexplained(result: Reconciliation) -> str:
+def unexplained(compared: Comparison) -> str:
     """Return what the final model does not explain, in a sentence."""
-    if result.gap is None:
-        size = "The size of the residual is not known"
-    else:
-        size = f"The residual of the best model is {format_noise_ratio(result.gap.after_log)}"
-        if result.gap.after_held_out is not None:
-            size += f", on held-out data {format_noise_ratio(result.gap.after_held_out)}"
-    return f"{size}." if result.remainder is None else f"{size}: {result.remainder.sentence}."
+    gap = compared.gap
+    size = f"{format_noise_ratio(gap.after_log)}, on held-out data {format_noise_ratio(gap.after_held_out)}"
+    return f"The residual of the best model is {size}: {compared.remainder.sentence}."
 
 
 def _sentence(result: Reconciliation) -> str:
@@ -190,6 +252,7 @@ def _equivalent(each: Equivalent) -> str:
 
 
 def _advice(result: Reconciliation) -> str:
+    left = "" if result.comparison is None else unexplained(result.comparison)
     match result.verdict:
         case "data_unusable":
             return UNUSABLE
@@ -199,16 +262,12 @@ def _advice(result: Reconciliation) -> str:
             return f"Check the crane and the sensor for this. {NEXT_TIME}"
         case "one_of":
             split = f"To distinguish them: {as_sentence(result.split_by)}" if result.split_by else NO_SPLIT
-            rest = f" {unexplained(result)} {WHERE_TO_LOOK}" if result.leaves_remainder else ""
+            rest = f" {left} {WHERE_TO_LOOK}" if result.leaves_remainder else ""
             return f"{split} {NOT_ONE_ALONE}{rest}"
         case "named_with_remainder":
-            return f"The named part is supported by the data. {unexplained(result)} {WHERE_TO_LOOK}"
+            return f"The named part is supported by the data. {left} {WHERE_TO_LOOK}"
         case "unmodelled":
-            return f"{unexplained(result)} {WHERE_TO_LOOK}"
-
-
-SAME_SIGNATURE = 0.9995
-"""Offset, mount, cross-axis and wind lie above it on an ordinary recording."""
+            return f"{left} {WHERE_TO_LOOK}"
 
 
 def ranked_candidates(result: Reconciliation) -> list[Candidate]:
@@ -240,26 +299,3 @@ def assessment(candidate: Candidate, best: Candidate) -> str:
     if candidate.rival:
         return "rival"
     return "trifle" if set(candidate.names) > set(best.names) else "worse"
-
-
-def pairs_by_interest(result: Reconciliation) -> list[Confusable]:
-    """Return all pairs that look alike in these data, those with an effect of the answer first."""
-    answer = {effect.name for effect in result.effects} | set(result.candidates)
-    return sorted(result.confusable, key=lambda each: (not {each.first, each.second} & answer, -each.cosine))
-
-
-def has_same_signature(pair: Confusable) -> bool:
-    """Return whether two effects are practically the same here."""
-    return pair.cosine >= SAME_SIGNATURE
-
-
-def twins_of_named(result: Reconciliation) -> list[tuple[str, str]]:
-    """Return named effects whose small signature equals that of another: only the fits separate them."""
-    named = {effect.name for effect in result.effects}
-    twins = [p for p in result.confusable if has_same_signature(p) and len({p.first, p.second} & named) == 1]
-    return [(p.first, p.second) if p.first in named else (p.second, p.first) for p in twins]
-
-
-def angle_deg(pair: Confusable) -> float:
-    """Return the angle between two signatures."""
-    return math.degrees(math.acos(min(1.0, max(-1.0, pair.cosine))))

@@ -117,15 +117,15 @@ class Remainder:
     """Rms of the residual over that of the readings about their mean, both without the noise."""
     share_before: float
     """The same by the nominal model."""
-    share_wide: float
-    share_small: float
+    share_wide_swing: float
+    share_small_swing: float
     """The same in the half of the log where the swing is wider, and in the other."""
     direction: Direction
     """That of most of the residual's power."""
     hz: float | None
     """Frequency of the strongest line in that direction; None where none stands out."""
     amplitude_g: float | None
-    multiple: int | None
+    multiple_of_swing: int | None
     """Of the swing's frequency, 1 to 4; None where the line is at none."""
     is_slow: bool = False
     """The line is at less than half the swing's frequency."""
@@ -135,9 +135,9 @@ class Remainder:
         """The direction, and the frequency where a line stands out."""
         if self.hz is None:
             return f"{self.direction}, at no single frequency"
-        if self.multiple is None:
+        if self.multiple_of_swing is None:
             return f"{self.direction} at {self.hz:.3g} Hz"
-        return f"{self.direction} at {MULTIPLES[self.multiple - 1]}its frequency"
+        return f"{self.direction} at {MULTIPLES[self.multiple_of_swing - 1]}its frequency"
 
     @property
     def typical_cause(self) -> str:
@@ -146,7 +146,7 @@ class Remainder:
             return ""
         if self.is_slow:
             return SLOW_CAUSE
-        return OTHER_CAUSE if self.multiple is None else CAUSES[self.direction, min(self.multiple, 2)]
+        return OTHER_CAUSE if self.multiple_of_swing is None else CAUSES[self.direction, min(self.multiple_of_swing, 2)]
 
     @property
     def sentence(self) -> str:
@@ -157,11 +157,10 @@ class Remainder:
         text += f", mostly {self.where}"
         if self.amplitude_g is not None:
             text += f", {self.amplitude_g * 1e3:.3g} mg"
-        lesser, greater = sorted((self.share_wide, self.share_small))
+        lesser, greater = sorted((self.share_wide_swing, self.share_small_swing))
         if greater > UNEQUAL * lesser > 0:
-            text += (
-                f"; {percent(self.share_wide)} where the swing is wide, {percent(self.share_small)} where it is small"
-            )
+            wide, small = percent(self.share_wide_swing), percent(self.share_small_swing)
+            text += f"; {wide} where the swing is wide, {small} where it is small"
         return f"{text}; typical of {self.typical_cause}" if self.typical_cause else text
 
 

@@ -74,25 +74,19 @@ class SearchOutcome:
         return Curves(time_s, measured_g, before_g, after_g, observations.used, noise_g, observations.offset_s)
 
 
-def residuals_sigma(curves: Curves) -> tuple[Array, Array]:
-    """Return what the nominal and the final model leave, in sigma, shape (n, 3) each."""
-    weight = curves.used[:, None] / curves.noise_g
-    return curves.residual_before_g * weight, curves.residual_after_g * weight
-
-
 def measure_gap(log: Curves, held_out: Curves, recordings: Recordings, random: np.random.Generator) -> Gap:
     """Return reduced chi-square on the log, on the whole held-out recording and on its test part, before and after."""
     in_test = test_part(recordings.held_out_as_stamped, recordings.block_s).used
     log_before, log_after = _reduced_chi2(log, log.used)
     held_before, held_after = _reduced_chi2(held_out, held_out.used)
     test_before, test_after = _reduced_chi2(held_out, in_test)
-    before, after = (each[in_test] for each in residuals_sigma(held_out))
+    before, after = (each[in_test] for each in held_out.residuals_sigma)
     interval = block_bootstrap_gain(before, after, float(np.median(np.diff(held_out.time_s))), random)
     return Gap(log_before, held_before, test_before, log_after, held_after, test_after, interval)
 
 
 def _reduced_chi2(curves: Curves, used: NDArray[np.bool_]) -> tuple[float, float]:
-    before, after = (float(np.mean(each[used] ** 2)) for each in residuals_sigma(curves))
+    before, after = (float(np.mean(each[used] ** 2)) for each in curves.residuals_sigma)
     return before, after
 
 

@@ -53,6 +53,12 @@ class Curves:
         return float(self.time_s[0]) + self.offset_s, float(self.time_s[-1]) + self.offset_s
 
     @property
+    def residuals_sigma(self) -> tuple[Array, Array]:
+        """What the model as believed and the final one leave, in sigma, 0 where a sample does not count, shape (n, 3) each."""
+        weight = self.used[:, None] / self.noise_g
+        return self.residual_before_g * weight, self.residual_after_g * weight
+
+    @property
     def residual_before_g(self) -> Array:
         """Measured - simulated by the model as believed, shape (n, 3)."""
         return self.measured_g - self.before_g
@@ -127,16 +133,6 @@ class ScoreTestResult:
 
 
 @dataclass(frozen=True, slots=True)
-class Confusable:
-    """Two effects whose signatures the data cannot, or can hardly, tell apart."""
-
-    first: str
-    second: str
-    cosine: float
-    """Of the smallest angle between them after projecting the initial motion out; 1 is the same signature."""
-
-
-@dataclass(frozen=True, slots=True)
 class Step:
     """One step of the search."""
 
@@ -145,7 +141,7 @@ class Step:
     names: tuple[str, ...]
     """The model after it."""
     gap_log: float
-    gap_held_out: float | None
+    gap_held_out: float
     bic: float
 
 
@@ -154,25 +150,23 @@ class Gap:
     """Reduced chi-square of the residual, by the nominal model (before) and by the final one (after)."""
 
     before_log: float
-    before_held_out: float | None
+    before_held_out: float
     """Of the whole held-out recording, selection and test part."""
-    before_test: float | None
+    before_test: float
     """Of the test part, on which no choice rested: the gap to quote."""
     after_log: float
-    after_held_out: float | None
-    after_test: float | None
-    test_interval: tuple[float, float] | None
+    after_held_out: float
+    after_test: float
+    test_interval: tuple[float, float]
     """95 % block-bootstrap interval of the decrease of the reduced chi-square on the test part."""
 
     @staticmethod
-    def closed_percent(before: float | None, after: float | None) -> float | None:
+    def closed_percent(before: float, after: float) -> float | None:
         """100 (before - after)/(before - 1), at most 100: a stated noise that is too large leaves less than 1.
 
         None where nothing was open.
         """
-        if before is None or after is None or before <= 1.0:
-            return None
-        return min(100.0, 100 * (before - after) / (before - 1))
+        return None if before <= 1.0 else min(100.0, 100 * (before - after) / (before - 1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,7 +177,7 @@ class DataPart:
     recording: Literal["log", "held_out"]
     blocks_s: tuple[tuple[float, float], ...]
     """From and to, since the first sample of the recording as given."""
-    n_samples: int
+    samples: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,20 +187,8 @@ class Peak:
     hz: float
     axis: str
     amplitude_g: float
-    multiple: int | None = None
+    multiple_of_swing: int | None = None
     """Of the swing's frequency, 1 to 4; None where the line is at none."""
-
-
-@dataclass(frozen=True, slots=True)
-class Spectrum:
-    """Of the residual in sigma; white noise of the believed size is 1 everywhere."""
-
-    frequency_hz: Array
-    """Shape (m,)."""
-    before: Array
-    """Shape (m, 3)."""
-    after: Array
-    """Shape (m, 3)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,7 +198,23 @@ class Residual:
     white: bool
     ljung_box_p: float
     peaks: tuple[Peak, ...]
-    spectrum: Spectrum | None
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """How the nominal and the final model follow the data."""
+
+    log: Curves
+    held_out: Curves
+    """Of a second recording, or of the end of LOG."""
+    held_out_is_last_third: bool
+    parts: tuple[DataPart, ...]
+    """Which part of the data the models were fitted to, selected by and tested on."""
+    disagreement: tuple[Disagreement, ...]
+    gap: Gap
+    residual: Residual
+    remainder: Remainder
+    """What the final model leaves of the motion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,8 +231,8 @@ class Reconciliation:
     """Samples read, used, lone spikes, lost, repeated, invalid; of a long recording, `AVERAGED` of them to one mean."""
     model: EffectValues
     """`[model.*]` of the final model, those that the rig had before included."""
-    parts: tuple[DataPart, ...] = ()
-    """Which part of the data the models were fitted to, selected by and tested on."""
+    comparison: Comparison | None = None
+    """None where no model was fitted."""
     effects: tuple[NamedEffect, ...] = ()
     candidates: tuple[str, ...] = ()
     """Names that explain the data equally well, where the verdict is one_of."""
@@ -245,19 +243,11 @@ class Reconciliation:
     equivalents: tuple[Equivalent, ...] = ()
     """Effects that coincide with named ones or with candidates."""
     split_by: str | None = None
-    disagreement: tuple[Disagreement, ...] = ()
-    gap: Gap | None = None
-    residual: Residual | None = None
     steps: tuple[Step, ...] = ()
     scores: tuple[ScoreTestResult, ...] = ()
     ranking: tuple[Candidate, ...] = ()
-    confusable: tuple[Confusable, ...] = ()
     equations_before: tuple[str, ...] = ()
     equations_after: tuple[str, ...] = ()
-    log: Curves | None = None
-    held_out: Curves | None = None
-    """None where LOG's own last third was held out and no second recording was given."""
-    held_out_is_last_third: bool = False
     refitted_on_held_out: tuple[str, ...] = ()
     inputs: tuple[EstimatedInput, ...] = ()
     """What the crane did in the log, where that is taken as known."""
@@ -267,8 +257,6 @@ class Reconciliation:
     """Something is left that neither an effect of the answer nor one of a group explains."""
     ended_early: bool = False
     """The search was ended before it had tried all that it would have: other effects may explain the data as well."""
-    remainder: Remainder | None = None
-    """What the final model leaves of the motion; None where no model was fitted."""
     law: Law | None = None
     """What describes the remainder where no effect explains it; part of the final model."""
 

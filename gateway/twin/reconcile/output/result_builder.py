@@ -18,9 +18,10 @@ from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_MARGIN
 from gateway.twin.reconcile.equation.selection import FoundLaw
 from gateway.twin.reconcile.fit.companions import intervals
 from gateway.twin.reconcile.output.estimates import Estimate, Law, LawTerm, NamedEffect, Resemblance
-from gateway.twin.reconcile.output.outcome import SearchOutcome, list_data_parts, measure_gap, residuals_sigma
+from gateway.twin.reconcile.output.outcome import SearchOutcome, list_data_parts, measure_gap
 from gateway.twin.reconcile.output.result import (
     Candidate,
+    Comparison,
     Equivalent,
     Gap,
     Reconciliation,
@@ -28,11 +29,11 @@ from gateway.twin.reconcile.output.result import (
     Step,
     Verdict,
 )
-from gateway.twin.reconcile.residual import analyse_residual, describe_remainder, localise_residual, name_multiples
+from gateway.twin.reconcile.residual import analyse_residual, describe_remainder, localise_residual
 from gateway.twin.reconcile.search.ambiguity import any_length_changes, coincident_effects
 from gateway.twin.reconcile.search.candidates import MIN_SCORE_STATISTIC
 from gateway.twin.reconcile.search.search import SearchRun
-from gateway.twin.reconcile.search.signatures import confusable, orthonormal, scorable_effects
+from gateway.twin.reconcile.search.signatures import orthonormal, scorable_effects
 
 Array = NDArray[np.float64]
 MAX_RANKED = 12
@@ -49,14 +50,23 @@ def build_result(found: SearchOutcome, counts: Mapping[str, int], random: np.ran
     """Put everything into one record."""
     decision, recordings, run = found.decision, found.run.recordings, found.run
     log_curves, held_curves = found.log_curves(), found.held_out_curves()
-    sigma, reaches = residuals_sigma(log_curves), _reaches(found)
+    reaches = _reaches(found)
     groups = (decision.candidates, *decision.also_one_of)
     splitting = dict.fromkeys(EFFECTS[name].discriminating_experiment for group in groups for name in group)
     return Reconciliation(
         verdict=decision.verdict,
         reason=decision.text,
         reason_code=decision.reason.name.lower(),
-        parts=list_data_parts(recordings),
+        comparison=Comparison(
+            log=log_curves,
+            held_out=held_curves,
+            held_out_is_last_third=recordings.last_third,
+            parts=list_data_parts(recordings),
+            disagreement=localise_residual(log_curves.time_s, log_curves.residuals_sigma[0]),
+            gap=measure_gap(log_curves, held_curves, recordings, random),
+            residual=analyse_residual(log_curves, found.rig),
+            remainder=describe_remainder(log_curves, found.rig),
+        ),
         rig=found.rig,
         effects=tuple(
             _sample_loss(found) if name == SampleLoss.name else _named_effect(name, found, reaches)
@@ -67,22 +77,12 @@ def build_result(found: SearchOutcome, counts: Mapping[str, int], random: np.ran
         also_one_of=decision.also_one_of,
         leaves_remainder=decision.leaves_remainder,
         split_by="; ".join(splitting) or None,
-        disagreement=localise_residual(recordings.log.time_s, sigma[0]),
-        gap=measure_gap(log_curves, held_curves, recordings, random),
-        residual=name_multiples(
-            analyse_residual(recordings.log.time_s, *sigma, log_curves.noise_g), log_curves, found.rig
-        ),
-        remainder=describe_remainder(log_curves, found.rig),
         law=None if found.law is None else _law(found.law, found, reaches),
         steps=_steps(run),
         scores=_scores(run),
         ranking=_ranking(found),
-        confusable=confusable(run.context.signatures(run.base).of),
         equations_before=(*BASE_EQUATIONS, *_equations(run.known.model.effects)),
         equations_after=(*BASE_EQUATIONS, *_equations(found.model)),
-        log=log_curves,
-        held_out=held_curves,
-        held_out_is_last_third=recordings.last_third,
         refitted_on_held_out=decision.model.validation.refitted_parameters,
         counts=counts,
         model=found.model,

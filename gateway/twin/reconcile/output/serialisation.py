@@ -1,6 +1,7 @@
 """The answer as files: the JSON of `reconcile --json`, predictions as recordings, the found model as a rig."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -9,19 +10,19 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from gateway.measurement.source import HeldRows
-from gateway.twin.effects.parameter import Value
 from gateway.twin.model import as_tables
-from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
-from gateway.twin.reconcile.output.estimates import Estimate, Law, NamedEffect, Remainder
-from gateway.twin.reconcile.output.result import Curves, Gap, Reconciliation
+from gateway.twin.reconcile.output.result import Comparison, Curves, Gap, Reconciliation
 
 SCHEMA_VERSION = 2
 """Raised when a field changes its meaning; fields are added without."""
 Array = NDArray[np.float64]
+ONLY_FOR_READERS = frozenset({"explains", "equation"})
+"""Fields of the result that are words of its own kind, and no part of the JSON."""
 
 
 def to_json(result: Reconciliation, runtime_s: float) -> dict[str, Any]:
     """Names as published; what could not be computed is null."""
+    compared = result.comparison
     return {
         "schema_version": SCHEMA_VERSION,
         "verdict": result.verdict,
@@ -29,162 +30,50 @@ def to_json(result: Reconciliation, runtime_s: float) -> dict[str, Any]:
         "reason_code": result.reason_code,
         "remainder": result.leaves_remainder,
         "ended_early": result.ended_early,
-        "parts": [
-            {
-                "role": part.role,
-                "recording": part.recording,
-                "blocks_s": [list(block) for block in part.blocks_s],
-                "samples": part.n_samples,
-            }
-            for part in result.parts
-        ],
-        "effects": [_effect(effect) for effect in result.effects],
-        "best_attempt": {
-            name: {parameter: np.asarray(value).tolist() for parameter, value in values.items()}
-            for name, values in result.best_attempt.items()
-        },
-        "candidates": list(result.candidates),
-        "candidate_sets": [list(each) for each in result.candidate_sets],
-        "also_one_of": [list(group) for group in result.also_one_of],
+        "parts": [] if compared is None else _plain(compared.parts),
+        "effects": _plain(result.effects),
+        "best_attempt": _plain(result.best_attempt),
+        "candidates": _plain(result.candidates),
+        "candidate_sets": _plain(result.candidate_sets),
+        "also_one_of": _plain(result.also_one_of),
         "split_by": result.split_by,
-        "equivalents": [
-            {"name": e.name, "of": e.of, "parameters": dict(e.parameters), "split_by": e.split_by}
-            for e in result.equivalents
-        ],
-        "equation": None if result.law is None else _equation(result.law),
-        "disagreement": [
-            {"axis": d.axis, "from_s": d.from_s, "to_s": d.to_s, "band_hz": list(d.band_hz), "rms_sigma": d.rms_sigma}
-            for d in result.disagreement
-        ],
-        "gap": _gap(result.gap),
-        "residual": _residual(result),
-        "left_of_motion": None if result.remainder is None else _remainder(result.remainder),
-        "steps": [
-            {
-                "added": list(step.added),
-                "dropped": list(step.dropped),
-                "gap_log": step.gap_log,
-                "gap_held_out": step.gap_held_out,
-                "bic": step.bic,
-            }
-            for step in result.steps
-        ],
-        "refitted_on_held_out": list(result.refitted_on_held_out),
-        "ranking": [
-            {
-                "names": list(c.names),
-                "chi2_log": c.chi2_log,
-                "chi2_held_out": c.chi2_held_out,
-                "behind": c.behind,
-                "rival": c.rival,
-            }
-            for c in result.ranking
-        ],
+        "equivalents": _plain(result.equivalents),
+        "equation": None if result.law is None else {"text": result.law.text, **_plain(result.law)},
+        "disagreement": [] if compared is None else _plain(compared.disagreement),
+        "gap": _gap(compared),
+        "residual": None if compared is None else _plain(compared.residual),
+        "left_of_motion": None if compared is None else _plain(compared.remainder),
+        "steps": _plain(result.steps),
+        "refitted_on_held_out": _plain(result.refitted_on_held_out),
+        "ranking": _plain(result.ranking),
         "inputs": [
-            *(_input(each, "log") for each in result.inputs),
-            *(_input(each, "held_out") for each in result.held_out_inputs),
+            {**_plain(each), "recording": recording, "unit": each.unit}
+            for recording, inputs in (("log", result.inputs), ("held_out", result.held_out_inputs))
+            for each in inputs
         ],
         "samples": dict(result.counts),
         "runtime_s": runtime_s,
     }
 
 
-def _effect(effect: NamedEffect) -> dict[str, Any]:
-    return {
-        "name": effect.name,
-        "parameters": {
-            name: _estimate(estimate)
-            | {"plausible": estimate.plausible, "limit": estimate.limit, "stated": _plain(estimate.stated)}
-            for name, estimate in effect.parameters.items()
-        },
-        "when_s": None if effect.when_s is None else list(effect.when_s),
-    }
+def _plain(value: Any) -> Any:
+    """Return a value in the types of JSON; a dataclass becomes an object with the names of its fields."""
+    if is_dataclass(value):
+        return {
+            each.name: _plain(getattr(value, each.name)) for each in fields(value) if each.name not in ONLY_FOR_READERS
+        }
+    if isinstance(value, Mapping):
+        return {key: _plain(each) for key, each in value.items()}
+    return [_plain(each) for each in value] if isinstance(value, tuple | list) else value
 
 
-def _equation(law: Law) -> dict[str, Any]:
-    return {
-        "text": law.text,
-        "terms": [
-            {
-                "name": term.name,
-                "text": term.text,
-                "meaning": term.meaning,
-                "parameters": {name: _estimate(estimate) for name, estimate in term.parameters.items()},
-                "alternatives": list(term.alternatives),
-                "closest_effects": [
-                    {"name": each.name, "cosine": each.cosine, "reversed": each.reversed}
-                    for each in term.closest_effects
-                ],
-            }
-            for term in law.terms
-        ],
-        "beside": list(law.beside),
-        "closed_test_percent": law.closed_test_percent,
-    }
-
-
-def _input(found: EstimatedInput, recording: str) -> dict[str, Any]:
-    return {
-        "kind": found.kind,
-        "recording": recording,
-        "from_s": found.from_s,
-        "to_s": found.to_s,
-        "peak": found.peak,
-        "unit": found.unit,
-    }
-
-
-def _estimate(estimate: Estimate) -> dict[str, Any]:
-    return {"value": _plain(estimate.value), "ci95": [_plain(bound) for bound in estimate.ci95], "unit": estimate.unit}
-
-
-def _plain(value: Value | None) -> Any:
-    return list(value) if isinstance(value, tuple) else value
-
-
-def _gap(gap: Gap | None) -> dict[str, Any]:
-    if gap is None:
-        nothing = {"log": None, "held_out": None, "test": None}
-        return {"before": nothing, "after": nothing, "closed_percent": nothing}
-    before = {"log": gap.before_log, "held_out": gap.before_held_out, "test": gap.before_test}
-    after = {"log": gap.after_log, "held_out": gap.after_held_out, "test": gap.after_test}
-    return {
-        "before": before,
-        "after": after,
-        "closed_percent": {key: Gap.closed_percent(before[key], after[key]) for key in before},
-    }
-
-
-def _residual(result: Reconciliation) -> dict[str, Any] | None:
-    if result.residual is None:
-        return None
-    return {
-        "white": result.residual.white,
-        "ljung_box_p": result.residual.ljung_box_p,
-        "peaks": [
-            {
-                "hz": p.hz,
-                "axis": p.axis,
-                "amplitude_g": p.amplitude_g,
-                "multiple_of_swing": p.multiple,
-            }
-            for p in result.residual.peaks
-        ],
-    }
-
-
-def _remainder(remainder: Remainder) -> dict[str, Any]:
-    """As shares of the rms of the motion, 0 to 1."""
-    return {
-        "share": remainder.share,
-        "share_before": remainder.share_before,
-        "share_wide_swing": remainder.share_wide,
-        "share_small_swing": remainder.share_small,
-        "direction": remainder.direction,
-        "hz": remainder.hz,
-        "amplitude_g": remainder.amplitude_g,
-        "multiple_of_swing": remainder.multiple,
-    }
+def _gap(compared: Comparison | None) -> dict[str, Any]:
+    keys = ("log", "held_out", "test")
+    if compared is None:
+        return {name: dict.fromkeys(keys) for name in ("before", "after", "closed_percent")}
+    before, after = ({key: getattr(compared.gap, f"{when}_{key}") for key in keys} for when in ("before", "after"))
+    closed = {key: Gap.closed_percent(before[key], after[key]) for key in keys}
+    return {"before": before, "after": after, "closed_percent": closed}
 
 
 def format_prediction_csv(

@@ -47,12 +47,14 @@ def to_text(result: Reconciliation) -> str:
         lines.append(f"to decide    {result.split_by}")
     if result.inputs:
         lines.append(f"inputs       {_inputs(result.inputs)}")
-    if AVERAGED in result.counts and result.log is not None:
-        lines.append(f"samples      {_averaged(result.counts[AVERAGED], result.log)}")
-    if result.gap is not None:
-        lines.append(f"gap          {_gap(result.gap)}")
-    if result.leaves_remainder and result.remainder is not None:
-        lines.append(f"left         {result.remainder.sentence}")
+    compared = result.comparison
+    if compared is None:
+        return "\n".join(lines)
+    if AVERAGED in result.counts:
+        lines.append(f"samples      {_averaged(result.counts[AVERAGED], compared.log)}")
+    lines.append(f"gap          {_gap(compared.gap)}")
+    if result.leaves_remainder:
+        lines.append(f"left         {compared.remainder.sentence}")
     return "\n".join(lines)
 
 
@@ -152,10 +154,9 @@ def _doubt(estimate: Estimate) -> str:
 
 
 def _gap(gap: Gap) -> str:
-    text = f"log {gap.before_log:.3g} -> {gap.after_log:.3g}"
-    if gap.before_test is not None and gap.after_test is not None:
-        text += f", test part {gap.before_test:.3g} -> {gap.after_test:.3g}"
-        closed = Gap.closed_percent(gap.before_test, gap.after_test)
-        if closed is not None:
-            text += f" ({closed:.1f} % closed)"
-    return text + " (reduced chi-square; 1 is noise)"
+    closed = Gap.closed_percent(gap.before_test, gap.after_test)
+    text = "" if closed is None else f" ({closed:.1f} % closed)"
+    return (
+        f"log {gap.before_log:.3g} -> {gap.after_log:.3g}, test part {gap.before_test:.3g} -> {gap.after_test:.3g}{text} "
+        "(reduced chi-square; 1 is noise)"
+    )

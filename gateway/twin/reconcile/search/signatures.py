@@ -7,6 +7,7 @@ effect is absent, projected off what is fitted anyway, over its own covariance. 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from types import MappingProxyType
 
 import numpy as np
@@ -19,7 +20,6 @@ from gateway.twin.reconcile.fit.fit_context import FitContext, sensitivities_sig
 from gateway.twin.reconcile.fit.initial_states import window_bounds
 from gateway.twin.reconcile.fit.least_squares import Fit
 from gateway.twin.reconcile.fit.trajectory_fit import project_out_initial_states, split_windows
-from gateway.twin.reconcile.output.result import Confusable
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
 
@@ -38,25 +38,13 @@ def smallest_angle_cosine(first: Array, second: Array) -> float:
     return _basis_cosine(orthonormal(first), orthonormal(second))
 
 
-def confusable(signatures: Mapping[str, Array]) -> tuple[Confusable, ...]:
-    """Return the pairs of effects, by columns (m, parameters), that are hard to distinguish, closest first."""
-    names = sorted(signatures)
-    bases = {name: orthonormal(signatures[name]) for name in names}
-    pairs = []
-    for i, first in enumerate(names):
-        for second in names[i + 1 :]:
-            cosine = _basis_cosine(bases[first], bases[second])
-            if cosine > CONFUSABLE_COSINE:
-                pairs.append(Confusable(first, second, cosine))
-    return tuple(sorted(pairs, key=lambda pair: -pair.cosine))
-
-
 def indistinguishable_pairs(signatures: Mapping[str, Array]) -> frozenset[frozenset[str]]:
     """Return the pairs of effects whose signatures coincide."""
+    bases = {name: orthonormal(columns) for name, columns in signatures.items()}
     return frozenset(
-        frozenset((pair.first, pair.second))
-        for pair in confusable(signatures)
-        if pair.cosine > INDISTINGUISHABLE_COSINE
+        frozenset(pair)
+        for pair in combinations(bases, 2)
+        if _basis_cosine(*(bases[name] for name in pair)) > INDISTINGUISHABLE_COSINE
     )
 
 

@@ -66,7 +66,7 @@ def test_remainder_is_told_as_an_equation_and_its_model_simulates(
     assert isinstance(high, float)
     assert low < SETTLE_S < high
     assert present(law.closed_test_percent) > 95
-    assert present(found.gap).after_test == pytest.approx(1, abs=0.15)
+    assert present(found.comparison).gap.after_test == pytest.approx(1, abs=0.15)
     assert found.best_attempt == {}
     assert EFFECTS.sources == {BUILT_IN}
 

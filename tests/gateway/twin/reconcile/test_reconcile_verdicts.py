@@ -39,7 +39,7 @@ def test_damping_is_named_with_its_value(model: Model, loaded: Callable[..., Che
     assert isinstance(low, float)
     assert isinstance(high, float)
     assert low < 0.01 < high
-    assert present(found.gap).after_held_out == pytest.approx(1, abs=0.15)
+    assert present(found.comparison).gap.after_held_out == pytest.approx(1, abs=0.15)
     assert re.search(r"damping_ratio = 0\.0\d+ \(0\.0\d+ to 0\.0\d+\)$", to_text(found), re.MULTILINE)
 
 
@@ -113,7 +113,7 @@ def test_an_effect_that_nothing_explains_is_unmodelled(model: Model, loaded: Cal
 
     assert found.verdict == "unmodelled"
     assert found.effects == ()
-    assert present(found.residual).peaks
+    assert present(found.comparison).residual.peaks
 
 
 def test_unusable_data_get_no_model(model: Model, loaded: Callable[..., CheckedRecording]) -> None:
@@ -129,7 +129,7 @@ def test_without_a_second_recording_the_last_third_is_held_out(
     found = reconcile(model, loaded({"steady_wind": {"accel_m_s2": (0.3, 0.1)}}), None)
 
     assert found.held_out_is_last_third
-    assert len(present(found.held_out).time_s) == 400
+    assert len(present(found.comparison).held_out.time_s) == 400
     assert [effect.name for effect in found.effects] == ["steady_wind"]
 
 

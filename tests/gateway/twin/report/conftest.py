@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.output.estimates import Estimate, NamedEffect, Remainder
 from gateway.twin.reconcile.output.result import (
     Candidate,
-    Confusable,
+    Comparison,
     Curves,
     DataPart,
     Disagreement,
@@ -22,11 +22,11 @@ from gateway.twin.reconcile.output.result import (
     Reconciliation,
     Residual,
     ScoreTestResult,
-    Spectrum,
     Step,
 )
 from gateway.twin.report.page import render_report
 from tests.gateway.twin.report.report_page import Pages
+from tests.values import present
 
 RIG = TwinRig(14.0, 5.0, 9.80665, (3e-4, 3e-4, 3e-4), 50.0, 2.0)
 SWING_RAD_S = math.sqrt(RIG.gravity_m_s2 / RIG.length_m)
@@ -63,28 +63,30 @@ def named(name: str, when_s: tuple[float, float] | None = None) -> NamedEffect:
     return NamedEffect(name, effect.explains, effect.equation, estimates, when_s)
 
 
-def spectrum() -> Spectrum:
-    frequency_hz = np.linspace(0.0, 25.0, 2001)
-    before = 1 + 1e3 * np.exp(-(((frequency_hz[:, None] - 0.133) / 0.02) ** 2)) * np.ones(3)
-    return Spectrum(frequency_hz, before, np.ones((2001, 3)))
-
-
-BASE = Reconciliation(
-    verdict="named",
-    reason="no rival comes near",
-    reason_code="unique",
+COMPARED = Comparison(
+    log=curves(),
+    held_out=curves(45.0),
+    held_out_is_last_third=False,
     parts=(
         DataPart("fit", "log", ((0.0, 60.0),), 3000),
         DataPart("selection", "held_out", ((0.0, 8.0), (12.0, 20.0)), 800),
         DataPart("test", "held_out", ((8.0, 12.0), (20.0, 24.0)), 400),
     ),
+    disagreement=(Disagreement("x", 37.0, 60.0, (0.1, 0.2), 11.7), Disagreement("y", 37.0, 60.0, (0.1, 0.2), 11.2)),
+    gap=Gap(232.0, 213.0, 213.0, 0.99, 1.01, 1.01, (108.0, 259.0)),
+    residual=Residual(True, 0.42, ()),
+    remainder=Remainder(0.0, 0.34, 0.0, 0.0, "along the swing", None, None, None),
+)
+WITHOUT_GAIN = replace(COMPARED, log=curves(changed=False), held_out=curves(45.0, changed=False))
+BASE = Reconciliation(
+    verdict="named",
+    reason="no rival comes near",
+    reason_code="unique",
+    comparison=COMPARED,
     rig=RIG,
     effects=(named("viscous_damping"), named("impact", (BLOW_S, BLOW_S))),
     candidates=(),
     split_by=None,
-    disagreement=(Disagreement("x", 37.0, 60.0, (0.1, 0.2), 11.7), Disagreement("y", 37.0, 60.0, (0.1, 0.2), 11.2)),
-    gap=Gap(232.0, 213.0, 213.0, 0.99, 1.01, 1.01, (108.0, 259.0)),
-    residual=Residual(True, 0.42, (), spectrum()),
     steps=(
         Step((), (), (), 232.0, 213.0, 1.4e6),
         Step(("viscous_damping",), (), ("viscous_damping",), 15.3, 29.8, 9e4),
@@ -96,15 +98,8 @@ BASE = Reconciliation(
         Candidate(("coulomb_friction", "impact"), 1.19, None, 6100.0, 100.0, rival=False),
         Candidate((), 232.0, 213.0, 1.4e6, 1.39e6, rival=False),
     ),
-    confusable=(
-        Confusable("steady_wind", "axis_offset", 0.9997),
-        Confusable("viscous_damping", "quadratic_drag", 0.985),
-    ),
     equations_before=PENDULUM,
     equations_after=(*PENDULUM, "viscous_damping: F/m = −2 ζ √(g/L) v"),
-    log=curves(),
-    held_out=curves(45.0),
-    held_out_is_last_third=False,
     refitted_on_held_out=("initial.tilt_x_rad", "initial.tilt_y_rad"),
     counts={"read": 3000, "used": 2999, "spikes": 1, "lost": 0},
     model={"viscous_damping": {"damping_ratio": 0.00714}, "impact": {"delta_v_m_s": (0.07, -0.11), "start_s": BLOW_S}},
@@ -114,54 +109,58 @@ UNCHANGED: dict[str, Any] = {
     "steps": (BASE.steps[0],),
     "equations_after": PENDULUM,
     "model": {},
-    "log": curves(changed=False),
-    "held_out": None,
+    "comparison": WITHOUT_GAIN,
 }
 VERDICTS: dict[str, dict[str, Any]] = {
     "data_unusable": {
         **UNCHANGED,
         "reason": "the recording lasts 3.2 s; record at least 60 s",
-        "disagreement": (),
-        "gap": None,
-        "residual": None,
         "steps": (),
         "scores": (),
         "ranking": (),
-        "confusable": (),
-        "log": None,
-        "held_out": None,
+        "comparison": None,
         "equations_before": (),
         "equations_after": (),
         "refitted_on_held_out": (),
     },
-    "none_missing": {**UNCHANGED, "disagreement": (), "gap": Gap(1.0, 1.02, 1.02, 1.0, 1.02, 1.02, (0.0, 0.0))},
+    "none_missing": {
+        **UNCHANGED,
+        "comparison": replace(WITHOUT_GAIN, disagreement=(), gap=Gap(1.0, 1.02, 1.02, 1.0, 1.02, 1.02, (0.0, 0.0))),
+    },
     "named": {},
     "one_of": {
-        "held_out": None,
         "effects": (named("steady_wind"), named("viscous_damping")),
         "candidates": ("steady_wind", "axis_offset", "mount_misalignment"),
         "split_by": "turn the housing by 90° about the rope and record again",
     },
     "named_with_remainder": {
         "leaves_remainder": True,
-        "held_out": None,
         "effects": (named("viscous_damping"),),
-        "gap": Gap(232.0, 213.0, 213.0, 15.3, 29.8, 29.8, (83.0, 229.0)),
-        "residual": Residual(False, 0.0, (Peak(0.131, "x", 2.1e-3),), spectrum()),
-        "remainder": Remainder(0.012, 0.34, 0.012, 0.011, "along the swing", 0.131, 2.1e-3, 1),
+        "comparison": replace(
+            COMPARED,
+            gap=Gap(232.0, 213.0, 213.0, 15.3, 29.8, 29.8, (83.0, 229.0)),
+            residual=Residual(False, 0.0, (Peak(0.131, "x", 2.1e-3),)),
+            remainder=Remainder(0.012, 0.34, 0.012, 0.011, "along the swing", 0.131, 2.1e-3, 1),
+        ),
     },
     "unmodelled": {
         "leaves_remainder": True,
         **UNCHANGED,
-        "gap": Gap(2.0, 1.96, 1.96, 2.0, 1.96, 1.96, (0.0, 0.0)),
-        "residual": Residual(False, 0.0, (Peak(0.431, "x", 2.1e-3), Peak(0.86, "z", 4e-4)), spectrum()),
-        "remainder": Remainder(0.23, 0.23, 0.3, 0.1, "across the swing", 0.431, 2.1e-3, None),
+        "comparison": replace(
+            WITHOUT_GAIN,
+            gap=Gap(2.0, 1.96, 1.96, 2.0, 1.96, 1.96, (0.0, 0.0)),
+            residual=Residual(False, 0.0, (Peak(0.431, "x", 2.1e-3), Peak(0.86, "z", 4e-4))),
+            remainder=Remainder(0.23, 0.23, 0.3, 0.1, "across the swing", 0.431, 2.1e-3, None),
+        ),
     },
 }
 
 
 def made(verdict: str = "named", **changes: Any) -> Reconciliation:
-    return replace(BASE, **{"verdict": verdict, **VERDICTS[verdict], **changes})
+    """A reconciliation with anything changed, of the comparison with the data too."""
+    inside = {name: changes.pop(name) for name in set(changes) & {each.name for each in fields(Comparison)}}
+    made = replace(BASE, **{"verdict": verdict, **VERDICTS[verdict], **changes})
+    return replace(made, comparison=replace(present(made.comparison), **inside)) if inside else made
 
 
 @pytest.fixture(scope="session")

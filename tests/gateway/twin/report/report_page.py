@@ -6,6 +6,7 @@ from gateway.documents.environment import render
 from gateway.twin.reconcile.output.result import Reconciliation
 from gateway.twin.report.page import MODEL_SECTIONS, data_content
 from gateway.twin.report.verdict import verdict_content
+from tests.values import present
 
 VOID = {"meta", "br"}
 
@@ -66,11 +67,15 @@ class Pages(dict[str, Page]):
         return self[verdict]
 
 
-CONTENTS = {name: content for name, _, content in MODEL_SECTIONS} | {"verdict": verdict_content, "data": data_content}
+CONTENTS = {name: content for name, _, content in MODEL_SECTIONS}
 
 
 def html_of(name: str, result: Reconciliation) -> str:
-    return render(f"report/{name}.html.j2", result=result, content=CONTENTS[name](result))
+    if name in CONTENTS:
+        content = CONTENTS[name](result, present(result.comparison))
+    else:
+        content = verdict_content(result) if name == "verdict" else data_content(result)
+    return render(f"report/{name}.html.j2", result=result, content=content)
 
 
 def text_of(name: str, result: Reconciliation) -> str:

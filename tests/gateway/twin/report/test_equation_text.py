@@ -38,7 +38,8 @@ def test_json_has_terms_with_intervals_and_units(make: Maker) -> None:
     said = to_json(make("unmodelled", law=LAW, model=MODEL), 1.0)
     equation = said["equation"]
     (term,) = equation["terms"]
-    assert term["parameters"] == {"coefficient": {"value": 0.0042, "ci95": [0.0039, 0.0045], "unit": "1/s"}}
+    assert term["parameters"]["coefficient"].items() >= {"value": 0.0042, "unit": "1/s"}.items()
+    assert term["parameters"]["coefficient"]["ci95"] == [0.0039, 0.0045]
     assert term["closest_effects"] == [{"name": "viscous_damping", "cosine": 0.9999, "reversed": True}]
     assert equation["beside"] == ["axis_offset"]
     assert equation["closed_test_percent"] == 98.2

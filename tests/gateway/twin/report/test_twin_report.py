@@ -11,6 +11,7 @@ from gateway.twin.reconcile.output.result import Disagreement
 from gateway.twin.report.page import render_report
 from tests.gateway.twin.report.conftest import TITLE, Maker
 from tests.gateway.twin.report.report_page import CONTENTS, Page, html_of, plain_text
+from tests.values import present
 
 VERDICTS = ("data_unusable", "none_missing", "named", "one_of", "named_with_remainder", "unmodelled")
 SECTIONS = [
@@ -19,7 +20,6 @@ SECTIONS = [
     "motion",
     "disagreement",
     "ranking",
-    "confusable",
     "parameters",
     "residual",
     "model",
@@ -48,29 +48,12 @@ def test_sections_come_in_order(pages: dict[str, Page], verdict: str) -> None:
 
 @pytest.mark.slow
 def test_absent_contents_have_placeholders(make: Maker) -> None:
-    result = make("named", steps=(), held_out=None, residual=None, scores=(), ranking=(), confusable=(), counts={})
-    assert result.gap is not None
-    not_evaluated = replace(
-        result.gap, before_held_out=None, before_test=None, after_held_out=None, after_test=None, test_interval=None
-    )
-    text = plain_text(
-        "".join(html_of(name, replace(result, gap=not_evaluated)) for name in CONTENTS if name != "verdict")
-    )
-    for said in (
-        "No held-out recording was given.",
-        "not evaluated on data to which it was not fitted",
-        "held-out recordingselection, testnot evaluated",
-        "nothing is known of its residual",
-        "No effect was tested.",
-        "No candidate was fitted.",
-        "Effects were not compared",
-        "Samples were not counted.",
-    ):
+    result = make("named", steps=(), scores=(), ranking=(), counts={})
+    text = plain_text("".join(html_of(name, result) for name in (*CONTENTS, "data")))
+    for said in ("No effect was tested.", "No candidate was fitted.", "Samples were not counted."):
         assert said in text
-    verdict = Page(html_of("verdict", replace(result, gap=not_evaluated))).text
-    assert "Residual, test part of the held-out recordingnot evaluated" in verdict
-    assert "None" not in text + verdict
-    assert "nan" not in text + verdict
+    assert "None" not in text
+    assert "nan" not in text
 
 
 def test_computation_is_documented_in_the_order_given(make: Maker) -> None:
@@ -87,6 +70,7 @@ def test_all_text_is_escaped(make: Maker) -> None:
     effect = NamedEffect(
         EVIL, EVIL, EVIL, {EVIL: replace(result.effects[0].parameters["accel_m_s2"], unit=EVIL)}, (1.0, 2.0)
     )
+    compared = present(result.comparison)
     evil = replace(
         result,
         reason=EVIL,
@@ -98,8 +82,7 @@ def test_all_text_is_escaped(make: Maker) -> None:
         steps=tuple(replace(step, names=(SHARP,)) for step in result.steps),
         scores=(replace(result.scores[0], name=EVIL),),
         ranking=(replace(result.ranking[0], names=(EVIL,)),),
-        confusable=(replace(result.confusable[0], first=EVIL, second=EVIL),),
-        disagreement=(Disagreement(EVIL, 1.0, 2.0, (0.1, 0.2), 3.0),),
+        comparison=replace(compared, disagreement=(Disagreement(EVIL, 1.0, 2.0, (0.1, 0.2), 3.0),)),
         refitted_on_held_out=(EVIL,),
         counts={EVIL: 1},
         model={EVIL: {EVIL: 1.0}},
@@ -119,14 +102,13 @@ def test_same_result_gives_the_same_bytes(make: Maker, reports: dict[str, str]) 
 @pytest.mark.slow
 def test_report_of_a_long_recording_stays_small(make: Maker) -> None:
     result = make("named")
-    assert result.log is not None
-    long = 40
+    short, long = present(result.comparison).log, 40
     log = replace(
-        result.log,
-        time_s=0.02 * np.arange(long * len(result.log.time_s), dtype=np.float64),
-        used=np.tile(result.log.used, long),
-        measured_g=np.tile(result.log.measured_g, (long, 1)),
-        before_g=np.tile(result.log.before_g, (long, 1)),
-        after_g=np.tile(result.log.after_g, (long, 1)),
+        short,
+        time_s=0.02 * np.arange(long * len(short.time_s), dtype=np.float64),
+        used=np.tile(short.used, long),
+        measured_g=np.tile(short.measured_g, (long, 1)),
+        before_g=np.tile(short.before_g, (long, 1)),
+        after_g=np.tile(short.after_g, (long, 1)),
     )
-    assert len(html_of("motion", replace(result, log=log, held_out=log)).encode()) < 800_000
+    assert len(html_of("motion", make("named", log=log, held_out=log)).encode()) < 800_000

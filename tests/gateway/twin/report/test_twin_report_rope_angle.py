@@ -9,8 +9,8 @@ import pytest
 
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.output.result import Reconciliation
-from gateway.twin.report.gap import gap_content
-from gateway.twin.report.gap_table import part_rows, rope_angle_error
+from gateway.twin.report.gap import gap_content, part_rows, rope_angle_error
+from tests.values import present
 
 RIG = TwinRig(14.0, 5.0, 9.80665, (3e-4, 3e-4, 3e-4), 50.0, 2.0)
 RNG = np.random.default_rng(3)
@@ -56,7 +56,7 @@ def test_angle_is_not_determined_where_the_housing_is_near_the_load() -> None:
 
 
 def test_gap_is_stated_as_angle_and_displacement(make: Callable[..., Reconciliation]) -> None:
-    fit, *_ = part_rows(make("named"))
+    fit, *_ = part_rows(present(make("named").comparison), RIG)
     assert "° → < 0.0" in fit.angle
     assert " cm → < " in fit.displacement
     degrees, centimetres = float(fit.angle.split("°")[0]), float(fit.displacement.split(" cm")[0])
@@ -65,5 +65,7 @@ def test_gap_is_stated_as_angle_and_displacement(make: Callable[..., Reconciliat
 
 def test_gap_near_the_load_is_not_stated_as_an_angle(make: Callable[..., Reconciliation]) -> None:
     result = make("named", rig=replace(RIG, position_m=13.9))
-    assert {(row.angle, row.displacement) for row in part_rows(result)} == {("not determined", "not determined")}
-    assert not gap_content(result)["shows_angle"]
+    compared = present(result.comparison)
+    rows = part_rows(compared, result.rig)
+    assert {(row.angle, row.displacement) for row in rows} == {("not determined", "not determined")}
+    assert not gap_content(result, compared)["shows_angle"]
