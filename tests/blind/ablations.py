@@ -49,7 +49,7 @@ def _constant(value: Any) -> Instead:
     return lambda *_arguments, **_named: value
 
 
-def _best_alone(_original: Instead, ranked: Any, _pairs: Any) -> Any:
+def _best_alone(_original: Instead, ranked: Any) -> Any:
     return ranked[:1]
 
 
@@ -118,8 +118,6 @@ GATES = {
         (
             Call("reconcile.rivals_of", _best_alone),
             Call("reconcile.contributions", _constant(_NoSubstitutes())),
-            Call("search.persistent.partners_of", _constant(frozenset())),
-            Call("search.stepwise_selection.partners_of", _constant(frozenset())),
         ),
     ),
     "same signature": Part(
@@ -191,10 +189,6 @@ STEPS = {
         (_step("search.search.refine"), _step("search.stepwise_selection.refine")),
     ),
     "stretched events": Part("events are tried shorter and longer", (Call("search.events._stretched", _constant(())),)),
-    "ambiguity partners": Part(
-        "effects of the same signature are fitted, however small their score",
-        (StepOfSearch("fit ambiguity partners"),),
-    ),
     "growth": Part(
         "second and third effects are added to the best one",
         (Call("search.stepwise_selection._forward_step", _ungrown),),
@@ -222,8 +216,8 @@ STEPS = {
         (_step("search.search.fit_coincident_effects"),),
     ),
     "lost samples first": Part(
-        "a clock error beside the baseline starts the search at true times at once",
-        (Call("search.search.fit_clock_hypothesis", _constant(None)),),
+        "where a clock error is suspected the search begins again at true times",
+        (Call("search.search.fit_clock_hypotheses", _constant(())),),
     ),
     "reversed swing": Part(
         "a start whose sign the data hide is tried both ways",

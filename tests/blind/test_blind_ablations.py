@@ -14,7 +14,7 @@ from gateway.twin.model import Model, model_of
 from gateway.twin.reconcile import reconcile
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.data.observations import make_observations
-from gateway.twin.reconcile.search import persistent, stepwise_selection
+from gateway.twin.reconcile.decision.evidence import rivals_of
 from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateTable
 from gateway.twin.reconcile.search.context import make_context
@@ -59,11 +59,11 @@ def test_without_isolability_one_of_a_group_is_named(asked: Callable[..., Any]) 
 
     with PARTS["isolability"].off():
         said, names = verdict(model, recorded["log"], recorded["held_out"])
-        assert vars(stepwise_selection)["partners_of"](None, None, frozenset({"slewing"})) == frozenset()
+        assert vars(reconcile)["rivals_of"](["best", "rival"]) == ["best"]
 
     assert said == "named"
     assert len(names) == 1
-    assert vars(stepwise_selection)["partners_of"] is persistent.partners_of
+    assert vars(reconcile)["rivals_of"] is rivals_of
 
 
 def test_without_held_out_what_one_recording_holds_is_named(asked: Callable[..., Any]) -> None:

@@ -12,9 +12,11 @@ from gateway.twin.experiment_design.experiment import FREE_SWING
 from gateway.twin.experiment_design.hypotheses import Group, Hypothesis, amplitude_parts
 from gateway.twin.experiment_design.signatures import ExperimentSensitivities, Signature, linearise_experiment
 from gateway.twin.model import EffectValues, TwinRig
-from gateway.twin.reconcile.search.signatures import CONFUSABLE_COSINE, orthonormal, smallest_angle_cosine
+from gateway.twin.reconcile.search.signatures import orthonormal
 
 Array = NDArray[np.float64]
+CONFUSABLE_COSINE = 0.95
+"""Cosine of the angle from which two effects are hard to distinguish. Basis: less than a third of each signature is its own."""
 MIN_SEPARATION_SIGMA = 5.0
 """Smallest residual that separates two hypotheses, in standard deviations of the noise. Basis: 1 in 10^6 by chance."""
 MAX_COSINE = 0.9995
@@ -35,6 +37,14 @@ class Separation:
     def is_distinguishable(self) -> bool:
         """Whether the recordings separate them."""
         return self.sigma >= MIN_SEPARATION_SIGMA and self.cosine < MAX_COSINE
+
+
+def smallest_angle_cosine(first: Array, second: Array) -> float:
+    """Return the cosine of the smallest principal angle between two column spaces (Björck and Golub 1973); 0 if one is empty."""
+    bases = orthonormal(first), orthonormal(second)
+    if not all(each.shape[1] for each in bases):
+        return 0.0
+    return float(min(1.0, np.linalg.svd(bases[0].T @ bases[1], compute_uv=False)[0]))
 
 
 def separation_of(first: Signature, second: Signature) -> Separation:

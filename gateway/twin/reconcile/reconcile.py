@@ -41,7 +41,6 @@ from gateway.twin.reconcile.search.ambiguity import (
 from gateway.twin.reconcile.search.baseline import detect_in_samples
 from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.search import SearchRun, search
-from gateway.twin.reconcile.search.signatures import indistinguishable_pairs
 
 
 class ReportProgress(Protocol):
@@ -119,14 +118,13 @@ def _decide(run: SearchRun, random: np.random.Generator) -> SearchOutcome:
     if ended_early:
         fits = {each.names: each for each in (run.nominal, run.base, run.best)}
         table = replace(table, fits=fits, moves=tuple(move for move in table.moves if move.names in fits))
-    pairs = indistinguishable_pairs(context.signatures(run.base).of)
-    ranked, base = rank_candidates(table, run.best, run.base.names, validator, pairs)
+    ranked, base = rank_candidates(table, run.best, run.base.names, validator)
     best = ranked[0]
     evidence = gather_evidence(
         best,
         base,
         RankedCandidate(run.nominal, validator.evaluate(run.nominal), 0.0, 0.0),
-        rivals_of(ranked, pairs),
+        rivals_of(ranked),
         run.recordings.log,
         validator.selection,
         run.table.fits,

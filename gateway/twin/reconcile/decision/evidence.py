@@ -1,6 +1,6 @@
 """Candidate fits ranked by all evidence, BIC on the log and chi-square on the selection part, and the facts of a verdict."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from gateway.twin.effects import EFFECTS
@@ -16,11 +16,10 @@ MAX_VALIDATED = 4
 """Sets of effects that are evaluated on the selection part."""
 MIN_EVIDENCE_MARGIN = 12.0
 """Chi-square over the noise inflation below which one set is no better than another: odds of 400 to 1."""
-MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE = 20.0
-"""The same for two effects with the same signature: a wrong one of them has been ahead by 6."""
+MIN_EVIDENCE_AGAINST = 20.0
+"""Evidence against a value that no part has, or of a difference that noise hides, from which it is no alternative."""
 VALIDATED_MARGIN = 60.0
 """BIC behind the best set on the log up to which a set is evaluated on the selection part."""
-Pairs = Collection[frozenset[str]]
 MIN_NECESSARY_RATIO = 7.0
 """Factor by which the absence of a necessary effect multiplies the excess that the set leaves. Basis: of 204 engine-made cases
 two more have a wrong name at 5, and one is right less at 10."""
@@ -49,14 +48,13 @@ def rank_candidates(
     best: CandidateFit,
     baseline: frozenset[str],
     validator: Validator,
-    indistinguishable: Pairs,
 ) -> tuple[list[RankedCandidate], RankedCandidate]:
     """Evaluate the sets near the best on the selection part; return them best first, and the baseline."""
     limit = table.bic(best) + VALIDATED_MARGIN
     near = [
         fit
         for fit in table.ranked()
-        if baseline <= fit.names and table.bic(fit) < limit and not contains(fit.names, best.names, indistinguishable)
+        if baseline <= fit.names and table.bic(fit) < limit and not best.names <= fit.names
     ]
 
     def ranked(fit: CandidateFit) -> RankedCandidate:
@@ -71,28 +69,9 @@ def rank_candidates(
     return sorted(found, key=lambda each: each.evidence_deficit), ranked(table.fits[baseline])
 
 
-def contains(names: frozenset[str], best: frozenset[str], indistinguishable: Pairs) -> bool:
-    """Whether a set has all effects of the best, or their indistinguishable partners and more: it cannot compete."""
-    missing, extra = best - names, names - best
-    if not missing:
-        return True
-    matched = all(any(frozenset((name, other)) in indistinguishable for other in extra) for name in missing)
-    return matched and len(extra) > len(missing)
-
-
-def rivals_of(ranked: list[RankedCandidate], indistinguishable: Pairs) -> list[RankedCandidate]:
+def rivals_of(ranked: list[RankedCandidate]) -> list[RankedCandidate]:
     """The best set and all sets whose evidence is too close to its to decide between them."""
-    best = ranked[0]
-    return [
-        each
-        for each in ranked
-        if each.evidence_deficit
-        < (
-            MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE
-            if each.names ^ best.names in indistinguishable
-            else MIN_EVIDENCE_MARGIN
-        )
-    ]
+    return [each for each in ranked if each.evidence_deficit < MIN_EVIDENCE_MARGIN]
 
 
 @dataclass(frozen=True, slots=True)

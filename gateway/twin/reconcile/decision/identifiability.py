@@ -20,7 +20,7 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.plausibility import TAIL_SHARE, limit_of
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE
+from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_AGAINST
 from gateway.twin.reconcile.fit.fit_context import sensitivities_sigma
 from gateway.twin.reconcile.search.signatures import orthonormal, project_out
 from gateway.twin.simulator.parameter_vector import ParameterSpec
@@ -101,7 +101,7 @@ class Contributions:
         alone = set(self.alike(name))
         pairs = list(combinations([other for other in self._others(size) if other not in alone], 2))
         angles_rad = {pair: self._angle_rad(name, pair, contribution, size) for pair in pairs}
-        noise_rad = math.sqrt(MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE) / size if size else 0.0
+        noise_rad = math.sqrt(MIN_EVIDENCE_AGAINST) / size if size else 0.0
         limit_rad = max(MAX_INDISTINGUISHABLE_ANGLE_RAD, min(noise_rad, DISTINCT_ANGLE_RAD))
         alike = (pair for pair, angle in angles_rad.items() if angle < limit_rad)
         return tuple(sorted(alike, key=lambda pair: (angles_rad[pair], pair)))
@@ -158,12 +158,12 @@ def possible_changes(simulator: Simulator, model: EffectValues, rig: TwinRig) ->
     """Return by how much each value may fall and rise from that of the model, (values,) each; effects beside it are neutral.
 
     The ends are the bounds of the parameter and what parts have: beyond it until the prior density is that of a rival that is no
-    alternative (`MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE`). A value of the model that is beyond may stay.
+    alternative (`MIN_EVIDENCE_AGAINST`). A value of the model that is beyond may stay.
     """
     at = simulator.values([], {name: values for name, values in model.items() if name in simulator.effect_names})
     n = simulator.n_initial_states
     lower, upper = np.full(len(at), -np.inf), np.full(len(at), np.inf)
-    beyond = 1 + TAIL_SHARE * math.sqrt(MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE)
+    beyond = 1 + TAIL_SHARE * math.sqrt(MIN_EVIDENCE_AGAINST)
     for i, spec in enumerate(simulator.parameters[n:], start=n):
         parameter = next(each for each in EFFECTS[spec.effect].parameters if each.name == spec.parameter)
         limit = limit_of(parameter, rig)

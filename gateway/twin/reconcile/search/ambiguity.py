@@ -15,7 +15,7 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Values
 from gateway.twin.effects.plausibility import implausibility
 from gateway.twin.model import EffectValues
-from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE
+from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_AGAINST
 from gateway.twin.reconcile.decision.identifiability import (
     Contributions,
     FittedRecording,
@@ -156,7 +156,7 @@ def replace_implausible(
 def is_beyond_parts(name: str, fit: CandidateFit, context: SearchContext) -> bool:
     """Return whether an effect needs a value that no part has."""
     doubt = implausibility({name: fit.values[name]}, context.setting.rig)
-    return doubt > MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE
+    return doubt > MIN_EVIDENCE_AGAINST
 
 
 def any_length_changes(names: Iterable[str]) -> bool:

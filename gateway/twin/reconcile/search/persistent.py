@@ -1,6 +1,6 @@
 """Steps that fit persistent effects: a score test ranks them, the best ones are fitted."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,6 @@ from gateway.twin.reconcile.search.baseline import length_error_by_period
 from gateway.twin.reconcile.search.budget import FitRequest
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import SearchContext
-from gateway.twin.reconcile.search.signatures import CONFUSABLE_COSINE, smallest_angle_cosine
 
 Array = NDArray[np.float64]
 MAX_SCORED = 4
@@ -64,18 +63,22 @@ def _fit_length_by_period(table: CandidateTable, context: SearchContext, base: C
     return table.with_fit(found).start_round() if found is not None and closes_most else table
 
 
-def fit_clock_hypothesis(table: CandidateTable, context: SearchContext) -> CandidateFit | None:
-    """A fit with a clock error beside the baseline; where that hides it, beside the best persistent effect as well.
+def fit_clock_hypotheses(table: CandidateTable, context: SearchContext) -> Iterator[list[CandidateFit]]:
+    """Yield fits with a clock error, which may stand for lost samples: beside the baseline, then with what that leaves.
 
-    None where a large swing shows no clock error there: it leaves a residual for many reasons.
+    Where it is not fitted beside the baseline, beside the best persistent effect; of a large swing only where it shows there:
+    such a swing leaves a residual for many reasons.
     """
     alone = table.get({*context.baseline_effects, ClockDrift.name})
-    if alone is not None or table.is_explained:
-        return alone
+    if alone is not None:
+        yield [alone]
+        fits = fit_by_score(table, context, alone, at_most=MAX_SCORED).ranked(len(alone.values) + 1)
+        yield [fit for fit in fits if alone.names < fit.names]
+        return
     best, values = table.best, {**table.best.values, ClockDrift.name: {}}
     found = context.fit(table, values).get(values)
-    is_shown = found is not None and table.is_significant(best, found)
-    return found if is_shown or not context.setting.large_amplitude else None
+    if found is not None and (not context.setting.large_amplitude or table.is_significant(best, found)):
+        yield [found]
 
 
 def fit_persistent_pairs(table: CandidateTable, context: SearchContext) -> CandidateTable:
@@ -88,13 +91,6 @@ def fit_persistent_pairs(table: CandidateTable, context: SearchContext) -> Candi
     for parent in parents(table, context, len(base.values) + 1):
         table = fit_by_score(table, context, parent, at_most=MAX_SCORED)
     return table
-
-
-def fit_ambiguity_partners(table: CandidateTable, context: SearchContext) -> CandidateTable:
-    """Fit each effect whose signature is close to one of the best set's, however small its score."""
-    base = baseline_of(table, context)
-    partners = sorted(partners_of(context, base, table.best.names - base.names))
-    return context.fit_in_turn(table, requests_beside(table, context, base, partners))
 
 
 def fit_by_score(
@@ -149,19 +145,6 @@ def parents(table: CandidateTable, context: SearchContext, size: int) -> list[Ca
 def baseline_of(table: CandidateTable, context: SearchContext) -> CandidateFit:
     """The fit that has the baseline effects alone."""
     return table.fits[frozenset(context.baseline_effects)]
-
-
-def partners_of(context: SearchContext, base: CandidateFit, names: frozenset[str]) -> frozenset[str]:
-    """Effects with a signature close to that of one of these, beside the baseline: their ambiguity partners."""
-    columns = context.signatures(base).of
-    return frozenset(
-        other
-        for other in columns
-        for name in names
-        if other not in names
-        and name in columns
-        and smallest_angle_cosine(columns[name], columns[other]) > CONFUSABLE_COSINE
-    )
 
 
 def fit_guessed_effects(table: CandidateTable, context: SearchContext, parent: CandidateFit) -> CandidateTable:

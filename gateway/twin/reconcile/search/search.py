@@ -18,9 +18,8 @@ from gateway.twin.reconcile.search.context import SearchContext, make_context
 from gateway.twin.reconcile.search.events import fit_events_in_windows, has_event, refine
 from gateway.twin.reconcile.search.persistent import (
     baseline_of,
-    fit_ambiguity_partners,
     fit_bodies,
-    fit_clock_hypothesis,
+    fit_clock_hypotheses,
     fit_guessed_effects,
     fit_persistent_effects,
     fit_persistent_pairs,
@@ -92,7 +91,6 @@ SINGLE_EFFECT_STEPS = (
     SearchStep("fit effects guessed from the residual", _fit_residual_guesses),
     SearchStep("fit events in scanned windows", _fit_windowed_events),
     SearchStep("refine single effects", _refine_single_effects),
-    SearchStep("fit ambiguity partners", fit_ambiguity_partners),
 )
 """Steps that fit single effects, and pairs that are quicker to fit than events; growth adds further effects to the best."""
 
@@ -111,10 +109,7 @@ def search(
     run = _begin(known, recordings, detected, budget, on_evaluation)
     if run is None:
         return None
-    suspect = fit_clock_hypothesis(run.table, run.context)
-    if suspect is not None and not run.table.is_explained and not has_event(run.table, run.context):
-        run = _begin_at_true_times(run, suspect, detected, on_evaluation) or run
-    return _finish(run)
+    return _finish(run if run.table.is_explained else _begin_at_true_times(run, detected, on_evaluation))
 
 
 def _begin(
@@ -136,19 +131,18 @@ def _begin(
     return SearchRun(known, recordings, context, table, validator, nominal, table.best)
 
 
-def _begin_at_true_times(
-    run: SearchRun, suspect: CandidateFit, detected: EffectValues, on_evaluation: Callable[[], None]
-) -> SearchRun | None:
-    """Begin once more with the time stamps corrected for lost samples; None where no samples were lost."""
+def _begin_at_true_times(run: SearchRun, detected: EffectValues, on_evaluation: Callable[[], None]) -> SearchRun:
+    """Begin once more with the time stamps corrected for lost samples; where none were lost, the run stays as it is."""
     setting, recordings = run.context.setting, run.recordings
-    lost = find_sample_loss(setting, suspect)
+    suspects = () if has_event(run.table, run.context) else fit_clock_hypotheses(run.table, run.context)
+    lost = next(filter(None, (find_sample_loss(setting, each) for each in suspects)), None)
     if lost is None:
-        return None
+        return run
     held_out = retime_validation(setting, lost, recordings.held_out)
     recordings = replace(recordings, log=lost.time_warp.retimed(recordings.log), held_out=held_out)
     baseline = {name: run.context.baseline_effects[name] for name in detected if name in run.context.baseline_effects}
     again = _begin(run.known, recordings, baseline, run.context.budget, on_evaluation)
-    return None if again is None else replace(again, nominal=run.nominal, lost_fraction=lost.time_warp.fraction)
+    return run if again is None else replace(again, nominal=run.nominal, lost_fraction=lost.time_warp.fraction)
 
 
 def _finish(run: SearchRun) -> SearchRun:

@@ -7,7 +7,6 @@ effect is absent, projected off what is fitted anyway, over its own covariance. 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from types import MappingProxyType
 
 import numpy as np
@@ -24,28 +23,9 @@ from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
-CONFUSABLE_COSINE = 0.95
-"""Cosine of the angle from which two effects are hard to distinguish: less than a third of each signature is its own."""
-INDISTINGUISHABLE_COSINE = 0.9999
-"""Cosine from which two effects cannot be distinguished: their signatures differ by 1.4 %, less than the linearisation errs."""
 RANK_TOLERANCE = 1e-7
 """Singular value, relative to the largest, below which columns are linearly dependent up to rounding."""
 NO_SHAPES: EffectValues = MappingProxyType({})
-
-
-def smallest_angle_cosine(first: Array, second: Array) -> float:
-    """Return the cosine of the smallest principal angle between two column spaces (Björck and Golub 1973); 0 if one is empty."""
-    return _basis_cosine(orthonormal(first), orthonormal(second))
-
-
-def indistinguishable_pairs(signatures: Mapping[str, Array]) -> frozenset[frozenset[str]]:
-    """Return the pairs of effects whose signatures coincide."""
-    bases = {name: orthonormal(columns) for name, columns in signatures.items()}
-    return frozenset(
-        frozenset(pair)
-        for pair in combinations(bases, 2)
-        if _basis_cosine(*(bases[name] for name in pair)) > INDISTINGUISHABLE_COSINE
-    )
 
 
 def orthonormal(columns: Array) -> Array:
@@ -63,12 +43,6 @@ def project_out(basis: Array, columns: Array) -> Array:
     """Return what of columns (m,) or (m, k) is orthogonal to an orthonormal basis (m, rank)."""
     projected: Array = columns - basis @ (basis.T @ columns)
     return projected
-
-
-def _basis_cosine(first: Array, second: Array) -> float:
-    if not first.shape[1] or not second.shape[1]:
-        return 0.0
-    return float(min(1.0, np.linalg.svd(first.T @ second, compute_uv=False)[0]))
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,6 @@ from gateway.twin.reconcile.search.persistent import (
     fit_by_score,
     fit_guessed_effects,
     parents,
-    partners_of,
     requests_beside,
 )
 
@@ -68,9 +67,7 @@ def try_swaps(table: CandidateTable, context: SearchContext, best: CandidateFit)
             continue
         scored = context.signatures(without)
         likely = sorted(scored.of, key=lambda n: -scored.predicted_chi2_drop(n))[:MAX_SCORED]
-        partners = partners_of(context, base, frozenset({name})) & set(scored.of)
-        others = sorted({*likely, *partners})
-        table = context.fit_in_turn(table, requests_beside(table, context, without, others))
+        table = context.fit_in_turn(table, requests_beside(table, context, without, sorted(likely)))
     table = table.start_round()
     table = _fit_rivals_with_swapped(table, context, best, table.best)
     found = table.best

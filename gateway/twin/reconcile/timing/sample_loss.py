@@ -5,6 +5,7 @@ phase of the vibration shows a lost sample where the swing alone does not.
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,20 +14,13 @@ from numpy.typing import NDArray
 from gateway.numerics.spectrum import MachineLine, find_machine_line
 from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.effects.clock import ClockDrift
-from gateway.twin.effects.sensor_output import LowpassLag
 from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext, is_world_directed
-from gateway.twin.reconcile.fit.least_squares import REFINEMENT_ITERATIONS, Fit, FitProblem
+from gateway.twin.reconcile.fit.least_squares import Fit, FitProblem
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
-from gateway.twin.reconcile.residual import EXCESS_SIGNIFICANT
 from gateway.twin.reconcile.search.candidates import CandidateFit
 from gateway.twin.reconcile.search.validation import evaluate_on_validation
-from gateway.twin.reconcile.timing.conditional_score_test import (
-    MAX_ADDITIONAL_EFFECTS,
-    free_parameter_indices,
-    score_additional_effects,
-)
 from gateway.twin.reconcile.timing.time_warp import (
     INITIAL_STATES,
     MIN_LOST_FRACTION,
@@ -152,33 +146,18 @@ class SampleLossFit:
         return {ClockDrift.name: {"relative": -self.time_warp.fraction}}
 
 
-def find_sample_loss(context: FitContext, clock_fit: CandidateFit) -> SampleLossFit | None:
-    """Return the time warp where the log, fitted with a clock error, shows one; None where it does not.
+def find_sample_loss(context: FitContext, clock_fits: Iterable[CandidateFit]) -> SampleLossFit | None:
+    """Return the time warp with the most evidence where the log, fitted with a clock error, shows one; else None."""
+    alone = [each for each in clock_fits if all(EFFECTS[name].structure is ModelStructure.ROPE for name in each.names)]
+    found = (_find_in(context, ConstantRateFit(each.values, each.fit)) for each in alone)
+    return min(filter(None, found), key=lambda loss: loss.evidence, default=None)
 
-    An effect that is not in the fit can hide the walk, and the walk the effect. Where a conditional score test finds an effect,
-    both are fitted together.
-    """
-    if ClockDrift.name not in clock_fit.values or any(
-        EFFECTS[name].structure is not ModelStructure.ROPE for name in clock_fit.names
-    ):
-        return None
-    constant_rate = ConstantRateFit(clock_fit.values, clock_fit.fit)
-    if constant_rate.lost_fraction < MIN_LOST_FRACTION:
-        return None
-    accepted: SampleLossFit | None = None
+
+def _find_in(context: FitContext, constant_rate: ConstantRateFit) -> SampleLossFit | None:
     loss = _fit_time_warp(context, constant_rate)
-    for _ in range(MAX_ADDITIONAL_EFFECTS):
-        if loss is not None and not _is_sample_loss(context, constant_rate, loss):
-            loss = None
-        accepted = loss or accepted
-        names = _additional_effects(context, constant_rate, loss)
-        loss = _best_hypothesis(context, constant_rate, names)
-        if loss is None:
-            break
-        constant_rate = _fit_constant_rate(context, {**loss.others, **loss.clock}, loss.time_warp.values)
-    if loss is not None and _is_sample_loss(context, constant_rate, loss):
-        accepted = loss
-    return None if accepted is None else _count_lost_samples(context, accepted)
+    if loss is None or not _is_sample_loss(context, constant_rate, loss):
+        return None
+    return _count_lost_samples(context, loss)
 
 
 def retime_validation(context: FitContext, loss: SampleLossFit, held_out: Observations) -> Observations:
@@ -192,61 +171,8 @@ def retime_validation(context: FitContext, loss: SampleLossFit, held_out: Observ
     fit = fit_model(FitProblem(simulator, held_out, free), state, effect_values)
     clock = {ClockDrift.name: simulator.effects(fit.values)[ClockDrift.name]}
     held_out_context = replace(context, log=held_out, model_effects=model_effects)
-    constant_rate = ConstantRateFit(clock, fit)
-    held_out_loss = _fit_time_warp(held_out_context, constant_rate)
-    if held_out_loss is None or not _is_sample_loss(held_out_context, constant_rate, held_out_loss):
-        return held_out
-    return _count_lost_samples(held_out_context, held_out_loss).time_warp.retimed(held_out)
-
-
-def _best_hypothesis(context: FitContext, constant_rate: ConstantRateFit, names: list[str]) -> SampleLossFit | None:
-    """Return the best time warp with one of the effects; also with a low-pass filter, where none of them explains all."""
-    losses = _fit_with_each(context, constant_rate, names)
-    tried = {*names, *constant_rate.values}
-    unexplained = all(loss.time_warp.reduced > 1 + EXCESS_SIGNIFICANT for loss in losses)
-    if losses and unexplained and LowpassLag.name not in tried:
-        # Its score is small: to first order a delay is a shift of time.
-        losses += _fit_with_each(context, constant_rate, [LowpassLag.name])
-    return min(losses, key=lambda loss: loss.evidence, default=None)
-
-
-def _fit_with_each(context: FitContext, constant_rate: ConstantRateFit, names: list[str]) -> list[SampleLossFit]:
-    fits = (_fit_time_warp(context, _with_effect(context, constant_rate, name)) for name in names)
-    return [fit for fit in fits if fit is not None]
-
-
-def _additional_effects(context: FitContext, constant_rate: ConstantRateFit, loss: SampleLossFit | None) -> list[str]:
-    """Return the effects that may act, at the true times of a time warp, or at a constant rate where there is none."""
-    if loss is not None:
-        warp = loss.time_warp
-        return score_additional_effects(context, loss.others, warp.values[:N_ROPE_STATES], warp.true_s, warp.fraction)
-    fraction, initial_state = constant_rate.lost_fraction, constant_rate.fit.values[:N_ROPE_STATES]
-    true_s = context.log.time_s / (1 - fraction)
-    return score_additional_effects(context, constant_rate.others, initial_state, true_s, fraction)
-
-
-def _with_effect(context: FitContext, constant_rate: ConstantRateFit, name: str) -> ConstantRateFit:
-    """Return a hypothesis with one more effect at its initial guess; a low-pass filter is fitted first, as it is not linear."""
-    values: EffectValues = {**constant_rate.values, name: EFFECTS[name].default_guess}
-    if name == LowpassLag.name:
-        try:
-            return _make_constant_rate_fit(context, values, context.fit(values))
-        except INTEGRATION_FAILURES:
-            pass
-    return ConstantRateFit(values, constant_rate.fit)
-
-
-def _fit_constant_rate(context: FitContext, values: EffectValues, initial_state: Array) -> ConstantRateFit:
-    """Return a fit as one trajectory from these values."""
-    problem = context.problem(values).as_one_segment
-    effect_values = context.effect_values(problem.simulator, values)
-    fit = fit_model(problem, initial_state[None, :N_ROPE_STATES], effect_values, REFINEMENT_ITERATIONS)
-    return _make_constant_rate_fit(context, values, fit)
-
-
-def _make_constant_rate_fit(context: FitContext, values: EffectValues, fit: Fit) -> ConstantRateFit:
-    effects = context.simulator(tuple(values)).effects(fit.values)
-    return ConstantRateFit({name: effects[name] for name in values}, fit)
+    held_out_loss = _find_in(held_out_context, ConstantRateFit(clock, fit))
+    return held_out if held_out_loss is None else held_out_loss.time_warp.retimed(held_out)
 
 
 def _fit_time_warp(context: FitContext, constant_rate: ConstantRateFit) -> SampleLossFit | None:
@@ -256,7 +182,7 @@ def _fit_time_warp(context: FitContext, constant_rate: ConstantRateFit) -> Sampl
     log, simulator = context.log, context.simulator(tuple(constant_rate.others))
     initial_state = constant_rate.fit.values[:N_ROPE_STATES]
     values = simulator.values(initial_state, {**context.model_effects, **constant_rate.others})
-    free = [*INITIAL_STATES, *free_parameter_indices(simulator, constant_rate.others)]
+    free = [*INITIAL_STATES, *_free_parameter_indices(simulator, constant_rate.others)]
     try:
         warp = estimate_time_warp(simulator, values, log, constant_rate.lost_fraction, free)
     except INTEGRATION_FAILURES:
@@ -266,6 +192,15 @@ def _fit_time_warp(context: FitContext, constant_rate: ConstantRateFit) -> Sampl
     effects = simulator.effects(warp.values)
     evidence = warp.reduced * log.n_values + warp.cost + len(free) * math.log(log.n_values)
     return SampleLossFit(warp, {name: effects[name] for name in constant_rate.others}, evidence)
+
+
+def _free_parameter_indices(simulator: Simulator, effects: Iterable[str]) -> list[int]:
+    """Return the positions of these effects' values, without those on which a time warp has no influence.
+
+    They show in the samples or their spectrum, outside the band of the swing.
+    """
+    names = {name for name in effects if not (EFFECTS[name].detected_in_samples or EFFECTS[name].found_before_search)}
+    return [i for i, each in enumerate(simulator.parameters) if each.effect in names and not each.is_event_time]
 
 
 def _is_sample_loss(context: FitContext, constant_rate: ConstantRateFit, loss: SampleLossFit) -> bool:

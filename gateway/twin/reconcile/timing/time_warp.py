@@ -82,13 +82,13 @@ class TimeWarpSmoother:
     warp_by_values: Array
     """Change of the warp per step of -1 in each value; last the warp where no value moves, shape (count, k + 1)."""
 
-    def solve(self, chosen: Sequence[int]) -> tuple[Array, float]:
-        """Return the step of the chosen values, the others held, and the decrease of chi-square."""
+    def solve(self, chosen: Sequence[int]) -> Array:
+        """Return the step of the chosen values, the others held."""
         normal, gradient = self.normal[np.ix_(chosen, chosen)], self.gradient[list(chosen)]
         scale = np.sqrt(np.maximum(np.diag(normal), 0.0)) + MIN_SCALE
         scaled = np.linalg.lstsq(normal / np.outer(scale, scale), gradient / scale, rcond=RANK_TOLERANCE)[0]
         step: Array = scaled / scale
-        return step, float(step @ gradient)
+        return step
 
     def warp(self, chosen: Sequence[int], step: Array) -> Array:
         """Return the warp that goes with a step of the chosen values, shape (count,)."""
@@ -196,7 +196,7 @@ def estimate_time_warp(
             break
         smoothed = lowpass(residual, interval_s)
         smoother = marginalise_time_warp(smoothed, linear.by_time, linear.by_values, warp, knots, variance)
-        step, _ = smoother.solve(positions)
+        step = smoother.solve(positions)
         warp = smoother.warp(positions, step)
         if not (np.isfinite(warp).all() and np.isfinite(step).all()):
             return None

@@ -8,14 +8,11 @@ import numpy as np
 import pytest
 
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.decision.evidence import Evidence, RankedCandidate, contains, rivals_of
+from gateway.twin.reconcile.decision.evidence import Evidence, RankedCandidate, rivals_of
 from gateway.twin.reconcile.decision.verdict import Decision, decide
 from gateway.twin.reconcile.fit.least_squares import Fit
 from gateway.twin.reconcile.search.candidates import CandidateFit
-from gateway.twin.reconcile.search.signatures import indistinguishable_pairs
 from gateway.twin.reconcile.search.validation import ValidationFit
-
-YAW = frozenset({frozenset({"slewing", "housing_spin"})})
 
 
 def ranked(evidence_deficit: float, *names: str, reduced_chi2: float = 1.0) -> RankedCandidate:
@@ -66,7 +63,7 @@ class Alike:
         return self.pairs.get(name, ())
 
 
-BY_YAW = Alike({name: tuple(sorted(pair - {name})) for pair in YAW for name in pair})
+BY_YAW = Alike({"slewing": ("housing_spin",), "housing_spin": ("slewing",)})
 
 
 def decided(log: Observations, found: Evidence, alike: Alike = BY_YAW) -> Decision:
@@ -75,41 +72,12 @@ def decided(log: Observations, found: Evidence, alike: Alike = BY_YAW) -> Decisi
 
 def rivals_beside(*others: RankedCandidate) -> list[list[str]]:
     best = ranked(0.0, "housing_spin", "viscous_damping")
-    return [sorted(each.names) for each in rivals_of([best, *others], YAW)[1:]]
+    return [sorted(each.names) for each in rivals_of([best, *others])[1:]]
 
 
 def test_a_set_is_a_rival_while_the_odds_against_it_are_small() -> None:
     assert rivals_beside(ranked(11.9, "slewing")) == [["slewing"]]
     assert rivals_beside(ranked(12.1, "steady_wind")) == []
-
-
-def test_effects_with_the_same_signature_need_a_larger_margin() -> None:
-    assert rivals_beside(ranked(19.0, "slewing", "viscous_damping")) == [["slewing", "viscous_damping"]]
-    assert rivals_beside(ranked(19.0, "slewing", "coulomb_friction")) == []
-    assert rivals_beside(ranked(21.0, "slewing", "viscous_damping")) == []
-
-
-def test_signatures_are_indistinguishable_only_where_they_are_parallel() -> None:
-    first = np.eye(9)[:, :1]
-    near = first + 0.02 * np.eye(9)[:, 1:2]
-    found = indistinguishable_pairs({"a": first, "b": -3 * first, "c": near, "d": np.eye(9)[:, 4:6]})
-    assert found == {frozenset({"a", "b"})}
-
-
-@pytest.mark.parametrize(
-    ("names", "contained"),
-    [
-        ("slewing", True),
-        ("housing_spin", False),
-        ("slewing impact", True),
-        ("housing_spin impact", True),
-        ("impact", False),
-        ("housing_spin viscous_damping", True),
-    ],
-)
-def test_a_set_that_contains_the_best_or_its_partner_cannot_compete(names: str, contained: bool) -> None:
-    assert contains(frozenset(names.split()), frozenset({"slewing"}), YAW) == contained
-    assert not contains(frozenset({"impact", "rope_length"}), frozenset({"impact", "clock_drift"}), YAW)
 
 
 def test_nothing_is_missing_where_the_best_set_is_the_baseline(log: Observations) -> None:

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from gateway.numerics.spectrum import find_machine_line
+from gateway.twin.experiment_design.ambiguity_groups import smallest_angle_cosine
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.output.result import Curves
 from gateway.twin.reconcile.output.serialisation import to_json
@@ -19,7 +20,6 @@ from gateway.twin.reconcile.residual import (
     noise_inflation_factor,
     swing_frequency_hz,
 )
-from gateway.twin.reconcile.search.signatures import smallest_angle_cosine
 from gateway.twin.reconcile.search.validation import block_bootstrap_gain
 from tests.gateway.twin.report.conftest import made
 
