@@ -15,6 +15,7 @@ from gateway.twin.reconcile import reconcile
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.data.observations import make_observations
 from gateway.twin.reconcile.decision.evidence import rivals_of
+from gateway.twin.reconcile.search import stepwise_selection
 from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateTable
 from gateway.twin.reconcile.search.context import make_context
