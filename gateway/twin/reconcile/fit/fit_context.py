@@ -21,19 +21,18 @@ from gateway.twin.reconcile.fit.initial_conditions import (
 from gateway.twin.reconcile.fit.initial_states import window_bounds
 from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, Fit, FitProblem, prior_of_parts
 from gateway.twin.reconcile.fit.multiple_shooting import SEGMENT_S, uniform_segments
-from gateway.twin.reconcile.fit.reparameterisation import RIGGING_LENGTH, ModalParameterisation
 from gateway.twin.reconcile.fit.trajectory_fit import fit_trajectory
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
-PROFILE_ITERATIONS = 5
-"""Iterations of each fit; chi-square has then settled enough to rank rigging lengths."""
+FIRST_PART_ITERATIONS = 5
+"""Iterations of a fit to the first part of the log; chi-square has then settled enough to rank guesses."""
 SEGMENT_PERIODS = 6.5
 """Longest segment of a short rope, in periods: a rope that is wrong by 3 % shifts the phase by a tenth of a turn over it."""
-RIGGING_PROFILE_S = 40.0
-"""Length of the first part of the log on which rigging lengths are compared: it contains several beats of the two modes."""
+FIRST_PART_S = 40.0
+"""Length of the first part of the log, on which guesses are compared: it contains several beats of two modes."""
 
 
 def segment_bounds(rig: TwinRig, values: EffectValues, observations: Observations) -> list[int]:
@@ -154,22 +153,19 @@ class FitContext:
         first_samples = segment_bounds(self.rig, values, self.log)
         return segment_initial_conditions(simulator, self.log, self.effect_values(simulator, values), first_samples)
 
-    def fit_rigging_length(self, guesses: Sequence[EffectValues]) -> EffectValues:
-        """Return the best of several guesses of a double pendulum, and of one between them, after a fit of the first part.
-
-        The guesses differ in the rigging length, which the fit holds.
-        """
-        first_part = slice_samples(self.log, 0, int(np.searchsorted(self.log.time_s, RIGGING_PROFILE_S)))
-        problem = replace(
-            self.problem(guesses[0]),
-            observations=first_part,
-            first_samples=segment_bounds(self.rig, guesses[0], first_part),
-        )
-        simulator = problem.simulator
-        best = _profile_rigging_length(problem, [self.effect_values(simulator, values) for values in guesses])
-        if best is None:
+    def best_of_guesses(self, guesses: Sequence[EffectValues]) -> EffectValues:
+        """Return the best of several guesses after short fits of the first part of the log."""
+        first_part = replace(self, log=slice_samples(self.log, 0, int(np.searchsorted(self.log.time_s, FIRST_PART_S))))
+        fits = []
+        for values in guesses:
+            try:
+                fits.append(first_part.fit(values, iterations=FIRST_PART_ITERATIONS))
+            except INTEGRATION_FAILURES:
+                continue
+        if not fits:
             return guesses[0]
-        effects = simulator.effects(np.concatenate([np.zeros(simulator.n_initial_states), best]))
+        best = min(fits, key=lambda fit: fit.chi2 if np.isfinite(fit.chi2) else np.inf)
+        effects = self.simulator(tuple(guesses[0])).effects(best.values)
         return {name: effects[name] for name in guesses[0]}
 
     def effect_values(self, simulator: Simulator, values: EffectValues) -> Array:
@@ -193,49 +189,3 @@ class FitContext:
             value = values.get(parameter.effect, {}).get(parameter.parameter)
             free[i] &= not (parameter.kind is ParameterKind.EDGE and value == SHARPEST)
         return free
-
-
-def _profile_rigging_length(problem: FitProblem, guesses: Sequence[Array]) -> Array | None:
-    """Return the effect values (k,) of the best fit with the rigging length held; None where no guess can be simulated.
-
-    `guesses` are effect values (k,) in the order of their rigging lengths. Rigging and hook compensate for each other in a narrow
-    valley, so the lengths of the guesses are tried first, then the length at the minimum of the parabola through the best three.
-    """
-    simulator, n_states = problem.simulator, problem.simulator.n_initial_states
-    rigging = [parameter.label for parameter in simulator.effect_parameters].index(RIGGING_LENGTH)
-    held = problem.free.copy()
-    held[n_states + rigging] = False
-    problem = replace(problem, free=held)
-
-    def fit_from(effect_values: Array) -> list[Fit]:
-        try:
-            starts = segment_initial_conditions(simulator, problem.observations, effect_values, problem.first_samples)
-            fit = fit_trajectory(problem, starts, effect_values, PROFILE_ITERATIONS)
-        except INTEGRATION_FAILURES:
-            return []
-        return [fit] if np.isfinite(fit.chi2) else []
-
-    fits = [fit for guess in guesses for fit in fit_from(guess)]
-    if not fits:
-        return None
-    log_lengths = np.log([fit.values[n_states + rigging] for fit in fits])
-    minimum = _parabolic_minimum(log_lengths, np.array([fit.chi2 for fit in fits]))
-    if minimum is not None:
-        modal = ModalParameterisation(simulator.rig, simulator.effect_parameters)
-        fitted = modal.to_fitted(_best(fits).values[n_states:])
-        fitted[rigging] = np.exp(minimum)
-        fits += fit_from(modal.to_physical(fitted))
-    return _best(fits).values[n_states:]
-
-
-def _best(fits: Sequence[Fit]) -> Fit:
-    return min(fits, key=lambda fit: fit.chi2)
-
-
-def _parabolic_minimum(at: Array, chi2: Array) -> float | None:
-    """Return the minimum of the parabola through the least value and its neighbours; None where that is at an end."""
-    k = int(np.argmin(chi2))
-    if not 0 < k < len(at) - 1:
-        return None
-    slopes, middles = np.diff(chi2[k - 1 : k + 2]) / np.diff(at[k - 1 : k + 2]), (at[k - 1 : k + 1] + at[k : k + 2]) / 2
-    return float(middles[0] - slopes[0] * (middles[1] - middles[0]) / (slopes[1] - slopes[0]))

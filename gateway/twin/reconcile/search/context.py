@@ -140,7 +140,7 @@ class SearchContext:
         guesses = guesses if stated is None else [stated]
         tried = [{**others, name: values or EFFECTS[name].default_guess} for values in guesses]
         if name == DoublePendulum.name and tried and stated is None:
-            tried = [{**others, name: self.setting.fit_rigging_length(tried)[name]}]
+            tried = [self.setting.best_of_guesses(tried)]
         return [
             FitRequest(values, starts, give_up_above=table.give_up_above, is_further_guess=index > 0)
             for index, values in enumerate(tried)

@@ -116,7 +116,7 @@ def test_fit_converges_along_the_valley_of_rigging_length_and_hook_mass(
         off_hz = modes_hz(rig.length_m, np.full_like(ratio, rigging_m), ratio)[1] - fast_hz
         values = {"rigging_length_m": rigging_m, "hook_mass_ratio": float(ratio[np.argmin(np.abs(off_hz))])}
         guesses.append({"double_pendulum": values})
-    fit = context.fit(context.fit_rigging_length(guesses))
+    fit = context.fit(context.best_of_guesses(guesses))
 
     deviation = np.sqrt(np.diag(fit.covariance()))[-2:]
     assert fit.chi2 == pytest.approx(context.log.n_values, rel=0.06)
