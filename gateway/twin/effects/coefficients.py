@@ -1,4 +1,4 @@
-"""Coefficients of terms: constant, changing evenly with time, or periodic; and the terms that have no other parameters."""
+"""Coefficients of terms: constant or periodic; and the terms that have no other parameters."""
 
 import math
 from collections.abc import Mapping
@@ -90,41 +90,6 @@ class ConstantCoefficients:
 
 
 @dataclass(frozen=True, slots=True)
-class ChangingCoefficients:
-    """A level at the first sample, and a slope."""
-
-    unit: str
-    typical: float
-    unit_per_s: str
-    typical_per_s: float
-    components: tuple[str, ...] = ()
-    is_periodic = False
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """The slope, which says what changes, and the level."""
-        return (
-            coefficient("slope", self.unit_per_s, "c′", self.typical_per_s, self.components),
-            coefficient("level", self.unit, "c at the first sample", self.typical, self.components),
-        )
-
-    def at(self, p: Symbols, context: EvaluationContext) -> tuple[Scalar, ...]:
-        """Return level and slope times time."""
-        parts = zip(_each(p["level"], self.components), _each(p["slope"], self.components), strict=True)
-        return tuple(level + slope * context.time_s for level, slope in parts)
-
-    def shift_start(self, values: Values, by_s: float) -> Values:
-        """Return the level at the later first sample."""
-        level = np.asarray(values["level"]) + np.asarray(values["slope"]) * by_s
-        return {**values, "level": _value(level)}
-
-    def law(self, values: Values, formula: str) -> str:
-        """Return `(+0.004 1/s -0.0001 1/s² t) v`."""
-        changing = f"{number(values['level'])} {self.unit} {number(values['slope'])} {self.unit_per_s} t"
-        return f"({changing}) {formula}" if formula else changing
-
-
-@dataclass(frozen=True, slots=True)
 class PeriodicCoefficients:
     """A sum of a sine and a cosine of one frequency."""
 
@@ -175,10 +140,8 @@ def _value(numbers: NDArray[np.float64]) -> Value:
 class CoefficientTerm(Term):
     """Base class of terms whose parameters are coefficients; a subclass says which quantity they act on."""
 
-    def __init__(
-        self, name: str, formula: str, course: Coefficients, *, says: tuple[str, str], extends: str = ""
-    ) -> None:
-        self.name, self.formula, self.says, self.extends = name, formula, says, extends
+    def __init__(self, name: str, formula: str, course: Coefficients, *, says: tuple[str, str]) -> None:
+        self.name, self.formula, self.says = name, formula, says
         self.equation, self.explains = f"{self.quantity} = c {formula}", says[0]
         self.course = course
         self.parameters = course.parameters

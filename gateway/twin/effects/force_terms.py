@@ -8,7 +8,6 @@ import numpy as np
 
 from devices.pendulum.equations import Scalar, Vector, add, scale
 from gateway.twin.effects.coefficients import (
-    ChangingCoefficients,
     Coefficients,
     CoefficientTerm,
     ConstantCoefficients,
@@ -38,14 +37,13 @@ class ForceTerm(CoefficientTerm):
         basis: Basis,
         *,
         says: tuple[str, str],
-        extends: str = "",
     ) -> None:
-        super().__init__(name, formula, coefficients, says=says, extends=extends)
+        super().__init__(name, formula, coefficients, says=says)
         self.world_directed = bool(coefficients.components) and not coefficients.is_periodic
         self._basis = basis
 
     def feeds_energy(self, values: Values) -> bool:
-        """Return whether the force is along the velocity, from the first sample on and ever more if it changes with time."""
+        """Return whether the force is along the velocity."""
         return self._basis in ALONG_MOTION and all(np.min(values[each.name]) > 0 for each in self.coefficients)
 
     def force_m_s2(self, p: Symbols, context: EvaluationContext, load: BodyState) -> Vector:
@@ -68,27 +66,13 @@ def _direction_of_motion(load: BodyState) -> tuple[Vector, ...]:
     return (load.direction_of_motion(),)
 
 
-def _cubic_velocity(load: BodyState) -> tuple[Vector, ...]:
-    return (scale(load.speed_m_s**2, load.velocity_m_s),)
-
-
 def _displacement(load: BodyState) -> tuple[Vector, ...]:
     x, y, _ = load.position_m
     return ((x, y, 0.0),)
 
 
-def _cubic_displacement(load: BodyState) -> tuple[Vector, ...]:
-    x, y, _ = load.position_m
-    return (scale(x * x + y * y, (x, y, 0.0)),)
-
-
 def _mirrored_displacement(load: BodyState) -> tuple[Vector, ...]:
     x, y, _ = load.position_m
-    return (x, -y, 0.0), (y, x, 0.0)
-
-
-def _mirrored_velocity(load: BodyState) -> tuple[Vector, ...]:
-    x, y, _ = load.velocity_m_s
     return (x, -y, 0.0), (y, x, 0.0)
 
 
@@ -97,18 +81,13 @@ def _velocity_aside(load: BodyState) -> tuple[Vector, ...]:
     return ((-y, x, 0.0),)
 
 
-def _displacement_aside(load: BodyState) -> tuple[Vector, ...]:
-    x, y, _ = load.position_m
-    return ((-y, x, 0.0),)
-
-
 def _horizontal(load: BodyState) -> tuple[Vector, ...]:
     return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
 
-ALONG_MOTION = (_velocity, _speed_velocity, _direction_of_motion, _cubic_velocity)
+ALONG_MOTION = (_velocity, _speed_velocity, _direction_of_motion)
 FED, TAKEN = "energy is fed in", "energy is taken out"
-Constant, Changing, Periodic = ConstantCoefficients, ChangingCoefficients, PeriodicCoefficients
+Constant, Periodic = ConstantCoefficients, PeriodicCoefficients
 FORCE_TERMS: tuple[Term, ...] = (
     ForceTerm("force_by_velocity", "v", Constant("1/s", 4e-3), _velocity, says=(FED, TAKEN)),
     ForceTerm(
@@ -126,25 +105,11 @@ FORCE_TERMS: tuple[Term, ...] = (
         says=(f"{FED}, whatever the speed", f"{TAKEN}, whatever the speed, as by friction"),
     ),
     ForceTerm(
-        "force_by_speed_cubed",
-        "|v|² v",
-        Constant("s/m²", 4e-3),
-        _cubic_velocity,
-        says=(f"{FED}, mostly at large swings", f"{TAKEN}, mostly at large swings"),
-    ),
-    ForceTerm(
         "force_by_displacement",
         "(x, y)",
         Constant("1/s²", 5e-3),
         _displacement,
         says=("softer than a pendulum", "stiffer than a pendulum"),
-    ),
-    ForceTerm(
-        "force_by_displacement_cubed",
-        "(x² + y²) (x, y)",
-        Constant("1/(m² s²)", 5e-3),
-        _cubic_displacement,
-        says=("softer at large swings", "stiffer at large swings"),
     ),
     ForceTerm(
         "force_by_mirrored_displacement",
@@ -154,25 +119,11 @@ FORCE_TERMS: tuple[Term, ...] = (
         says=("stiffer in one direction than across it",) * 2,
     ),
     ForceTerm(
-        "force_by_mirrored_velocity",
-        "(v_x, −v_y), (v_y, v_x)",
-        Constant("1/s", 4e-3, MIRRORED),
-        _mirrored_velocity,
-        says=("damped more in one direction than across it",) * 2,
-    ),
-    ForceTerm(
         "force_across_velocity",
         "z × v",
         Constant("1/s", 4e-3),
         _velocity_aside,
         says=("the plane of the swing turns anticlockwise", "the plane of the swing turns clockwise"),
-    ),
-    ForceTerm(
-        "force_across_displacement",
-        "z × (x, y)",
-        Constant("1/s²", 4e-3),
-        _displacement_aside,
-        says=("the load is pushed around anticlockwise", "the load is pushed around clockwise"),
     ),
     ForceTerm(
         "constant_force",
@@ -182,42 +133,11 @@ FORCE_TERMS: tuple[Term, ...] = (
         says=("a steady push to one side",) * 2,
     ),
     ForceTerm(
-        "changing_force",
-        "(e_x, e_y)",
-        Changing("m/s²", 0.02, "m/s³", 4e-4, HORIZONTAL),
-        _horizontal,
-        extends="constant_force",
-        says=("a push to one side that changes with time",) * 2,
-    ),
-    ForceTerm(
-        "changing_force_by_velocity",
-        "v",
-        Changing("1/s", 4e-3, "1/s²", 1e-4),
-        _velocity,
-        extends="force_by_velocity",
-        says=("the damping falls with time", "the damping rises with time"),
-    ),
-    ForceTerm(
-        "changing_force_by_displacement",
-        "(x, y)",
-        Changing("1/s²", 5e-3, "1/s³", 1e-4),
-        _displacement,
-        extends="force_by_displacement",
-        says=("the swing becomes slower with time", "the swing becomes faster with time"),
-    ),
-    ForceTerm(
         "periodic_force",
         "sin(2π f t + φ)",
         Periodic("m/s²", 0.05, HORIZONTAL),
         _horizontal,
         says=("the load is pushed at one frequency, as by gusts",) * 2,
-    ),
-    ForceTerm(
-        "periodic_stiffness",
-        "(x, y) sin(2π f t + φ)",
-        Periodic("1/s²", 0.01),
-        _displacement,
-        says=("the swing is stiffer and softer in turn",) * 2,
     ),
 )
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from devices.pendulum.equations import Vector, add, cross, dot, scale
 from devices.pendulum.small_swing import small_swing_rate_1_s
-from gateway.numerics.spectrum import find_strongest_line
+from gateway.numerics.spectrum import find_strongest_line, fit_sine_phasors
 from gateway.twin.effects.effect import Effect, ModelStructure
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext
 from gateway.twin.effects.experiments import SWING_BOTH_WAYS, SWING_TO_REST
@@ -73,21 +73,12 @@ def _stokes_vectors(context: GuessContext, force_g: Array, frequency_hz: float, 
     """Return the middles of windows of a few swings and their normalised Stokes vectors, shape (windows, 3)."""
     times_s, stokes = [], []
     for rows in np.array_split(np.arange(len(force_g)), windows):
-        x, y = _phasors(context.time_s[rows], force_g[rows, :2], frequency_hz)
+        x, y = fit_sine_phasors(context.time_s[rows], force_g[rows, :2], frequency_hz)
         both = 2 * np.conj(x) * y
         times_s.append(float(context.time_s[rows].mean()))
         vector = np.array([abs(x) ** 2 - abs(y) ** 2, both.real, both.imag])
         stokes.append(vector / (abs(x) ** 2 + abs(y) ** 2))
     return np.array(times_s), np.array(stokes)
-
-
-def _phasors(time_s: Array, across_g: Array, frequency_hz: float) -> NDArray[np.complex128]:
-    """Return c of Re(c exp(2 pi i f t)) of both axes, a constant fitted beside them, shape (2,)."""
-    angle = 2 * np.pi * frequency_hz * time_s
-    design = np.stack([np.cos(angle), np.sin(angle), np.ones_like(angle)], axis=1)
-    cosine, sine, _ = np.linalg.lstsq(design, across_g, rcond=None)[0]
-    phasors: NDArray[np.complex128] = cosine - 1j * sine
-    return phasors
 
 
 class PivotCompliance(Effect):

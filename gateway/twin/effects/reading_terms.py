@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 
 from devices.pendulum.equations import Scalar, Vector
-from gateway.twin.effects.coefficients import ChangingCoefficients, CoefficientTerm, PeriodicCoefficients
+from gateway.twin.effects.coefficients import CoefficientTerm, PeriodicCoefficients
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext
 from gateway.twin.effects.parameter import Parameter, Symbols, Values
 from gateway.twin.effects.term import AXES, HORIZONTAL, Term, coefficient, number, smoothed_length
@@ -112,12 +112,6 @@ class DelayedReading(ReadingTerm):
 
 
 READING_TERMS: tuple[Term, ...] = (
-    OffsetTerm(
-        "changing_offset",
-        "",
-        ChangingCoefficients("g", 2e-3, "g/s", 5e-5, AXES),
-        says=("the sensor's zero moves evenly with time",) * 2,
-    ),
     OffsetTerm(
         "periodic_offset",
         "sin(2π f t + φ)",

@@ -32,8 +32,6 @@ class Term(Effect):
     """What the coefficients multiply."""
     says: tuple[str, str]
     """The law in an operator's words, for a positive and for a negative first coefficient."""
-    extends: str = ""
-    """The term that this one contains: with one coefficient more it fits no worse, and is no alternative to it."""
 
     @property
     def coefficients(self) -> tuple[Parameter, ...]:

@@ -9,7 +9,7 @@ and rates of the rigging, the stretch and its rate, the rotation of the contact 
 the bow and its rate toward the world's x and y.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -36,6 +36,16 @@ PRESLIDING = slice(5, 7)
 """Positions in z of the rotation of the contact (about x, about y)."""
 BOW, BOW_RATE = slice(5, 7), slice(7, 9)
 """Positions in z of the bow of a heavy rope (x, y), and of its rate."""
+
+
+ROPE_PARTS = ("n", "n_rate", "x_axis")
+ADDED_PARTS: Mapping[ModelStructure, tuple[str, ...]] = {
+    ModelStructure.RIGGING: ("m", "m_rate"),
+    ModelStructure.ELASTIC: ("stretch", "stretch_rate"),
+    ModelStructure.PRESLIDING: ("presliding",),
+    ModelStructure.HEAVY_ROPE: ("bow", "bow_rate"),
+}
+"""Parts of x in their order: of a rope, and what a structure adds."""
 
 
 def structure_of(effects: Iterable[Effect]) -> ModelStructure:
@@ -65,29 +75,17 @@ class State:
     @classmethod
     def of(cls, x: Expression, structure: ModelStructure) -> "State":
         """Return the parts of a column x."""
-        rope = vector(x, 0), vector(x, 3), vector(x, 6)
-        if structure is ModelStructure.RIGGING:
-            return cls(*rope, vector(x, 9), vector(x, 12))
-        if structure is ModelStructure.ELASTIC:
-            return cls(*rope, stretch=x[9], stretch_rate=x[10])
-        if structure is ModelStructure.PRESLIDING:
-            return cls(*rope, presliding=vector(x, 9))
-        if structure is ModelStructure.HEAVY_ROPE:
-            return cls(*rope, bow=vector(x, 9), bow_rate=vector(x, 12))
-        return cls(*rope)
+        numbers = iter(ca.vertsplit(x))
+        parts: dict[str, Any] = {}
+        for name in (*ROPE_PARTS, *ADDED_PARTS.get(structure, ())):
+            is_vector = name not in ("stretch", "stretch_rate")
+            parts[name] = (next(numbers), next(numbers), next(numbers)) if is_vector else next(numbers)
+        return cls(**parts)
 
     def column(self, structure: ModelStructure) -> Expression:
         """Return the column x of these parts, or its rate of the rates of the parts."""
-        parts = [*self.n, *self.n_rate, *self.x_axis]
-        if structure is ModelStructure.RIGGING:
-            parts += [*self.m, *self.m_rate]
-        if structure is ModelStructure.ELASTIC:
-            parts += [self.stretch, self.stretch_rate]
-        if structure is ModelStructure.PRESLIDING:
-            parts += self.presliding
-        if structure is ModelStructure.HEAVY_ROPE:
-            parts += [*self.bow, *self.bow_rate]
-        return ca.vertcat(*parts)
+        parts = (getattr(self, name) for name in (*ROPE_PARTS, *ADDED_PARTS.get(structure, ())))
+        return ca.vertcat(*(each for part in parts for each in (part if isinstance(part, tuple) else (part,))))
 
 
 def vector(column: Expression, first: int) -> Vector:

@@ -155,18 +155,11 @@ def noise_with_quantisation_g(observations: Observations, step_g: float) -> Arra
     return noise_g
 
 
-def quantised_mean(force_g: Array, step_g: float, noise_g: Array) -> Array:
-    """Return the mean of quantised readings for specific forces (n, 3) with noise (3,) before the quantisation."""
-    return _quantised_moments(force_g, step_g, noise_g)[0]
+def quantised_moments(force_g: Array, step_g: float, noise_g: Array) -> tuple[Array, Array]:
+    """Return mean and variance, in g², of quantised readings for forces (n, 3) with noise (3,) before the quantisation.
 
-
-def quantised_variance(force_g: Array, step_g: float, noise_g: Array) -> Array:
-    """Return the variance of quantised readings, in g^2; it is largest where a force is halfway between two steps."""
-    return _quantised_moments(force_g, step_g, noise_g)[1]
-
-
-def _quantised_moments(force_g: Array, step_g: float, noise_g: Array) -> tuple[Array, Array]:
-    """Return mean and variance of readings, from the probabilities of the nearest step and two on either side."""
+    They follow from the probabilities of the nearest step and two on either side. The variance is largest halfway between two.
+    """
     nearest = np.round(force_g / step_g)
     first, second = np.full_like(force_g, 2.0), np.full_like(force_g, 4.0)
     for edge in (-1.5, -0.5, 0.5, 1.5):

@@ -122,22 +122,21 @@ def _with_one_more(
     validator.evaluate_ahead(fit for _, fit in near_best)
     rivals = [_Rival(each, fit, validator.evaluate(fit), table) for each, fit in near_best]
     rivals.sort(key=lambda each: each.evidence)
-    if not rivals or not _holds(law, _simplest(rivals), validator, random):
+    if not rivals or not _holds(law, rivals[0], validator, random):
         return None
-    best = _simplest(rivals)
+    best = rivals[0]
     near = [each.name for each in rivals if each is not best and each.evidence - best.evidence < MIN_EVIDENCE_MARGIN]
     near += [
         each.name
         for each in screened
         if each.name not in (best.name, *near) and _cosine(each, best.screened) > COLLINEAR_COSINE
     ]
-    others = tuple(name for name in near if TERMS[name].extends != best.name)
     return replace(
         law,
         candidate=best.fit,
         after=best.validation,
         terms=(*law.terms, best.name),
-        alternatives={**law.alternatives, best.name: others},
+        alternatives={**law.alternatives, best.name: tuple(near)},
         signatures={**law.signatures, best.name: best.screened.signature},
         noise_inflation=table.noise_inflation,
     )
@@ -181,13 +180,6 @@ class _Rival:
     def evidence(self) -> float:
         """BIC on the log and chi-square on the selection part: the lower, the better."""
         return self.table.bic(self.fit) + self.validation.fit.chi2 / self.table.noise_inflation
-
-
-def _simplest(rivals: list[_Rival]) -> _Rival:
-    """Return the best of rivals in the order of evidence, or the term that it extends if that one is as good."""
-    best = rivals[0]
-    simpler = [each for each in rivals[1:] if each.name == best.screened.term.extends]
-    return next((each for each in simpler if each.evidence - best.evidence < MIN_EVIDENCE_MARGIN), best)
 
 
 def _score(screened: ScreenedTerm, context: SearchContext, law: FoundLaw) -> float:

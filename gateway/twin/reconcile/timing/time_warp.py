@@ -15,7 +15,7 @@ from scipy.linalg import solveh_banded
 
 from gateway.twin.effects.sensor_output import Quantization
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.data.sensor import quantised_mean, quantised_variance
+from gateway.twin.reconcile.data.sensor import quantised_moments
 from gateway.twin.reconcile.fit.least_squares import SCREENING_ITERATIONS
 from gateway.twin.reconcile.fit.reparameterisation import ReparameterisedSimulator, reparameterise
 from gateway.twin.simulator.simulator import Simulator
@@ -232,7 +232,7 @@ def linearise_in_time(
 def quantised_mean_of(simulator: Simulator, values: Array, force_g: Array) -> Array:
     """Return the mean reading for a simulated force (n, 3): quantised where the model has that effect."""
     step_g = _step_g(simulator, values)
-    return force_g if step_g is None else quantised_mean(force_g, step_g, np.array(simulator.rig.noise_g))
+    return force_g if step_g is None else quantised_moments(force_g, step_g, np.array(simulator.rig.noise_g))[0]
 
 
 def noise_chi2_below_swing_frequencies(
@@ -243,7 +243,7 @@ def noise_chi2_below_swing_frequencies(
     Quantisation adds more to a reading that is halfway between two steps.
     """
     noise_g, step_g = np.array(simulator.rig.noise_g), _step_g(simulator, values)
-    variance = np.full(force_g.shape, noise_g**2) if step_g is None else quantised_variance(force_g, step_g, noise_g)
+    variance = np.full(force_g.shape, noise_g**2) if step_g is None else quantised_moments(force_g, step_g, noise_g)[1]
     frequency_hz = np.fft.fftfreq(len(force_g), observations.interval_s)
     share = float(np.mean(np.abs(frequency_hz) <= MAX_SWING_HZ))
     return float((variance / observations.noise_g**2 * observations.used[:, None]).sum()) * share

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gateway.twin.effects.parameter import Value
 from gateway.twin.model import EffectValues, Model, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.data.sensor import noise_with_quantisation_g, quantised_variance
+from gateway.twin.reconcile.data.sensor import noise_with_quantisation_g, quantised_moments
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateTable
@@ -113,7 +113,7 @@ def test_noise_below_the_swing_frequencies_is_the_mean_of_many_draws(
 
 
 def test_variance_of_quantised_readings_is_largest_halfway_between_two_steps() -> None:
-    halfway, on_step = quantised_variance(np.array([[0.5, 1.0, 2.0]]) * STEP_G, STEP_G, np.full(3, 5e-4))[0, :2]
+    halfway, on_step = quantised_moments(np.array([[0.5, 1.0, 2.0]]) * STEP_G, STEP_G, np.full(3, 5e-4))[1][0, :2]
 
     assert halfway == pytest.approx(STEP_G**2 / 4, rel=1e-3)
     assert on_step == pytest.approx(0.0027 * STEP_G**2, rel=1e-2)
