@@ -126,7 +126,7 @@ GATES = {
     ),
     "elimination": Part(
         "effects whose absence costs nothing are dropped again",
-        (Call("search.stepwise_selection.eliminate", _first_and_third),),
+        (Call("search.search.eliminate", _first_and_third),),
     ),
     "beyond parts": Part(
         "an effect that needs a value no part has is replaced by one of the same signature",
@@ -159,13 +159,15 @@ GATES = {
 
 STEPS = {
     "length of a large swing": Part(
-        "a wrong length is found by the period at the amplitude", (Call("search.baseline._add_rope_length", _unadded),)
+        "a wrong length is found by the period at the amplitude",
+        (Call("search.persistent._add_rope_length", _unadded),),
     ),
     "length of a small swing": Part(
         "the fit of a length begins at that of the period", (_step("search.persistent._fit_length_by_period"),)
     ),
     "machine line": Part(
-        "a machine's line is fitted before the search", (Call("search.baseline._add_machine_line", _first_and_second),)
+        "a machine's line is fitted before the search",
+        (Call("search.persistent._add_machine_line", _first_and_second),),
     ),
     "bodies": Part(
         "a heavy rope and a pivot that yields or holds are fitted before pairs",
@@ -186,30 +188,27 @@ STEPS = {
     ),
     "refinement": Part(
         "fits in narrow valleys are continued, events tried shorter and longer",
-        (_step("search.search.refine"), _step("search.stepwise_selection.refine")),
+        (_step("search.search.refine"),),
     ),
     "stretched events": Part("events are tried shorter and longer", (Call("search.events._stretched", _constant(())),)),
     "growth": Part(
         "second and third effects are added to the best one",
-        (Call("search.stepwise_selection._forward_step", _ungrown),),
+        (Call("search.search._forward_step", _ungrown),),
     ),
     "events in growth": Part(
-        "events are fitted beside the parents of growth", (_step("search.stepwise_selection.fit_events_in_windows"),)
+        "events are fitted beside the parents of growth", (_step("search.search.fit_events_in_windows"),)
     ),
     "guesses in growth": Part(
         "effects are guessed from the residual of the parents of growth",
-        (_step("search.stepwise_selection.fit_guessed_effects"),),
+        (_step("search.search.fit_guessed_effects"),),
     ),
     "swaps": Part(
         "each effect of a set is exchanged for the best others",
-        (
-            Call("search.stepwise_selection.try_swaps", _first_and_third),
-            Call("search.search.try_swaps", _first_and_third),
-        ),
+        (Call("search.search.try_swaps", _first_and_third),),
     ),
     "rivals with the swapped": Part(
         "sets nearly as good as one before a swap get what was swapped in",
-        (_step("search.stepwise_selection._fit_rivals_with_swapped"),),
+        (_step("search.search._fit_rivals_with_swapped"),),
     ),
     "coincident effects": Part(
         "effects that coincide until a length changes are fitted where one does",

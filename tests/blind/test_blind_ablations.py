@@ -15,7 +15,7 @@ from gateway.twin.reconcile import reconcile
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.data.observations import make_observations
 from gateway.twin.reconcile.decision.evidence import rivals_of
-from gateway.twin.reconcile.search import stepwise_selection
+from gateway.twin.reconcile.search import search
 from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateTable
 from gateway.twin.reconcile.search.context import make_context
@@ -85,10 +85,10 @@ def test_without_drop_what_was_added_stays(asked: Callable[..., Any]) -> None:
     context = make_context(model, log, Budget(), lambda: None)
     table = context.fit(context.fit(CandidateTable(log), {}), {"axis_offset": {}}).start_round()
     needless = table.fits[frozenset({"axis_offset"})]
-    assert stepwise_selection.eliminate(table, context, needless)[1].names == frozenset()
+    assert search.eliminate(table, context, needless)[1].names == frozenset()
 
     with PARTS["elimination"].off():
-        assert stepwise_selection.eliminate(table, context, needless)[1].names == {"axis_offset"}
+        assert search.eliminate(table, context, needless)[1].names == {"axis_offset"}
 
 
 def test_prediction_of_a_command_without_a_gate_is_of_the_held_out_recording(tmp_path: Path) -> None:

@@ -181,7 +181,7 @@ def analyse_cause(recording: Path) -> "CauseAnalysis":
     from gateway.incident.incident_report import CauseAnalysis
     from gateway.measurement.source import read_source
     from gateway.twin.reconcile.data.data_checks import check_recording, model_from_recording
-    from gateway.twin.reconcile.output.text import VERDICT_SENTENCES
+    from gateway.twin.reconcile.output.serialisation import VERDICT_SENTENCES
     from gateway.twin.reconcile.reconcile import reconcile
     from gateway.twin.report.page import render_report
 

@@ -3,9 +3,15 @@
 An effect of your own needs no more than what this package exports; see docs/development/add_an_effect.md.
 """
 
-from gateway.twin.effects.clock import ClockDrift, SampleLoss
-from gateway.twin.effects.damping import CoulombFriction, QuadraticDrag, ViscousDamping
-from gateway.twin.effects.driving import Impact, SteadyWind, TrolleyAcceleration, WindGust
+from gateway.twin.effects.driving import (
+    CoulombFriction,
+    Impact,
+    QuadraticDrag,
+    SteadyWind,
+    TrolleyAcceleration,
+    ViscousDamping,
+    WindGust,
+)
 from gateway.twin.effects.effect import Effect, ModelStructure
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext, Rigging, RopeGeometry
 from gateway.twin.effects.guess_context import EventWindow, GuessContext
@@ -24,7 +30,7 @@ from gateway.twin.effects.sensor import (
     ThermalDrift,
     Vibration,
 )
-from gateway.twin.effects.sensor_output import Clipping, LowpassLag, Quantization, SampleHold
+from gateway.twin.effects.sensor_output import Clipping, ClockDrift, LowpassLag, Quantization, SampleHold, SampleLoss
 
 __all__ = [
     "EFFECTS",

@@ -1,13 +1,12 @@
-"""Forces that drive the load, and motion of the pivot."""
+"""Forces that drive the load or take energy out of its swing, and motion of the pivot."""
 
 import numpy as np
 
-from devices.pendulum.equations import Scalar, Vector
+from devices.pendulum.equations import Scalar, Vector, scale
 from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext
-from gateway.twin.effects.event_guesses import SHARPEST, guess_gust, guess_trapezoid
-from gateway.twin.effects.experiments import RECORD_DRIVES, TURN_HOUSING
-from gateway.twin.effects.guess_context import GuessContext
+from gateway.twin.effects.experiments import LARGER_SWING, RECORD_DRIVES, TURN_HOUSING
+from gateway.twin.effects.guess_context import SHARPEST, GuessContext, guess_gust, guess_trapezoid
 from gateway.twin.effects.parameter import Parameter, Symbols, Values
 from gateway.twin.effects.pulse import Pulse, PulseEffect, duration, ramp_fraction, start
 
@@ -178,3 +177,87 @@ class TrolleyAcceleration(Effect):
     def _ramps(p: Symbols) -> tuple[Pulse, Pulse]:
         start_s, ramp_s, fraction = p["start_s"], p["duration_s"], p["rising_share"]
         return Pulse(start_s, ramp_s, fraction), Pulse(start_s + ramp_s + p["coast_s"], ramp_s, fraction)
+
+
+class ViscousDamping(Effect):
+    """Force proportional to the velocity; the amplitude decays as A' = -c A/2, c = 2 zeta sqrt(g/L)."""
+
+    name = "viscous_damping"
+    equation = "F/m = −2 ζ √(g/L) v"
+    explains = "The swing loses the same fraction in each period: losses in the rope, the sheaves and the joints."
+    reference = "viscous damping, Inman 2014, section 1.3: A′ = −c A/2, c = 2 ζ √(g/L)"
+    enters = "force on the load"
+    dissipative = True
+    discriminating_experiment = LARGER_SWING
+    parameters = (
+        Parameter(
+            "damping_ratio",
+            "1",
+            "ζ, fraction of critical damping",
+            lower=0.0,
+            upper=0.5,
+            neutral=0.0,
+            scale=1e-3,
+            typical=5e-3,
+        ),
+    )
+
+    def force_m_s2(self, p: Symbols, context: EvaluationContext, load: BodyState) -> Vector:
+        """Return a force against the velocity."""
+        return scale(-2 * p["damping_ratio"] * load.small_swing_rate_1_s, load.velocity_m_s)
+
+
+class QuadraticDrag(Effect):
+    """Force proportional to the square of the speed; the amplitude decays as A' = -(4/3 pi) k L w A^2."""
+
+    name = "quadratic_drag"
+    equation = "F/m = −k |v| v"
+    explains = "Large swings die away faster than small ones: air drag on a large, light load."
+    reference = "drag law, k = ρ_air c_d A/(2 m); by the work in one period: A′ = −(4/3π) k L ω A²"
+    enters = "force on the load"
+    dissipative = True
+    discriminating_experiment = LARGER_SWING
+    parameters = (
+        Parameter(
+            "drag_per_m",
+            "1/m",
+            "k, drag coefficient over mass",
+            lower=0.0,
+            upper=1.0,
+            neutral=0.0,
+            scale=1e-3,
+            typical=5e-3,
+        ),
+    )
+
+    def force_m_s2(self, p: Symbols, context: EvaluationContext, load: BodyState) -> Vector:
+        """Return a force against the velocity."""
+        return scale(-p["drag_per_m"] * load.speed_m_s, load.velocity_m_s)
+
+
+class CoulombFriction(Effect):
+    """Force of constant magnitude against the velocity; the amplitude decays as A' = -2 mu/(pi w L)."""
+
+    name = "coulomb_friction"
+    equation = "F/m = −μ v/|v|"
+    explains = "Small swings die away faster than large ones and come to a stop: dry friction at the pivot."
+    reference = "Coulomb friction, Inman 2014, section 1.10: A′ = −2 μ/(π ω L)"
+    enters = "force on the load"
+    dissipative = True
+    discriminating_experiment = LARGER_SWING
+    parameters = (
+        Parameter(
+            "decel_m_s2",
+            "m/s²",
+            "μ, friction force over mass",
+            lower=0.0,
+            upper=0.5,
+            neutral=0.0,
+            scale=1e-3,
+            typical=4e-3,
+        ),
+    )
+
+    def force_m_s2(self, p: Symbols, context: EvaluationContext, load: BodyState) -> Vector:
+        """Return a force against the velocity, of a magnitude that does not depend on it."""
+        return scale(-p["decel_m_s2"], load.direction_of_motion(p["decel_m_s2"]))

@@ -22,8 +22,7 @@ from gateway.twin.effects.evaluation_context import (
     Rigging,
     RopeGeometry,
 )
-from gateway.twin.effects.event_guesses import guess_event
-from gateway.twin.effects.guess_context import GuessContext
+from gateway.twin.effects.guess_context import GuessContext, guess_event
 from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values
 
 Array = NDArray[np.float64]

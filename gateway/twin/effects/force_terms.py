@@ -7,15 +7,16 @@ import casadi as ca
 import numpy as np
 
 from devices.pendulum.equations import Scalar, Vector, add, scale
-from gateway.twin.effects.coefficients import (
+from gateway.twin.effects.evaluation_context import ZERO_VECTOR, BodyState, EvaluationContext, RopeGeometry
+from gateway.twin.effects.parameter import Symbols, Values
+from gateway.twin.effects.term import (
+    HORIZONTAL,
     Coefficients,
     CoefficientTerm,
     ConstantCoefficients,
     PeriodicCoefficients,
+    Term,
 )
-from gateway.twin.effects.evaluation_context import ZERO_VECTOR, BodyState, EvaluationContext, RopeGeometry
-from gateway.twin.effects.parameter import Symbols, Values
-from gateway.twin.effects.term import HORIZONTAL, Term
 
 Basis = Callable[[BodyState], tuple[Vector, ...]]
 """The vectors that the coefficients multiply, one for each component."""

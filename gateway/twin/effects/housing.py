@@ -13,6 +13,16 @@ from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Va
 from gateway.twin.effects.sensor import rotate_across
 from gateway.twin.effects.spectral_guesses import guess_yaw_rate
 
+Array = NDArray[np.float64]
+BIN_S = 0.1
+"""Interval over which samples are averaged for the guess of a frequency."""
+MAX_GUESS_HZ = 2.0
+"""Highest frequency that is guessed: ropes twist in seconds to minutes."""
+FREQUENCIES_PER_CYCLE = 4
+"""Frequencies that are tried per cycle of the recording."""
+MIN_GAIN = 0.3
+"""Share of the residual across the rope that a guess must explain: an oscillation that is there explains most of it."""
+
 
 class HousingPosition(Effect):
     """An error of the housing's nominal position on the rope."""
@@ -181,17 +191,6 @@ class HousingRocking(Effect):
         x, y, _ = reading
         by_x, by_y = (ca.pi / 180 * each for each in p["deg_per_g"])
         return rotate_across(reading, by_y * y, -by_x * x)
-
-
-Array = NDArray[np.float64]
-BIN_S = 0.1
-"""Interval over which samples are averaged for the guess of a frequency."""
-MAX_GUESS_HZ = 2.0
-"""Highest frequency that is guessed: ropes twist in seconds to minutes."""
-FREQUENCIES_PER_CYCLE = 4
-"""Frequencies that are tried per cycle of the recording."""
-MIN_GAIN = 0.3
-"""Share of the residual across the rope that a guess must explain: an oscillation that is there explains most of it."""
 
 
 class HousingTorsion(Effect):

@@ -30,6 +30,15 @@ MIN_TURN_RAD = 0.1
 swings."""
 MAX_UNEXPLAINED = 0.25
 """Share of the departure from the model's shape that a constant difference of two periods may leave unexplained."""
+MIN_REVERSAL_RAD = 0.04
+"""Phase of a small swing that a reversal of the friction takes at least. Basis: a contact that follows faster needs shorter
+steps."""
+SMOOTHING_RAD = 1e-6
+"""Angle whose rate, over the swing's, smooths the speed where it vanishes."""
+MAX_REMAINING_AMPLITUDE = 0.95
+"""Amplitude in the last fifth over that in the first. Basis: a choice; above it the swing hardly leaves the range of one
+amplitude."""
+PRESLIDING_GUESSES_RAD = (0.02, 0.1)
 
 
 def guess_pivot_compliance(context: GuessContext) -> list[Values]:
@@ -128,17 +137,6 @@ class PivotCompliance(Effect):
         """Return the components of C."""
         xx, yy = p["compliance_m"]
         return xx, p["coupling_m"], yy
-
-
-MIN_REVERSAL_RAD = 0.04
-"""Phase of a small swing that a reversal of the friction takes at least. Basis: a contact that follows faster needs shorter
-steps."""
-SMOOTHING_RAD = 1e-6
-"""Angle whose rate, over the swing's, smooths the speed where it vanishes."""
-MAX_REMAINING_AMPLITUDE = 0.95
-"""Amplitude in the last fifth over that in the first. Basis: a choice; above it the swing hardly leaves the range of one
-amplitude."""
-PRESLIDING_GUESSES_RAD = (0.02, 0.1)
 
 
 class PivotFriction(Effect):

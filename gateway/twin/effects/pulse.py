@@ -8,7 +8,7 @@ import casadi as ca
 from devices.pendulum.equations import Scalar
 from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import EvaluationContext
-from gateway.twin.effects.event_guesses import SHARPEST
+from gateway.twin.effects.guess_context import SHARPEST
 from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols
 
 

@@ -4,10 +4,23 @@ import casadi as ca
 import numpy as np
 
 from devices.pendulum.equations import Scalar, Vector
-from gateway.twin.effects.coefficients import CoefficientTerm, PeriodicCoefficients
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext
 from gateway.twin.effects.parameter import Parameter, Symbols, Values
-from gateway.twin.effects.term import AXES, HORIZONTAL, Term, coefficient, number, smoothed_length
+from gateway.twin.effects.term import (
+    AXES,
+    HORIZONTAL,
+    CoefficientTerm,
+    PeriodicCoefficients,
+    Term,
+    coefficient,
+    number,
+    smoothed_length,
+)
+
+SMOOTHING_G = 1e-6
+"""Amplitude of a reading that counts as none. Basis: a choice; below the noise of a mean, above rounding."""
+SMOOTHING_M = 1e-3
+"""Displacement that counts as none. Basis: a choice; below a displacement that a reading shows, above rounding."""
 
 
 class OffsetTerm(CoefficientTerm):
@@ -122,12 +135,6 @@ READING_TERMS: tuple[Term, ...] = (
     QuadraticReading(),
     DelayedReading(),
 )
-
-
-SMOOTHING_G = 1e-6
-"""Amplitude of a reading that counts as none. Basis: a choice; below the noise of a mean, above rounding."""
-SMOOTHING_M = 1e-3
-"""Displacement that counts as none. Basis: a choice; below a displacement that a reading shows, above rounding."""
 
 
 class ForceWithDeadZone(Term):

@@ -16,6 +16,23 @@ from gateway.twin.effects.guess_context import GuessContext
 from gateway.twin.effects.parameter import Parameter, Symbols, Values
 from gateway.twin.effects.rope import RopeLength
 
+STRING_BAND = (4.5, 40.0)
+"""Range of the string mode over the swing, above its strong harmonics. Basis: ropes of 0.6 and 0.007 of the load's mass."""
+MAX_STRING_HZ = 8.0
+RINGING_S = 20.0
+"""Part of the recording in which the string mode is searched. Basis: a choice; it dies away in some seconds."""
+MIN_STRING_POWER = 60.0
+"""Power of the string mode's line over the noise floor around it."""
+MAX_REMAINING = 0.6
+"""Amplitude of the line in the last part of the recording over that in the first. Basis: a choice; above it is no free
+vibration."""
+MAX_MASS_RATIO = 1.5
+MAX_SHORTENING = -1 / 3
+"""Change of the equivalent length with a rope alone, without a load. Definition: a uniform rope swings like a pendulum of two
+thirds of its length."""
+MAX_STRING_STEP_RAD = 0.25
+"""Phase of the string mode in one integration step; the mode dies away in some seconds."""
+
 
 class LoadInertia(Effect):
     """The moment of inertia of a load that turns with the rope: a compound pendulum."""
@@ -52,24 +69,6 @@ class LoadInertia(Effect):
         """Return k = L √e of a length that seems longer by the share e."""
         relative_error = float(np.asarray(coincident["relative_error"]))
         return {"radius_of_gyration_m": length_m * math.sqrt(relative_error)} if relative_error > 0 else None
-
-
-STRING_BAND = (4.5, 40.0)
-"""Range of the string mode over the swing, above its strong harmonics. Basis: ropes of 0.6 and 0.007 of the load's mass."""
-MAX_STRING_HZ = 8.0
-RINGING_S = 20.0
-"""Part of the recording in which the string mode is searched. Basis: a choice; it dies away in some seconds."""
-MIN_STRING_POWER = 60.0
-"""Power of the string mode's line over the noise floor around it."""
-MAX_REMAINING = 0.6
-"""Amplitude of the line in the last part of the recording over that in the first. Basis: a choice; above it is no free
-vibration."""
-MAX_MASS_RATIO = 1.5
-MAX_SHORTENING = -1 / 3
-"""Change of the equivalent length with a rope alone, without a load. Definition: a uniform rope swings like a pendulum of two
-thirds of its length."""
-MAX_STRING_STEP_RAD = 0.25
-"""Phase of the string mode in one integration step; the mode dies away in some seconds."""
 
 
 def guess_mass_ratio(context: GuessContext) -> float | None:

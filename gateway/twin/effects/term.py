@@ -1,23 +1,46 @@
-"""The base class of terms: parts of a law that describes what no effect of the vocabulary explains.
+"""Terms and their coefficients: parts of a law that describes what no effect of the vocabulary explains.
 
 A term is an effect that is linear in its coefficients where they are zero. Its type fixes the unit of the coefficients, so
 that a law has one. Terms are kept apart from the vocabulary, and no search for effects tries them.
 """
 
-from typing import ClassVar
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar, Protocol
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from devices.pendulum.equations import Scalar, Vector, dot
 from gateway.twin.effects.effect import Effect
-from gateway.twin.effects.parameter import Parameter, Value, Values, without_rounding
+from gateway.twin.effects.evaluation_context import EvaluationContext
+from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Value, Values, without_rounding
 
 HORIZONTAL = ("x", "y")
 AXES = ("x", "y", "z")
 LARGEST = 100.0
 """Bound of a coefficient in typical sizes. Basis: a fit that reaches it describes nothing."""
 REFERENCE = "sparse regression over a library of terms (Brunton et al. 2016), in weak form (Messenger and Bortz 2021)"
+HIGHEST_FREQUENCY_HZ = 3.0
+LOWEST_FREQUENCY_HZ = 0.005
+STEPS_PER_PERIOD = 16
+"""Integration steps in a period of a periodic coefficient. Basis: a choice; the integration of order six errs by far less than a
+sensor shows."""
+PHASORS = ("sine", "cosine")
+FREQUENCY = Parameter(
+    "frequency_hz",
+    "Hz",
+    "f",
+    lower=LOWEST_FREQUENCY_HZ,
+    upper=HIGHEST_FREQUENCY_HZ,
+    neutral=0.4,
+    scale=1e-3,
+    typical=0.4,
+    kind=ParameterKind.FREQUENCY,
+    step_limit=0.01,
+)
 
 
 class Term(Effect):
@@ -84,3 +107,129 @@ def number(value: Value) -> str:
 def smoothed_length(vector: Vector, within: float) -> Scalar:
     """Return the length of a vector, smooth at zero."""
     return ca.sqrt(dot(vector, vector) + within**2)
+
+
+class Coefficients(Protocol):
+    """The coefficients of a term, one for each component."""
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        """Names of the components; empty for a single number."""
+
+    @property
+    def is_periodic(self) -> bool:
+        """Whether they have one frequency; such ones belong to a recording, as a phase does."""
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """What a fit determines."""
+
+    def at(self, p: Symbols, context: EvaluationContext) -> tuple[Scalar, ...]:
+        """Return the coefficients at an instant."""
+
+    def shift_start(self, values: Values, by_s: float) -> Values:
+        """Return the same coefficients counted from a later first sample."""
+
+    def law(self, values: Values, formula: str) -> str:
+        """Return what they multiply, with numbers and units."""
+
+
+@dataclass(frozen=True, slots=True)
+class ConstantCoefficients:
+    """The same at any time."""
+
+    unit: str
+    typical: float
+    """Size of one that shows."""
+    components: tuple[str, ...] = ()
+    name: str = "coefficient"
+    meaning: str = "c"
+    is_periodic = False
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The coefficients alone."""
+        return (coefficient(self.name, self.unit, self.meaning, self.typical, self.components),)
+
+    def at(self, p: Symbols, context: EvaluationContext) -> tuple[Scalar, ...]:
+        """Return the coefficients."""
+        return _each(p[self.name], self.components)
+
+    def shift_start(self, values: Values, by_s: float) -> Values:
+        """Return the values as they are."""
+        return values
+
+    def law(self, values: Values, formula: str) -> str:
+        """Return `+0.0042 1/s v`."""
+        return f"{number(values[self.name])} {self.unit} {formula}"
+
+
+@dataclass(frozen=True, slots=True)
+class PeriodicCoefficients:
+    """A sum of a sine and a cosine of one frequency."""
+
+    unit: str
+    typical: float
+    components: tuple[str, ...] = ()
+    is_periodic = True
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The frequency, and sine and cosine, which belong to a recording."""
+        parts = (coefficient(each, self.unit, f"of the {each}", self.typical, self.components) for each in PHASORS)
+        return FREQUENCY, *(replace(part, refitted=True) for part in parts)
+
+    def at(self, p: Symbols, context: EvaluationContext) -> tuple[Scalar, ...]:
+        """Return the value of each component."""
+        angle = 2 * ca.pi * p["frequency_hz"] * context.time_s
+        parts = zip(*(_each(p[each], self.components) for each in PHASORS), strict=True)
+        return tuple(sine * ca.sin(angle) + cosine * ca.cos(angle) for sine, cosine in parts)
+
+    def shift_start(self, values: Values, by_s: float) -> Values:
+        """Return the sine and cosine of the later first sample."""
+        angle_rad = 2 * np.pi * float(np.asarray(values["frequency_hz"])) * by_s
+        turned = _phasor(values) * np.exp(1j * angle_rad)
+        return {**values, "cosine": _value(turned.real), "sine": _value(-turned.imag)}
+
+    def law(self, values: Values, formula: str) -> str:
+        """Return the largest value along any direction, and the frequency."""
+        phasor = np.atleast_1d(_phasor(values))
+        amplitude = np.linalg.svd(np.stack([phasor.real, phasor.imag]), compute_uv=False)[0]
+        hz = float(np.asarray(values["frequency_hz"]))
+        return f"{amplitude:.3g} {self.unit} {formula}, f = {hz:.4g} Hz"
+
+
+def _each(found: Scalar, components: tuple[str, ...]) -> tuple[Scalar, ...]:
+    return found if components else (found,)
+
+
+def _phasor(values: Mapping[str, Value]) -> NDArray[np.complex128]:
+    """Return c of Re(c exp(i angle))."""
+    return np.asarray(values["cosine"]) - 1j * np.asarray(values["sine"])
+
+
+def _value(numbers: NDArray[np.float64]) -> Value:
+    return tuple(numbers.tolist()) if numbers.ndim else float(numbers)
+
+
+class CoefficientTerm(Term):
+    """Base class of terms whose parameters are coefficients; a subclass says which quantity they act on."""
+
+    def __init__(self, name: str, formula: str, course: Coefficients, *, says: tuple[str, str]) -> None:
+        self.name, self.formula, self.says = name, formula, says
+        self.equation, self.explains = f"{self.quantity} = c {formula}", says[0]
+        self.course = course
+        self.parameters = course.parameters
+        self.steady_frequency = course.is_periodic
+
+    def longest_step_s(self, p: Symbols, length_m: float, gravity_m_s2: float) -> Scalar:
+        """Return a part of the period, where there is one."""
+        return 1 / (STEPS_PER_PERIOD * p["frequency_hz"]) if self.course.is_periodic else math.inf
+
+    def shift_start(self, values: Values, by_s: float) -> Values:
+        """Return the same term counted from a later first sample."""
+        return self.course.shift_start(values, by_s)
+
+    def law(self, values: Values) -> str:
+        """Return the right-hand side with numbers and units."""
+        return self.course.law(values, self.formula)

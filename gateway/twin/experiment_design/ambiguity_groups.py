@@ -9,8 +9,14 @@ from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.experiment_design.experiment import FREE_SWING
-from gateway.twin.experiment_design.hypotheses import Group, Hypothesis, amplitude_parts
-from gateway.twin.experiment_design.signatures import ExperimentSensitivities, Signature, linearise_experiment
+from gateway.twin.experiment_design.signatures import (
+    ExperimentSensitivities,
+    Group,
+    Hypothesis,
+    Signature,
+    amplitude_parts,
+    linearise_experiment,
+)
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.search.signatures import orthonormal
 

@@ -9,8 +9,7 @@ from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.experiments import LARGER_SWING, TURN_HOUSING
 from gateway.twin.experiment_design.ambiguity_groups import Separation, ambiguity_groups, separation_of
 from gateway.twin.experiment_design.experiment import CANDIDATES, FREE_SWING, Experiment
-from gateway.twin.experiment_design.hypotheses import Group, Hypothesis
-from gateway.twin.experiment_design.signatures import linearise_experiment
+from gateway.twin.experiment_design.signatures import Group, Hypothesis, linearise_experiment
 from gateway.twin.model import EffectValues, TwinRig
 
 ENOUGH_SIGMA = 20.0

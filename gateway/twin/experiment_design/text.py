@@ -12,8 +12,8 @@ from gateway.twin.experiment_design.experiment import (
     Experiment,
     Run,
 )
-from gateway.twin.experiment_design.hypotheses import Hypothesis
 from gateway.twin.experiment_design.plan import GroupPlan, Pair, Plan
+from gateway.twin.experiment_design.signatures import Hypothesis
 from gateway.twin.model import TwinRig
 
 PREAMBLE = (

@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.clock import SampleLoss
+from gateway.twin.effects.sensor_output import SampleLoss
 from gateway.twin.model import Model
 from gateway.twin.reconcile.data.crane_inputs import NO_INPUTS, CraneInputs, KnownModel, registered
 from gateway.twin.reconcile.data.data_checks import CheckedRecording, find_lack_of_rest
@@ -38,8 +38,8 @@ from gateway.twin.reconcile.search.ambiguity import (
     is_beyond_parts,
     replace_implausible,
 )
-from gateway.twin.reconcile.search.baseline import detect_in_samples
 from gateway.twin.reconcile.search.budget import Budget
+from gateway.twin.reconcile.search.persistent import detect_in_samples
 from gateway.twin.reconcile.search.search import SearchRun, search
 
 

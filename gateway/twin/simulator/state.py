@@ -1,4 +1,4 @@
-"""The state of the motion, and the initial state that a fit can vary; both as symbols.
+"""The state of the motion, the initial state that a fit can vary, and points on the rope; all as symbols.
 
 State x: the rope's direction n, its rate n' and the housing's x axis; with a double pendulum also the direction of the rigging
 m and its rate m', with an elastic rope also the stretch beyond that of a load at rest, and the rate of the stretch, with friction
@@ -17,9 +17,10 @@ from typing import Any
 import casadi as ca
 
 from devices.pendulum import equations as eq
-from devices.pendulum.equations import Scalar, Vector
+from devices.pendulum.equations import Scalar, Vector, WithDerivatives
+from devices.pendulum.heavy_rope import BentRope, HeavyRope
 from gateway.twin.effects.effect import Effect, ModelStructure
-from gateway.twin.effects.evaluation_context import ZERO_VECTOR
+from gateway.twin.effects.evaluation_context import ZERO_VECTOR, RopeGeometry
 
 Expression = Any
 ROPE_TILTS, ROPE_RATES = slice(0, 2), slice(2, 4)
@@ -190,3 +191,54 @@ def _reference_axes(n: Vector) -> tuple[Vector, Vector]:
     """Return the housing's x and y axes at heading 0: x is the direction across the rope that is nearest to the world's x."""
     x_axis = eq.reference_axis(n, ca.sqrt(1 - n[0] * n[0]))
     return x_axis, eq.cross(eq.scale(-1, n), x_axis)
+
+
+@dataclass(frozen=True, slots=True)
+class Kinematics:
+    """Accelerations at an instant, and the geometry with them."""
+
+    geometry: RopeGeometry
+    pivot_acceleration: Vector
+    drive: Vector
+    """Gravity less the acceleration of a pivot that does not yield."""
+    n_acceleration: Vector
+    second_acceleration: Vector
+    """m'' of the rigging, or that of a heavy rope's bow."""
+    stretch_acceleration: Scalar
+
+
+def on_straight_rope(state: State, distance: WithDerivatives) -> tuple[Vector, Vector]:
+    """Return position and velocity of a point on the rope."""
+    velocity = eq.add(eq.scale(distance[0], state.n_rate), eq.scale(distance[1], state.n))
+    return eq.scale(distance[0], state.n), velocity
+
+
+@dataclass(frozen=True, slots=True)
+class HousingOnBentRope:
+    """A housing where the rope is not straight."""
+
+    bent: BentRope
+    fraction: Scalar
+    """Place of the housing over the length of the rope."""
+
+    @classmethod
+    def of(cls, rope: HeavyRope, state: State, kinematics: Kinematics) -> "HousingOnBentRope":
+        """Return the housing at its place on a rope in this state."""
+        motion = state.n, state.n_rate, kinematics.n_acceleration
+        bent = BentRope(rope, *motion, state.bow, state.bow_rate, kinematics.second_acceleration, kinematics.drive)
+        return cls(bent, kinematics.geometry.position[0] / rope.length)
+
+    @property
+    def turning_rad_s(self) -> Scalar:
+        """Angular velocity about the rope beside axes that are carried along the line to the load."""
+        return self.bent.turning(self.fraction, ca.cos(ca.pi * self.fraction))
+
+    @property
+    def acceleration_m_s2(self) -> Vector:
+        """Acceleration beside that of the point on the line to the load."""
+        return self.bent.acceleration(self.fraction, ca.sin(ca.pi * self.fraction))
+
+    def axes(self, x_axis: Vector) -> tuple[Vector, Vector]:
+        """Return the rope's direction at the housing, and the housing's x axis, from the one at right angles to n."""
+        direction = _unit(eq.add(self.bent.n, self.bent.slope(self.fraction, ca.cos(ca.pi * self.fraction))))
+        return direction, _unit(eq.add(x_axis, eq.scale(-eq.dot(x_axis, direction), direction)))

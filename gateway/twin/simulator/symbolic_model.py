@@ -18,8 +18,15 @@ from gateway.twin.effects.evaluation_context import (
     RopeGeometry,
 )
 from gateway.twin.effects.parameter import Symbols
-from gateway.twin.simulator.kinematics import HousingOnBentRope, Kinematics, on_straight_rope
-from gateway.twin.simulator.state import Expression, State, structure_of, vector
+from gateway.twin.simulator.state import (
+    Expression,
+    HousingOnBentRope,
+    Kinematics,
+    State,
+    on_straight_rope,
+    structure_of,
+    vector,
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,11 +12,10 @@ import pytest
 from gateway.cli.main import main
 from gateway.errors import InputError
 from gateway.twin import effect_loading
-from gateway.twin.effect_loading import load_effect_file, load_installed_effects
+from gateway.twin.effect_loading import check_equations, load_effect_file, load_installed_effects
 from gateway.twin.effects import EFFECTS, EventWindow, GuessContext
-from gateway.twin.effects.event_guesses import SHARPEST
+from gateway.twin.effects.guess_context import SHARPEST
 from gateway.twin.model import TwinRig
-from gateway.twin.simulator.equation_checks import check_equations
 from gateway.twin.simulator.simulator import Simulator
 from tests.documentation.examples import sections
 

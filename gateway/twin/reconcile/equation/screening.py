@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.numerics.spectrum import ZERO_PADDING, periodogram, refine_frequency
-from gateway.twin.effects.coefficients import HIGHEST_FREQUENCY_HZ
 from gateway.twin.effects.parameter import Values
-from gateway.twin.effects.term import Term
+from gateway.twin.effects.term import HIGHEST_FREQUENCY_HZ, Term
 from gateway.twin.effects.term_library import TERMS
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.residual import noise_floor

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.crane_input import CraneInput
-from gateway.twin.effects.event_guesses import SHARPEST
-from gateway.twin.effects.guess_context import EventWindow, GuessContext
+from gateway.twin.effects.guess_context import SHARPEST, EventWindow, GuessContext
 from gateway.twin.effects.parameter import ParameterKind
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations, slice_samples

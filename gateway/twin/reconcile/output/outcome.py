@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.numerics.stats import true_runs
-from gateway.twin.effects.clock import SampleLoss
-from gateway.twin.effects.sensor_output import Quantization
+from gateway.twin.effects.sensor_output import Quantization, SampleLoss
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.crane_inputs import merge_spans
 from gateway.twin.reconcile.data.observations import Observations

@@ -8,15 +8,15 @@ from numpy.typing import NDArray
 
 from gateway.numerics.stats import NORMAL_975
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.clock import SampleLoss
 from gateway.twin.effects.parameter import Parameter, Value
 from gateway.twin.effects.plausibility import excess, limit_of, rests_at_edge
+from gateway.twin.effects.sensor_output import SampleLoss
 from gateway.twin.effects.term_library import TERMS
 from gateway.twin.model import Model, TwinRig
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_MARGIN
 from gateway.twin.reconcile.equation.selection import FoundLaw
-from gateway.twin.reconcile.fit.companions import intervals
+from gateway.twin.reconcile.fit.intervals import intervals
 from gateway.twin.reconcile.output.estimates import Estimate, Law, LawTerm, NamedEffect, Resemblance
 from gateway.twin.reconcile.output.outcome import SearchOutcome, list_data_parts, measure_gap
 from gateway.twin.reconcile.output.result import (

@@ -21,8 +21,8 @@ from gateway.twin.reconcile.decision.identifiability import (
     FittedRecording,
     find_contributions,
 )
-from gateway.twin.reconcile.fit.coloured_covariance import coloured_covariance
 from gateway.twin.reconcile.fit.fit_context import FitContext, is_world_directed
+from gateway.twin.reconcile.fit.intervals import coloured_covariance
 from gateway.twin.reconcile.residual import EXCESS_SIGNIFICANT, excess_chi2
 from gateway.twin.reconcile.search.candidates import (
     MIN_SCORE_STATISTIC,
@@ -31,8 +31,8 @@ from gateway.twin.reconcile.search.candidates import (
     CandidateTable,
 )
 from gateway.twin.reconcile.search.context import SearchContext
+from gateway.twin.reconcile.search.search import eliminate
 from gateway.twin.reconcile.search.signatures import scorable_effects
-from gateway.twin.reconcile.search.stepwise_selection import eliminate
 from gateway.twin.reconcile.search.validation import Validator
 
 MAX_EXCESS_RATIO = 1.25

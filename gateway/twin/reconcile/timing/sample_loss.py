@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gateway.numerics.spectrum import MachineLine, find_machine_line
 from gateway.twin.effects import EFFECTS, ModelStructure
-from gateway.twin.effects.clock import ClockDrift
+from gateway.twin.effects.sensor_output import ClockDrift
 from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext, is_world_directed

@@ -12,8 +12,8 @@ from gateway.twin.experiment_design.ambiguity_groups import (
     ambiguity_groups,
 )
 from gateway.twin.experiment_design.experiment import CANDIDATES, FREE_SWING, Experiment, Run
-from gateway.twin.experiment_design.hypotheses import Hypothesis, parse_hypotheses
 from gateway.twin.experiment_design.plan import GroupPlan, Plan, forecast, plan
+from gateway.twin.experiment_design.signatures import Hypothesis, parse_hypotheses
 from gateway.twin.experiment_design.text import as_json, as_text
 from gateway.twin.model import TwinRig
 

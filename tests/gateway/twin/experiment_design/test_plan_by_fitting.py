@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from gateway.twin.experiment_design.experiment import FREE_SWING, Run
-from gateway.twin.experiment_design.hypotheses import parse_hypotheses
 from gateway.twin.experiment_design.plan import Pair, forecast, plan
-from gateway.twin.experiment_design.signatures import initial_state_of
+from gateway.twin.experiment_design.signatures import initial_state_of, parse_hypotheses
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING

@@ -19,7 +19,7 @@ from gateway.twin.reconcile.decision.identifiability import (
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.least_squares import prior_of_parts
 from gateway.twin.reconcile.output.result import Reconciliation
-from gateway.twin.reconcile.output.text import to_text
+from gateway.twin.reconcile.output.serialisation import to_text
 from gateway.twin.reconcile.reconcile import reconcile
 from gateway.twin.reconcile.search.ambiguity import leaves_no_more, necessary_names, replace_implausible
 from gateway.twin.reconcile.search.budget import Budget

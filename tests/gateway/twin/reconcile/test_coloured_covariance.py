@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from gateway.numerics.stats import NORMAL_975
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.coloured_covariance import coloured_covariance, noise_density
+from gateway.twin.reconcile.fit.intervals import coloured_covariance, noise_density
 from gateway.twin.reconcile.fit.least_squares import Fit
 
 Array = NDArray[np.float64]

@@ -9,9 +9,8 @@ from gateway.numerics.stats import NORMAL_975
 from gateway.twin.effects import EFFECTS
 from gateway.twin.model import EffectValues, Model
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.coloured_covariance import standard_uncertainties
-from gateway.twin.reconcile.fit.companions import intervals, mixture_interval
 from gateway.twin.reconcile.fit.fit_context import FitContext
+from gateway.twin.reconcile.fit.intervals import intervals, mixture_interval, standard_uncertainties
 
 
 def ends(

@@ -19,8 +19,7 @@ from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.equation.selection import pairs_loss_with_gain, replaces_loss
 from gateway.twin.reconcile.fit.least_squares import Fit
-from gateway.twin.reconcile.output.serialisation import format_model_toml
-from gateway.twin.reconcile.output.text import to_text
+from gateway.twin.reconcile.output.serialisation import format_model_toml, to_text
 from gateway.twin.reconcile.reconcile import reconcile
 from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateFit

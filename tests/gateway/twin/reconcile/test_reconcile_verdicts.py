@@ -12,8 +12,7 @@ from gateway.twin.model import Model
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.least_squares import Fit
-from gateway.twin.reconcile.output.serialisation import to_json
-from gateway.twin.reconcile.output.text import to_text
+from gateway.twin.reconcile.output.serialisation import to_json, to_text
 from gateway.twin.reconcile.reconcile import reconcile
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.report.page import render_report

@@ -9,8 +9,7 @@ from gateway.numerics.spectrum import find_machine_line
 from gateway.twin.experiment_design.ambiguity_groups import smallest_angle_cosine
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.output.result import Curves
-from gateway.twin.reconcile.output.serialisation import to_json
-from gateway.twin.reconcile.output.text import to_text
+from gateway.twin.reconcile.output.serialisation import to_json, to_text
 from gateway.twin.reconcile.residual import (
     describe_remainder,
     find_peaks,

@@ -18,7 +18,7 @@ from gateway.twin.reconcile.search.budget import Budget, FitRequest, run_in_proc
 from gateway.twin.reconcile.search.candidates import CandidateTable
 from gateway.twin.reconcile.search.context import make_context
 from gateway.twin.reconcile.search.persistent import fit_persistent_effects
-from gateway.twin.reconcile.search.stepwise_selection import try_swaps
+from gateway.twin.reconcile.search.search import try_swaps
 from tests.gateway.twin.reconcile.conftest import RATE_HZ, RIG, swing
 from tests.values import present
 

@@ -1,7 +1,6 @@
 """Where nothing explains the data, the best attempt is told with its values, and as no explanation."""
 
-from gateway.twin.reconcile.output.serialisation import to_json
-from gateway.twin.reconcile.output.text import to_text
+from gateway.twin.reconcile.output.serialisation import to_json, to_text
 from tests.gateway.twin.report.conftest import Maker
 
 ATTEMPT = {"viscous_damping": {"damping_ratio": 0.004}, "axis_offset": {"offset_g": (0.001, -0.002, 0.0)}}

@@ -3,8 +3,7 @@
 import pytest
 
 from gateway.twin.reconcile.output.estimates import Estimate, Law, LawTerm, Resemblance
-from gateway.twin.reconcile.output.serialisation import to_json
-from gateway.twin.reconcile.output.text import to_text
+from gateway.twin.reconcile.output.serialisation import to_json, to_text
 from gateway.twin.report.page import render_report
 from tests.gateway.twin.report.conftest import Maker
 

@@ -6,7 +6,7 @@ import pytest
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.reconcile.output.result import Equivalent
-from gateway.twin.reconcile.output.text import to_text
+from gateway.twin.reconcile.output.serialisation import to_text
 from gateway.twin.report.page import render_report
 from tests.gateway.twin.report.conftest import Maker
 
