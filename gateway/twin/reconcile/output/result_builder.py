@@ -30,10 +30,14 @@ from gateway.twin.reconcile.output.result import (
     Verdict,
 )
 from gateway.twin.reconcile.residual import analyse_residual, describe_remainder, localise_residual
-from gateway.twin.reconcile.search.ambiguity import any_length_changes, coincident_effects
 from gateway.twin.reconcile.search.candidates import MIN_SCORE_STATISTIC
 from gateway.twin.reconcile.search.search import SearchRun
-from gateway.twin.reconcile.search.signatures import orthonormal, scorable_effects
+from gateway.twin.reconcile.search.signatures import (
+    any_length_changes,
+    coincident_effects,
+    orthonormal,
+    scorable_effects,
+)
 
 Array = NDArray[np.float64]
 MAX_RANKED = 12

@@ -1,4 +1,4 @@
-"""What may stand in place of a set of effects that was found: usual causes, effects of the same signature, coincident ones.
+"""What may stand in place of a set of effects that was found: usual causes, and effects of the same signature.
 
 A real rig has an offset, a tilt, a length and losses of its own, none of which explains the recording without the others; a
 search that adds one effect at a time stops at the first. So where nothing alone explains a recording, all of them are fitted at
@@ -6,15 +6,12 @@ once under the prior of what parts and clamps have, and those that the recording
 statistics (Wald 1943).
 """
 
-from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.parameter import Values
 from gateway.twin.effects.plausibility import implausibility
-from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_AGAINST
 from gateway.twin.reconcile.decision.identifiability import (
     Contributions,
@@ -157,30 +154,3 @@ def is_beyond_parts(name: str, fit: CandidateFit, context: SearchContext) -> boo
     """Return whether an effect needs a value that no part has."""
     doubt = implausibility({name: fit.values[name]}, context.setting.rig)
     return doubt > MIN_EVIDENCE_AGAINST
-
-
-def any_length_changes(names: Iterable[str]) -> bool:
-    """Whether one of these effects changes the rope's length, which separates effects that coincide otherwise."""
-    return any(EFFECTS[name].changes_length for name in names)
-
-
-def coincident_effects(model: EffectValues, length_m: float) -> Iterator[tuple[str, str, Values]]:
-    """Yield effects that can give the same samples as one of a model: their names, its name, and their parameters."""
-    for name, effect in EFFECTS.items():
-        of = effect.coincides_with
-        if of is None or of not in model or name in model:
-            continue
-        values = effect.equivalent_values(model[of], length_m)
-        if values is not None:
-            yield name, of, values
-
-
-def fit_coincident_effects(table: CandidateTable, context: SearchContext, best: CandidateFit) -> CandidateTable:
-    """Fit coincident effects in place of those of the best set where a length changes."""
-    setting = context.setting
-    if not any_length_changes((*best.values, *setting.model_effects)):
-        return table
-    for name, of, values in coincident_effects(best.values, setting.rig.length_m):
-        if of not in context.baseline_effects:
-            table = context.fit(table, {**best.without(of), name: values}, context.segment_starts(best))
-    return table

@@ -138,7 +138,7 @@ class SearchContext:
             return []
         stated = self.setting.stated_effects.get(name)
         guesses = guesses if stated is None else [stated]
-        tried = [{**others, name: values or EFFECTS[name].default_guess} for values in guesses]
+        tried: list[EffectValues] = [{**others, name: values or EFFECTS[name].default_guess} for values in guesses]
         if name == DoublePendulum.name and tried and stated is None:
             tried = [self.setting.best_of_guesses(tried)]
         return [

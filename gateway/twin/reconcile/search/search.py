@@ -13,7 +13,6 @@ from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.crane_inputs import KnownModel
 from gateway.twin.reconcile.data.recordings import Recordings
 from gateway.twin.reconcile.decision.evidence import VALIDATED_MARGIN
-from gateway.twin.reconcile.search.ambiguity import fit_coincident_effects
 from gateway.twin.reconcile.search.budget import Budget, FitRequest
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import REFINE_ITERATIONS, SearchContext, make_context
@@ -31,6 +30,7 @@ from gateway.twin.reconcile.search.persistent import (
     parents,
     requests_beside,
 )
+from gateway.twin.reconcile.search.signatures import any_length_changes, coincident_effects
 from gateway.twin.reconcile.search.validation import Validator
 from gateway.twin.reconcile.timing.sample_loss import find_sample_loss, retime_validation
 
@@ -296,3 +296,14 @@ def _finish(run: SearchRun) -> SearchRun:
     table, best = grow(table.record_move(base, best), context, best)
     table = fit_coincident_effects(table, context, best)
     return replace(run, context=context.without_eliminated(table, best), table=table.start_round(), best=best)
+
+
+def fit_coincident_effects(table: CandidateTable, context: SearchContext, best: CandidateFit) -> CandidateTable:
+    """Fit coincident effects in place of those of the best set where a length changes."""
+    setting = context.setting
+    if not any_length_changes((*best.values, *setting.model_effects)):
+        return table
+    for name, of, values in coincident_effects(best.values, setting.rig.length_m):
+        if of not in context.baseline_effects:
+            table = context.fit(table, {**best.without(of), name: values}, context.segment_starts(best))
+    return table

@@ -5,7 +5,7 @@ linearisation of the model with all of them at rest (Rao 1948): the gradient of 
 effect is absent, projected off what is fitted anyway, over its own covariance. Isolability is the angle between two signatures.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.parameter import Values
 from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext, sensitivities_sigma
@@ -135,3 +136,19 @@ def _signatures_by_window(
     basis = orthonormal(columns[:, [i for name in sorted(own) for i in places[name]]])
     of = {name: project_out(basis, columns[:, places[name]]) for name in tried}
     return Signatures(project_out(basis, residual), of)
+
+
+def any_length_changes(names: Iterable[str]) -> bool:
+    """Whether one of these effects changes the rope's length, which separates effects that coincide otherwise."""
+    return any(EFFECTS[name].changes_length for name in names)
+
+
+def coincident_effects(model: EffectValues, length_m: float) -> Iterator[tuple[str, str, Values]]:
+    """Yield effects that can give the same samples as one of a model: their names, its name, and their parameters."""
+    for name, effect in EFFECTS.items():
+        of = effect.coincides_with
+        if of is None or of not in model or name in model:
+            continue
+        values = effect.equivalent_values(model[of], length_m)
+        if values is not None:
+            yield name, of, values

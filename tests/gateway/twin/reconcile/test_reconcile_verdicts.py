@@ -127,7 +127,7 @@ def test_without_a_second_recording_the_last_third_is_held_out(
 ) -> None:
     found = reconcile(model, loaded({"steady_wind": {"accel_m_s2": (0.3, 0.1)}}), None)
 
-    assert found.held_out_is_last_third
+    assert present(found.comparison).held_out_is_last_third
     assert len(present(found.comparison).held_out.time_s) == 400
     assert [effect.name for effect in found.effects] == ["steady_wind"]
 

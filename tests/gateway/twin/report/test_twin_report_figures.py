@@ -66,7 +66,7 @@ def test_no_more_than_the_whole_gap_is_closed() -> None:
 
 
 def test_gap_rows_go_from_the_nominal_to_the_final_model() -> None:
-    gap = Gap(100.0, 90.0, 90.0, 1.0, 1.1, 1.1, None)
+    gap = Gap(100.0, 90.0, 90.0, 1.0, 1.1, 1.1, (80.0, 100.0))
     steps = (
         Step((), (), (), 100.0, 90.0, 0.0),
         Step(("impact",), (), ("axis_offset", "impact"), 5.0, 5.1, 0.0),
@@ -100,7 +100,10 @@ def test_rendering_keeps_global_settings_and_exact_labels() -> None:
 def test_gap_rows_end_with_the_model_shown() -> None:
     steps = (Step(("slewing",), (), ("slewing",), 1.0, 1.2, 0.0),)
     rows = gap_rows(
-        Gap(100.0, 90.0, 90.0, 1.0, 1.1, 1.1, None), steps, "one of the group, as fitted", frozenset({"housing_spin"})
+        Gap(100.0, 90.0, 90.0, 1.0, 1.1, 1.1, (80.0, 100.0)),
+        steps,
+        "one of the group, as fitted",
+        frozenset({"housing_spin"}),
     )
     assert [(row.label, row.held_out) for row in rows[1:]] == [
         ("+ slewing", 1.2),
