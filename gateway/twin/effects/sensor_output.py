@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from devices.pendulum.equations import Scalar, Vector
 from gateway.twin.effects.effect import Array, Effect
 from gateway.twin.effects.experiments import MEASURE_ROPE
-from gateway.twin.effects.guess_context import GuessContext
 from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values
 from gateway.twin.effects.sensor import AXES
 
@@ -17,9 +16,6 @@ SAME_READING_G = 1e-6
 """Readings that differ by less are the same. Basis: recordings are written with six or seven digits."""
 ROUNDING = 1e-9
 """Rounding of the quotient of whole numbers. Basis: above that of 64 bits (1e-16), below a step."""
-MIN_SATURATED_SAMPLES = 3
-"""Samples that stand exactly at a limit. Basis: several, since noise comes before the limit; noise alone puts one at the
-extreme."""
 
 
 class LowpassLag(Effect):
@@ -133,6 +129,7 @@ class Clipping(Effect):
     enters = "sensor"
     linear_at_neutral = False
     detected_in_samples = True
+    found_before_search = True
     parameters = (
         Parameter(
             "full_scale_g",
@@ -145,13 +142,6 @@ class Clipping(Effect):
             typical=1.005,
         ),
     )
-
-    def initial_guesses(self, context: GuessContext) -> list[Values]:
-        """Return the largest reading, if several samples stand exactly at it."""
-        size_g = np.abs(context.force_g)
-        top_g = float(size_g.max())
-        saturated = int((size_g > top_g - SAME_READING_G).sum())
-        return [{"full_scale_g": top_g}] if saturated >= MIN_SATURATED_SAMPLES else []
 
     def sample_output_g(self, values: Values, force_g: Array) -> Array:
         """Limit each axis to the full scale."""

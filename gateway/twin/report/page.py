@@ -43,7 +43,6 @@ class ReportSection:
 
 def _ranking_content(result: Reconciliation, _compared: Comparison) -> Content:
     return {
-        "is_transient_tested": any(is_transient(each.name) for each in result.scores),
         "candidates": ranked_candidates(result),
         "assessment": assessment,
         "relative_deficit": relative_deficit,

@@ -8,6 +8,7 @@ from scipy.special import erf
 
 from gateway.measurement.source import Source
 from gateway.numerics.stats import robust_sigma
+from gateway.twin.effects.sensor_output import SAME_READING_G
 from gateway.twin.model import DEFAULT_NOISE_G, Model
 from gateway.twin.reconcile.data.observations import Observations, unmeasured_axes
 
@@ -26,8 +27,6 @@ MIN_SATURATED_SHARE = 0.004
 """Share of an axis' readings at exactly its extreme value; noise puts one there, a limit puts many."""
 MIN_SATURATED_READINGS = 3
 """Readings of an axis at exactly its extreme value that chance can put there, in readings with six digits."""
-WRITTEN_RESOLUTION_G = 1e-6
-"""Readings that differ by less are equal, g: recordings are written with six or seven digits."""
 MIN_NAMED_STEP_SIGMA = 2.0
 """Step over the noise from which it is an effect. Noise of half a step q dithers it: the mean of the readings follows the force
 to exp(-2 pi^2 sigma^2/q^2)/pi = 0.2 % of a step, and the error is white noise of variance q^2/12, as if there were more of it."""
@@ -88,8 +87,8 @@ def detect_saturation(force_g: Array) -> float | None:
     for axis in readings_g.T:
         for signed in (axis, -axis):
             largest = float(signed.max())
-            is_gravity = abs(largest - 1) < WRITTEN_RESOLUTION_G
-            if largest > 0 and not is_gravity and np.count_nonzero(signed > largest - WRITTEN_RESOLUTION_G) > fewest:
+            is_gravity = abs(largest - 1) < SAME_READING_G
+            if largest > 0 and not is_gravity and np.count_nonzero(signed > largest - SAME_READING_G) > fewest:
                 levels.append(largest)
     return max(levels, default=None)
 
@@ -119,10 +118,10 @@ def detect_quantisation_step(force_g: Array, noise_g: Array) -> float | None:
     """
     differences = []
     for axis in force_g.T:
-        values = np.unique(np.round(axis / WRITTEN_RESOLUTION_G) * WRITTEN_RESOLUTION_G)
+        values = np.unique(np.round(axis / SAME_READING_G) * SAME_READING_G)
         differences.append(np.diff(values))
     steps = np.concatenate(differences)
-    steps = steps[steps > 2 * WRITTEN_RESOLUTION_G]
+    steps = steps[steps > 2 * SAME_READING_G]
     if not len(steps):
         return None
     # The smallest differences are all one step, with the rounding of the written digits.
@@ -131,7 +130,7 @@ def detect_quantisation_step(force_g: Array, noise_g: Array) -> float | None:
         return None
     step_g = _refine_step(step_g, force_g)
     off_lattice_g = np.abs(force_g / step_g - np.round(force_g / step_g)) * step_g
-    return step_g if np.mean(off_lattice_g < 5 * WRITTEN_RESOLUTION_G) > MIN_ON_LATTICE_SHARE else None
+    return step_g if np.mean(off_lattice_g < 5 * SAME_READING_G) > MIN_ON_LATTICE_SHARE else None
 
 
 def _refine_step(step_g: float, force_g: Array) -> float:

@@ -8,7 +8,7 @@ from gateway.twin.effects.plausibility import rests_at_edge
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.least_squares import Fit
 from gateway.twin.reconcile.residual import EXCESS_LINES, has_excess, has_lines
-from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
+from gateway.twin.reconcile.search.candidates import LITTLE_OF_GAP, CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.changepoints import exclude_unmodelled_profiles
 from gateway.twin.reconcile.search.validation import ValidationFit, Validator
 
@@ -23,8 +23,6 @@ VALIDATED_MARGIN = 60.0
 MIN_NECESSARY_RATIO = 7.0
 """Factor by which the absence of a necessary effect multiplies the excess that the set leaves. Basis: of 204 engine-made cases
 two more have a wrong name at 5, and one is right less at 10."""
-MIN_CLOSED_BY_SAMPLES = 0.1
-"""Share of the nominal model's gap that effects of the samples close to be an answer although the rest is not explained."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +173,7 @@ def _baseline_closes_gap(baseline: CandidateFit, fits: Mapping[frozenset[str], C
     if nominal is None or not baseline.names:
         return bool(baseline.names)
     closed = nominal.reduced_chi2 - baseline.reduced_chi2
-    return closed > MIN_CLOSED_BY_SAMPLES * max(nominal.reduced_chi2 - 1, EXCESS_LINES)
+    return closed > LITTLE_OF_GAP * max(nominal.reduced_chi2 - 1, EXCESS_LINES)
 
 
 def _share_closed(best: RankedCandidate, baseline: RankedCandidate, nominal: RankedCandidate) -> float:

@@ -14,16 +14,13 @@ from gateway.twin.reconcile.decision.evidence import Evidence, RankedCandidate
 from gateway.twin.reconcile.decision.identifiability import Substitutes
 from gateway.twin.reconcile.output.result import Verdict
 from gateway.twin.reconcile.residual import has_lines, residual_lines
-from gateway.twin.reconcile.search.candidates import CandidateFit
+from gateway.twin.reconcile.search.candidates import LITTLE_OF_GAP, MOST_OF_GAP, CandidateFit
 
 PARTIAL = ("named_with_remainder", "unmodelled")
 """Verdicts that leave something unexplained."""
-MIN_CLOSED = 0.5
-"""Share of the gap, on the log and on the selection part, from which on what closes it is an answer beside a remainder."""
-MIN_CLOSED_BY_UNUSUAL = 0.9
-"""The same for an effect that few rigs have: of a reading that is not linear a loose housing explains a part."""
 MIN_CLOSED_BY_EVENT = 0.99
-"""The same for an event: of a motion that no model follows, each event explains a part."""
+"""Share of the gap from which on an event is named beside a remainder: of a motion that no model follows, each event explains a
+part."""
 MAX_AMBIGUOUS = 4
 """Candidates of a one_of verdict, those with the most evidence; more would be no answer."""
 MAX_COINCIDENCES = 2
@@ -131,13 +128,14 @@ def _certain_beside_remainder(evidence: Evidence) -> frozenset[str]:
 
 
 def _min_closed(effect: Effect) -> float:
+    """Of a reading that is not linear what few rigs have, such as a loose housing, explains a part."""
     if effect.transient:
         return MIN_CLOSED_BY_EVENT
-    return MIN_CLOSED if effect.is_usual else MIN_CLOSED_BY_UNUSUAL
+    return MOST_OF_GAP if effect.is_usual else 1 - LITTLE_OF_GAP
 
 
 def _is_partly_explained(evidence: Evidence) -> bool:
-    return evidence.best_leaves_excess and evidence.share_closed > MIN_CLOSED
+    return evidence.best_leaves_excess and evidence.share_closed > MOST_OF_GAP
 
 
 def _conclude_partly(evidence: Evidence) -> Decision:

@@ -12,12 +12,9 @@ from gateway.twin.reconcile.equation.selection import FoundLaw, find_law, leaves
 from gateway.twin.reconcile.output.outcome import SearchOutcome
 from gateway.twin.reconcile.output.result import Reconciliation
 from gateway.twin.reconcile.output.result_builder import build_result
-from gateway.twin.reconcile.search.candidates import CandidateFit
+from gateway.twin.reconcile.search.candidates import MOST_OF_GAP, CandidateFit
 from gateway.twin.reconcile.search.validation import ValidationFit
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
-
-MIN_ATTEMPT_CLOSED = 0.5
-"""Share of the gap on the selection part that a best attempt closes if a law is sought beside it as well."""
 
 
 def describe_result(found: SearchOutcome, counts: Mapping[str, int], random: np.random.Generator) -> Reconciliation:
@@ -71,7 +68,7 @@ def _is_worth_extending(found: SearchOutcome) -> bool:
     if attempt.names <= decision.known:
         return False
     before = found.run.validator.evaluate(found.run.base).reduced_chi2
-    return before - attempt.validation.reduced_chi2 > MIN_ATTEMPT_CLOSED * (before - 1)
+    return before - attempt.validation.reduced_chi2 > MOST_OF_GAP * (before - 1)
 
 
 def _evidence_of(found: SearchOutcome, law: FoundLaw) -> float:

@@ -16,23 +16,21 @@ from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_MARGIN, VALIDA
 from gateway.twin.reconcile.equation.screening import ScreenedTerm, screen_terms
 from gateway.twin.reconcile.residual import noise_inflation_factor, warrants_another_effect
 from gateway.twin.reconcile.search.budget import FitRequest
-from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
+from gateway.twin.reconcile.search.candidates import (
+    LITTLE_OF_GAP,
+    MAX_EFFECTS,
+    MOST_OF_GAP,
+    CandidateFit,
+    CandidateTable,
+)
 from gateway.twin.reconcile.search.context import SearchContext
+from gateway.twin.reconcile.search.persistent import MAX_SCORED
 from gateway.twin.reconcile.search.validation import ValidationFit, Validator
 
-MAX_TERMS = 3
-MAX_FITTED = 4
-"""Terms of a round that are fitted."""
 MAX_WORK = 2.5e7
 """Derivatives of states and readings in fits after which nothing further is fitted, some 3 s on one core of a desk."""
 MIN_GAIN_SHARE = 0.3
 """Gain of a term by linearisation over the largest of the round, below which it is not fitted."""
-MIN_SHARE_CLOSED = 0.1
-"""Share of the residual's excess on the selection part that each term must close: less is no description of it."""
-MIN_LAW_CLOSED = 0.5
-"""Share of the base's excess on the log and on the selection part that a law must close: one that leaves more misleads."""
-MIN_KEPT_LOSS = 0.1
-"""Share of a named loss that a law beside it must leave."""
 COLLINEAR_COSINE = 0.999
 """Cosine of two terms' signatures from which one may stand for the other."""
 
@@ -70,7 +68,7 @@ def find_law(
     before = validator.evaluate(base)
     law = FoundLaw(base, base, before, before, ())
     work = context.budget.work + MAX_WORK
-    while len(law.terms) < MAX_TERMS and context.budget.work < work:
+    while len(law.terms) < MAX_EFFECTS and context.budget.work < work:
         table = CandidateTable(context.setting.log).with_fit(law.candidate)
         longer = _with_one_more(context, table, law, validator, random, work, base.names - set(optional))
         if longer is None:
@@ -78,7 +76,7 @@ def find_law(
         law = longer
         if not leaves_residual(context, law, validator):
             break
-    if not law.terms or min(_share_closed(base, law.candidate), _share_closed(before, law.after)) < MIN_LAW_CLOSED:
+    if not law.terms or min(_share_closed(base, law.candidate), _share_closed(before, law.after)) < MOST_OF_GAP:
         return None
     return _without_idle_parts(context, law, validator, optional, work)
 
@@ -104,7 +102,7 @@ def _with_one_more(
     """
     screened = sorted(screen_terms(context.setting, law.candidate), key=lambda each: -_score(each, context, law))
     largest = max((each.gain for each in screened), default=0.0)
-    chosen = [each for each in screened if each.gain > MIN_GAIN_SHARE * largest][:MAX_FITTED]
+    chosen = [each for each in screened if each.gain > MIN_GAIN_SHARE * largest][:MAX_SCORED]
     starts, give_up_above = context.segment_starts(law.candidate), 2 * law.candidate.fit.chi2
     requests = [
         FitRequest({**law.candidate.values, each.name: each.values}, starts, give_up_above=give_up_above)
@@ -147,7 +145,7 @@ def replaces_loss(fit: CandidateFit, base: CandidateFit, certain: Collection[str
     left, before = (
         np.array([_amplitude(each, name) for name in certain if EFFECTS[name].dissipative]) for each in (fit, base)
     )
-    return bool((left < MIN_KEPT_LOSS * before).any())
+    return bool((left < LITTLE_OF_GAP * before).any())
 
 
 def _amplitude(fit: CandidateFit, name: str) -> float:
@@ -193,7 +191,7 @@ def _score(screened: ScreenedTerm, context: SearchContext, law: FoundLaw) -> flo
 def _holds(law: FoundLaw, rival: _Rival, validator: Validator, random: np.random.Generator) -> bool:
     """Whether a term describes the selection part, too."""
     before, after = law.after, rival.validation
-    return _share_closed(before, after) > MIN_SHARE_CLOSED and validator.is_improved(before, after, random)
+    return _share_closed(before, after) > LITTLE_OF_GAP and validator.is_improved(before, after, random)
 
 
 def _share_closed(before: CandidateFit | ValidationFit, after: CandidateFit | ValidationFit) -> float:

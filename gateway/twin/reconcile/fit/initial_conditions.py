@@ -11,7 +11,7 @@ from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.initial_states import harmonic_initial_states, initial_state_from_samples
-from gateway.twin.reconcile.fit.least_squares import REFINEMENT_ITERATIONS, NormalEquations
+from gateway.twin.reconcile.fit.least_squares import LARGE_SWING_ITERATIONS, REFINEMENT_ITERATIONS, NormalEquations
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING, ROPE_RATES, ROPE_TILTS, rotation_about_vertical
 
@@ -38,8 +38,6 @@ MIN_TOTAL_DECREASE = 0.01
 """Share of the chi-square of all segments that `CREEPING_STEPS` must take off: a model that cannot follow them creeps."""
 CREEPING_STEPS = 4
 """Some steps only find the damping of a segment, and take nothing off."""
-NONLINEAR_ITERATIONS = 30
-"""Iterations where the readings are not nearly linear in the initial state: a large swing, or one seen along the rope."""
 
 
 def segment_initial_conditions(
@@ -122,7 +120,7 @@ class _Segments:
         fits = self._linearise(initial_states)
         damping = np.full(len(self.first_samples), LOCAL_DAMPING)
         totals = [fits.chi2.sum()]
-        for _ in range(NONLINEAR_ITERATIONS):
+        for _ in range(LARGE_SWING_ITERATIONS):
             steps = [each.step(free, factor) for each, factor in zip(fits.equations, damping, strict=True)]
             promised = np.array([step @ each.gradient for step, each in zip(steps, fits.equations, strict=True)])
             if not (promised > MIN_LOCAL_DECREASE * fits.chi2).any():

@@ -18,6 +18,9 @@ REFINEMENT_ITERATIONS = 3
 """Iterations of a fit that starts near its minimum, or in which the samples are nearly linear."""
 SCREENING_ITERATIONS = 6
 """Iterations of a fit that decides only whether a model is consistent with the data."""
+LARGE_SWING_ITERATIONS = 30
+"""Iterations of a fit of a large swing, or of one seen along the rope: its period depends on every parameter, its readings are
+not nearly linear in the initial state, and its segments join slowly."""
 MIN_SCALE = 1e-12
 """Added to the scale of each parameter, so that one without any sensitivity gives no division by zero."""
 

@@ -13,7 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, Fit, FitProblem, NormalPrior
+from gateway.twin.reconcile.fit.least_squares import (
+    FIT_ITERATIONS,
+    LARGE_SWING_ITERATIONS,
+    Fit,
+    FitProblem,
+    NormalPrior,
+)
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
 from gateway.twin.reconcile.fit.reparameterisation import effect_bounds
 from gateway.twin.simulator.compiled_model import IntegrationError
@@ -28,8 +34,6 @@ RANK_TOLERANCE = 1e-5
 swing seen at the load."""
 MIN_RELATIVE_GAIN = 1e-3
 """A windowed fit ends when a step lowers chi-square by less than this share; it only has to start the next fit."""
-LARGE_AMPLITUDE_ITERATIONS = 30
-"""Iterations of a fit of a large swing: its period depends on every parameter, and its segments join slowly."""
 STATE_SCALES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
 """Factors on an initial state, for a model that decays too slowly to follow the recording from the true one."""
 
@@ -147,7 +151,7 @@ def fit_trajectory(
         return fit_model(problem, initial_states, effect_values, iterations, give_up_above)
     initial_states, effect_values, _ = fit_windows(problem, initial_states, effect_values)
     try:
-        iterations = max(iterations, LARGE_AMPLITUDE_ITERATIONS)
+        iterations = max(iterations, LARGE_SWING_ITERATIONS)
         fit = fit_model(problem, initial_states, effect_values, iterations, give_up_above)
         if np.isfinite(fit.chi2):
             return fit

@@ -120,19 +120,6 @@ class Equivalent:
 
 
 @dataclass(frozen=True, slots=True)
-class ScoreTestResult:
-    """What the score test says of an effect before it is fitted."""
-
-    name: str
-    drop: float
-    """Part of the remaining chi-square excess that it would take away, by linearisation; far from there it may take more."""
-    statistic: float
-    """Drop over the noise's colour."""
-    threshold: float
-    """What noise alone reaches in one family of tests of a thousand."""
-
-
-@dataclass(frozen=True, slots=True)
 class Step:
     """One step of the search."""
 
@@ -244,7 +231,6 @@ class Reconciliation:
     """Effects that coincide with named ones or with candidates."""
     split_by: str | None = None
     steps: tuple[Step, ...] = ()
-    scores: tuple[ScoreTestResult, ...] = ()
     ranking: tuple[Candidate, ...] = ()
     equations_before: tuple[str, ...] = ()
     equations_after: tuple[str, ...] = ()

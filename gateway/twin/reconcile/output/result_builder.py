@@ -25,12 +25,10 @@ from gateway.twin.reconcile.output.result import (
     Equivalent,
     Gap,
     Reconciliation,
-    ScoreTestResult,
     Step,
     Verdict,
 )
 from gateway.twin.reconcile.residual import analyse_residual, describe_remainder, localise_residual
-from gateway.twin.reconcile.search.candidates import MIN_SCORE_STATISTIC
 from gateway.twin.reconcile.search.search import SearchRun
 from gateway.twin.reconcile.search.signatures import (
     any_length_changes,
@@ -83,7 +81,6 @@ def build_result(found: SearchOutcome, counts: Mapping[str, int], random: np.ran
         split_by="; ".join(splitting) or None,
         law=None if found.law is None else _law(found.law, found, reaches),
         steps=_steps(run),
-        scores=_scores(run),
         ranking=_ranking(found),
         equations_before=(*BASE_EQUATIONS, *_equations(run.known.model.effects)),
         equations_after=(*BASE_EQUATIONS, *_equations(found.model)),
@@ -212,16 +209,6 @@ def _steps(run: SearchRun) -> tuple[Step, ...]:
         added, dropped, names = (tuple(sorted(each)) for each in (move.added, move.dropped, move.names))
         steps.append(Step(added, dropped, names, move.reduced_chi2, validation.reduced_chi2, move.bic))
     return tuple(steps)
-
-
-def _scores(run: SearchRun) -> tuple[ScoreTestResult, ...]:
-    inflation = run.table.noise_inflation
-    excess = max(run.base.fit.chi2 - run.recordings.log.n_values, 1.0)
-    signatures = run.context.signatures(run.base)
-    gains = sorted(((signatures.predicted_chi2_drop(name), name) for name in signatures.of), reverse=True)
-    return tuple(
-        ScoreTestResult(name, min(1.0, gain / excess), gain / inflation, MIN_SCORE_STATISTIC) for gain, name in gains
-    )
 
 
 def _ranking(found: SearchOutcome) -> tuple[Candidate, ...]:

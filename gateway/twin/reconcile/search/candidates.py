@@ -23,6 +23,13 @@ EVENT_MARGIN_S = 1.0
 """An event begins and ends this far inside the recording: nearer to an end it cannot be told from another initial motion."""
 MIN_VARIANCE_SHARE = 0.002
 """Share of the noise's variance that an effect must take off the residual to be named: below it no operator would care."""
+MOST_OF_GAP = 0.5
+"""Share of the gap, or of what a smaller set leaves, from which on what closes it is an answer beside a remainder, or a good part
+of one."""
+LITTLE_OF_GAP = 0.1
+"""Share of the gap that the best set may leave for no other to be tried, and the least that a part of an answer closes."""
+MAX_EFFECTS = 3
+"""Effects, or terms, of one answer: recordings of ordinary length do not separate more."""
 MIN_SCORE_STATISTIC = 25.0
 """Chi-square over the noise inflation that an effect must take off: 1 in 100,000 for four parameters, times the family."""
 LENGTH_SIGMAS = 4.0

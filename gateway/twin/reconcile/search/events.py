@@ -16,7 +16,7 @@ from gateway.twin.reconcile.search.budget import FitRequest
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.changepoints import exclude_unmodelled_profiles, scan_for_changepoints
 from gateway.twin.reconcile.search.context import REFINE_ITERATIONS, SearchContext
-from gateway.twin.reconcile.search.persistent import baseline_of
+from gateway.twin.reconcile.search.persistent import MAX_PARENTS, baseline_of
 from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
@@ -28,8 +28,6 @@ MAX_EVENT_EXCESS = 0.2
 """Excess of the reduced chi-square outside of an event that still counts as one motion before and another after it."""
 NEARLY_EXPLAINED = 2.0
 """Reduced chi-square below which a slowly converging persistent effect is refined."""
-MAX_REFINED = 2
-"""Fits of a size that are refined."""
 MAX_REFINED_EXCESS_RATIO = 5.0
 """Excess of the reduced chi-square over that of the best fit: a fit with more does not become the best by converging."""
 STRETCHES = (2.5, 1.6, 0.6, 0.4)
@@ -78,7 +76,7 @@ def fit_events_in_windows(table: CandidateTable, context: SearchContext, parent:
 def refine(table: CandidateTable, context: SearchContext, size: int) -> CandidateTable:
     """Continue the best fits of a size that converge slowly, and try their events shorter and longer."""
     table = table.start_round()
-    for candidate in table.ranked(size)[:MAX_REFINED]:
+    for candidate in table.ranked(size)[:MAX_PARENTS]:
         excess_ratio = (candidate.reduced_chi2 - 1) / max(table.closest.reduced_chi2 - 1, EXCESS_SIGNIFICANT)
         if excess_ratio > MAX_REFINED_EXCESS_RATIO or not _converges_slowly(candidate):
             continue

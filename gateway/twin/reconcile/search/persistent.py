@@ -22,12 +22,16 @@ from gateway.twin.reconcile.data.sensor import (
 )
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.search.budget import FitRequest
-from gateway.twin.reconcile.search.candidates import MIN_VARIANCE_SHARE, CandidateFit, CandidateTable
+from gateway.twin.reconcile.search.candidates import (
+    LITTLE_OF_GAP,
+    MIN_VARIANCE_SHARE,
+    MOST_OF_GAP,
+    CandidateFit,
+    CandidateTable,
+)
 from gateway.twin.reconcile.search.context import SearchContext
 from gateway.twin.reconcile.search.validation import Validator
 
-MIN_REPEATED_GAIN = 0.5
-"""Gain of an effect on another part of the data over its gain on the log, from which it is no accident of the log."""
 Array = NDArray[np.float64]
 MAX_SCORED = 4
 """Effects that are fitted beside a parent, by their score, as long as none explains the log."""
@@ -35,16 +39,10 @@ FITTED_FIRST = 2
 """Of these, those that are fitted before the best of them limits the rest."""
 MIN_SHARE_OF_BEST_SCORE = 0.5
 """Predicted gain over that of the best effect: one that reaches less is no rival to an effect that explains the log."""
-MAX_PAIR_REMAINDER = 0.5
-"""Share of the gap that the best persistent effect may leave for pairs with it to be fitted before events."""
-MAX_LOSS_REMAINDER = 0.1
-"""Share of the gap that the best loss of a large swing may leave for no other single effect to be tried."""
 MAX_PARENTS = 2
-"""Single effects beside which a second one is searched for."""
+"""Best fits of a size that are worked on: beside which a further effect is searched for, or that are refined."""
 MAX_PARENT_CHI2_RATIO = 100.0
 """Chi-square over that of the best of the same size: a parent with more lacks what the best one has."""
-MAX_REMAINDER_OF_SIMPLER = 0.5
-"""Share of the gap that the simpler of two effects with the same period may leave for the other one to be fitted."""
 
 
 def detect_in_samples(
@@ -121,7 +119,7 @@ def _add_machine_line(
     if found is None or base.fit.chi2 - found.fit.chi2 < MIN_VARIANCE_SHARE * log.n_values:
         return table, context
     without, with_line = (validator.evaluate(each).reduced_chi2 for each in (base, found))
-    is_repeated = without - with_line > MIN_REPEATED_GAIN * (base.reduced_chi2 - found.reduced_chi2)
+    is_repeated = without - with_line > MOST_OF_GAP * (base.reduced_chi2 - found.reduced_chi2)
     return table, context.with_baseline(found.values) if is_repeated else context
 
 
@@ -146,7 +144,7 @@ def fit_persistent_effects(table: CandidateTable, context: SearchContext) -> Can
     if context.setting.large_amplitude:
         losses = EFFECTS.choose(dissipative=True, is_scored=True)
         table = context.fit_in_turn(table, requests_beside(table, context, base, losses)).start_round()
-        if table.closest.reduced_chi2 - 1 < MAX_LOSS_REMAINDER * (base.reduced_chi2 - 1):
+        if table.closest.reduced_chi2 - 1 < LITTLE_OF_GAP * (base.reduced_chi2 - 1):
             return table
     else:
         table = _fit_length_by_period(table, context, base)
@@ -163,7 +161,7 @@ def _fit_length_by_period(table: CandidateTable, context: SearchContext, base: C
         return table
     values = {**base.values, RopeLength.name: {"relative_error": error}}
     found = context.fit_apart(values)
-    closes_most = found is not None and found.reduced_chi2 - 1 < MAX_PAIR_REMAINDER * (base.reduced_chi2 - 1)
+    closes_most = found is not None and found.reduced_chi2 - 1 < MOST_OF_GAP * (base.reduced_chi2 - 1)
     return table.with_fit(found).start_round() if found is not None and closes_most else table
 
 
@@ -190,7 +188,7 @@ def fit_persistent_pairs(table: CandidateTable, context: SearchContext) -> Candi
     base, best = baseline_of(table, context), table.best
     if table.is_explained or context.setting.large_amplitude:
         return table
-    if best.reduced_chi2 - 1 > MAX_PAIR_REMAINDER * (base.reduced_chi2 - 1):
+    if best.reduced_chi2 - 1 > MOST_OF_GAP * (base.reduced_chi2 - 1):
         return table
     for parent in parents(table, context, len(base.values) + 1):
         table = fit_by_score(table, context, parent, at_most=MAX_SCORED)
@@ -281,7 +279,7 @@ def _fit_beyond_its_equivalent(table: CandidateTable, context: SearchContext, na
     simpler = table.get(base.names | {of})
     nearest = base if simpler is None or simpler.fit.chi2 > base.fit.chi2 else simpler
     guesses = list(context.guesses(name, nearest))
-    if nearest is simpler and nearest.reduced_chi2 - 1 < MAX_REMAINDER_OF_SIMPLER * (base.reduced_chi2 - 1):
+    if nearest is simpler and nearest.reduced_chi2 - 1 < MOST_OF_GAP * (base.reduced_chi2 - 1):
         same = effect.equivalent_values(nearest.values[of], context.setting.rig.length_m)
         guesses += [] if same is None else [same]
     return context.fit_in_turn(table, context.requests(table, base.values, name, guesses))

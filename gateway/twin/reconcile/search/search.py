@@ -14,7 +14,13 @@ from gateway.twin.reconcile.data.crane_inputs import KnownModel
 from gateway.twin.reconcile.data.recordings import Recordings
 from gateway.twin.reconcile.decision.evidence import VALIDATED_MARGIN
 from gateway.twin.reconcile.search.budget import Budget, FitRequest
-from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
+from gateway.twin.reconcile.search.candidates import (
+    LITTLE_OF_GAP,
+    MAX_EFFECTS,
+    MOST_OF_GAP,
+    CandidateFit,
+    CandidateTable,
+)
 from gateway.twin.reconcile.search.context import REFINE_ITERATIONS, SearchContext, make_context
 from gateway.twin.reconcile.search.events import fit_events_in_windows, has_event, needs_more, refine
 from gateway.twin.reconcile.search.persistent import (
@@ -34,17 +40,8 @@ from gateway.twin.reconcile.search.signatures import any_length_changes, coincid
 from gateway.twin.reconcile.search.validation import Validator
 from gateway.twin.reconcile.timing.sample_loss import find_sample_loss, retime_validation
 
-MAX_EFFECTS = 3
-"""Effects of one answer: recordings of ordinary length do not separate more."""
 MAX_SINGLE_REMAINDER = 0.8
 """Share of the gap that the best single effect may leave for a second one to be searched for."""
-MAX_PAIR_REMAINDER = 0.1
-"""Share of the gap that a pair may leave for a third effect to be searched for; beyond it a third one only imitates."""
-MAX_THIRD_REMAINDER = 0.5
-"""Share of the residual of a pair that a third effect may leave; one that leaves more only imitates what is missing."""
-
-SETTLED_SHARE = 0.5
-"""Share of the gap that is open without an effect from which it is necessary beyond doubt."""
 
 
 def grow(table: CandidateTable, context: SearchContext, best: CandidateFit) -> tuple[CandidateTable, CandidateFit]:
@@ -60,9 +57,9 @@ def grow(table: CandidateTable, context: SearchContext, best: CandidateFit) -> t
             best = ahead
             break
         is_third = len(best.values) > len(base.values) + 1
-        if is_third and ahead.reduced_chi2 - 1 > MAX_THIRD_REMAINDER * (best.reduced_chi2 - 1):
+        if is_third and ahead.reduced_chi2 - 1 > MOST_OF_GAP * (best.reduced_chi2 - 1):
             break
-        if ahead.reduced_chi2 - 1 > MAX_PAIR_REMAINDER * (base.reduced_chi2 - 1):
+        if ahead.reduced_chi2 - 1 > LITTLE_OF_GAP * (base.reduced_chi2 - 1):
             table, best = table.record_move(best, ahead), ahead
             break
         table, swapped = try_swaps(table, context, ahead)
@@ -143,7 +140,7 @@ def _settled_chi2(table: CandidateTable, context: SearchContext, best: Candidate
         return 0.0
     if not context.setting.large_amplitude:
         return math.inf
-    return best.fit.chi2 + SETTLED_SHARE * (baseline_of(table, context).fit.chi2 - best.fit.chi2)
+    return best.fit.chi2 + MOST_OF_GAP * (baseline_of(table, context).fit.chi2 - best.fit.chi2)
 
 
 def _forward_step(table: CandidateTable, context: SearchContext, size: int) -> tuple[CandidateTable, CandidateFit]:

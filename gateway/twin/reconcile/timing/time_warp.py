@@ -16,7 +16,7 @@ from scipy.linalg import solveh_banded
 from gateway.twin.effects.sensor_output import Quantization
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.data.sensor import quantised_moments
-from gateway.twin.reconcile.fit.least_squares import SCREENING_ITERATIONS
+from gateway.twin.reconcile.fit.least_squares import MIN_SCALE, SCREENING_ITERATIONS
 from gateway.twin.reconcile.fit.reparameterisation import ReparameterisedSimulator, reparameterise
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
@@ -26,8 +26,6 @@ KNOT_SPACING_SAMPLES = 5
 """Samples between knots: a quarter of a second at 20 Hz, in which a swing hardly moves."""
 RANK_TOLERANCE = 1e-10
 """Singular value of the scaled normal matrix, relative to the largest, below which values are linearly dependent."""
-MIN_SCALE = 1e-12
-"""Added to the scale of each value, so that one without any sensitivity gives no division by zero."""
 INITIAL_STATES = tuple(range(HEADING))
 """Positions of the initial states that are fitted: tilts and rates."""
 MIN_LOST_FRACTION = 0.002

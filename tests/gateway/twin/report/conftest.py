@@ -21,7 +21,6 @@ from gateway.twin.reconcile.output.result import (
     Peak,
     Reconciliation,
     Residual,
-    ScoreTestResult,
     Step,
 )
 from gateway.twin.report.page import render_report
@@ -92,7 +91,6 @@ BASE = Reconciliation(
         Step(("viscous_damping",), (), ("viscous_damping",), 15.3, 29.8, 9e4),
         Step(("impact",), ("axis_offset",), ("viscous_damping", "impact"), 0.99, 1.01, 6e3),
     ),
-    scores=(ScoreTestResult("viscous_damping", 0.93, 4000.0, 31.0), ScoreTestResult("slewing", 0.002, 8.0, 31.0)),
     ranking=(
         Candidate(("viscous_damping", "impact"), 0.99, 1.01, 6000.0, 0.0, rival=False),
         Candidate(("coulomb_friction", "impact"), 1.19, None, 6100.0, 100.0, rival=False),
@@ -116,7 +114,6 @@ VERDICTS: dict[str, dict[str, Any]] = {
         **UNCHANGED,
         "reason": "the recording lasts 3.2 s; record at least 60 s",
         "steps": (),
-        "scores": (),
         "ranking": (),
         "comparison": None,
         "equations_before": (),

@@ -48,9 +48,9 @@ def test_sections_come_in_order(pages: dict[str, Page], verdict: str) -> None:
 
 @pytest.mark.slow
 def test_absent_contents_have_placeholders(make: Maker) -> None:
-    result = make("named", steps=(), scores=(), ranking=(), counts={})
+    result = make("named", steps=(), ranking=(), counts={})
     text = plain_text("".join(html_of(name, result) for name in (*CONTENTS, "data")))
-    for said in ("No effect was tested.", "No candidate was fitted.", "Samples were not counted."):
+    for said in ("No candidate was fitted.", "Samples were not counted."):
         assert said in text
     assert "None" not in text
     assert "nan" not in text
@@ -80,7 +80,6 @@ def test_all_text_is_escaped(make: Maker) -> None:
         equations_before=(EVIL,),
         equations_after=(EVIL, EVIL + "2"),
         steps=tuple(replace(step, names=(SHARP,)) for step in result.steps),
-        scores=(replace(result.scores[0], name=EVIL),),
         ranking=(replace(result.ranking[0], names=(EVIL,)),),
         comparison=replace(compared, disagreement=(Disagreement(EVIL, 1.0, 2.0, (0.1, 0.2), 3.0),)),
         refitted_on_held_out=(EVIL,),

@@ -66,14 +66,6 @@ def test_refitted_parameters_are_explained(make: Maker) -> None:
     assert "vibration.phase_rad" in text
 
 
-def test_absence_of_transient_effects_from_the_score_test_is_explained(make: Maker) -> None:
-    result = make("named")
-    persistent = tuple(each for each in result.scores if each.name != "impact")
-    assert "Transient effects are not in this list" in text_of("ranking", replace(result, scores=persistent))
-    with_it = (replace(result.scores[0], name="impact"),)
-    assert "not in this list" not in text_of("ranking", replace(result, scores=with_it))
-
-
 def test_fitted_member_of_a_group_is_shown_without_a_claim(make: Maker) -> None:
     unnamed = make("one_of", effects=())
     assert "stand under “Model equations, before and after”, without any claim" in text_of("parameters", unnamed)
