@@ -143,10 +143,6 @@ GATES = {
         "an effect of a steady frequency with lines beside it is not named",
         (Call("decision.verdict._drop_nonstationary_lines", _first),),
     ),
-    "one matrix": Part(
-        "several effects that mix the axes are named as one",
-        (Call("decision.verdict._name_one_mixture_of_axes", _first),),
-    ),
     "unmodelled course": Part(
         "samples inside an event whose course is not modelled count for nothing",
         (

@@ -106,8 +106,6 @@ class Effect:
     """The effect compensates for a wrong distance along the rope: a nuisance after an event that changed it."""
     coincides_with: ClassVar[str | None] = None
     """The effect with the same signature as long as no length changes: this one is stated beside it and is no rival."""
-    mixes_axes: ClassVar[bool] = False
-    """The sensor reads a constant linear combination of its axes; several such effects are one matrix."""
     needs_temperature: ClassVar[bool] = False
     """Only recordings with a temperature can show the effect."""
     needs_quadrature: ClassVar[bool] = False

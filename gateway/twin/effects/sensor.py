@@ -40,7 +40,6 @@ class MountMisalignment(Effect):
     reference = "misalignment, IEEE 528: rotations about the housing's x and y axes"
     enters = "sensor"
     discriminating_experiment = TURN_HOUSING
-    mixes_axes = True
     in_every_rig = True
     parameters = (
         Parameter(
@@ -76,7 +75,6 @@ class CrossAxis(Effect):
     reference = "cross-axis sensitivity, IEEE 528: a symmetric matrix; the antisymmetric part is mount_misalignment"
     enters = "sensor"
     discriminating_experiment = TURN_HOUSING
-    mixes_axes = True
     parameters = tuple(
         Parameter(
             pair,

@@ -45,9 +45,6 @@ class VerdictReason(Enum):
     DOUBTFUL = "The data are explained down to the noise only by a value at its edge, or by one that no part has."
     BEST_SO_FAR = "These effects explain both recordings down to the noise; others were not tried."
     NONSTATIONARY_LINE = "The residual has lines near that of {names}: its amplitude or frequency changes."
-    AXES_MIXED = (
-        "Cross-axis sensitivity is certain; the housing is misaligned as well, or the sensitivity is not symmetric."
-    )
     INDISTINGUISHABLE = "These effects have the same signature: no recording of this kind separates them."
 
 
@@ -228,7 +225,6 @@ def decide(evidence: Evidence, log: Observations, linearise: Callable[[], Substi
     """
     decision = next(rule.conclude(evidence) for rule in RULES if rule.applies(evidence))
     decision = _drop_nonstationary_lines(decision, log)
-    decision = _name_one_mixture_of_axes(decision)
     decision = _group_indistinguishable(decision, evidence.baseline_names, linearise)
     if decision.verdict not in ("named", "one_of"):
         return decision  # where a residual remains, it may be what was detected in the time stamps
@@ -268,19 +264,6 @@ def _has_line_near(name: str, candidate: CandidateFit, lines_hz: np.ndarray, dur
         return False
     frequency_hz = np.asarray(candidate.values[name]["frequency_hz"])
     return bool((np.abs(lines_hz - frequency_hz) < SAME_LINE_CYCLES / duration_s).any())
-
-
-def _name_one_mixture_of_axes(decision: Decision) -> Decision:
-    """Of several effects that mix the axes keep the one with the most parameters: together they are one general matrix."""
-    mixing = sorted(
-        (name for name in decision.named if EFFECTS[name].mixes_axes),
-        key=lambda name: -sum(parameter.size for parameter in EFFECTS[name].parameters),
-    )
-    if len(mixing) < 2:
-        return decision
-    named = tuple(name for name in decision.named if name not in mixing[1:])
-    decision = replace(decision, verdict="named_with_remainder", named=named, leaves_remainder=True)
-    return replace(decision, reason=VerdictReason.AXES_MIXED, text=VerdictReason.AXES_MIXED.value)
 
 
 def _group_indistinguishable(

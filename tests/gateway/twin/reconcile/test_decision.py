@@ -195,12 +195,6 @@ def test_of_many_contested_effects_those_of_the_best_sets_are_told(log: Observat
     assert (found.verdict, found.candidates) == ("one_of", ("viscous_damping", "wind_gust", "steady_wind", "impact"))
 
 
-def test_misalignment_beside_cross_axis_sensitivity_is_not_named(log: Observations) -> None:
-    found = decided(log, evidence(ranked(0.0, "cross_axis", "mount_misalignment", "wind_gust")))
-    assert (found.verdict, found.named) == ("named_with_remainder", ("cross_axis", "wind_gust"))
-    assert decided(log, evidence(ranked(0.0, "mount_misalignment"))).named == ("mount_misalignment",)
-
-
 @pytest.mark.parametrize(("name", "named"), [("viscous_damping", True), ("clock_drift", False), ("rope_length", False)])
 def test_effects_that_scale_the_period_are_not_named_while_a_residual_remains(
     log: Observations, name: str, named: bool
