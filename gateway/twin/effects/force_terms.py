@@ -13,9 +13,8 @@ from gateway.twin.effects.term import (
     HORIZONTAL,
     Coefficients,
     CoefficientTerm,
-    ConstantCoefficients,
-    PeriodicCoefficients,
     Term,
+    periodic,
 )
 
 Basis = Callable[[BodyState], tuple[Vector, ...]]
@@ -88,55 +87,54 @@ def _horizontal(load: BodyState) -> tuple[Vector, ...]:
 
 ALONG_MOTION = (_velocity, _speed_velocity, _direction_of_motion)
 FED, TAKEN = "energy is fed in", "energy is taken out"
-Constant, Periodic = ConstantCoefficients, PeriodicCoefficients
 FORCE_TERMS: tuple[Term, ...] = (
-    ForceTerm("force_by_velocity", "v", Constant("1/s", 4e-3), _velocity, says=(FED, TAKEN)),
+    ForceTerm("force_by_velocity", "v", Coefficients("1/s", 4e-3), _velocity, says=(FED, TAKEN)),
     ForceTerm(
         "force_by_speed_squared",
         "|v| v",
-        Constant("1/m", 4e-3),
+        Coefficients("1/m", 4e-3),
         _speed_velocity,
         says=(f"{FED}, more at large swings", f"{TAKEN}, more at large swings"),
     ),
     ForceTerm(
         "force_along_motion",
         "v/|v|",
-        Constant("m/s²", 3e-3),
+        Coefficients("m/s²", 3e-3),
         _direction_of_motion,
         says=(f"{FED}, whatever the speed", f"{TAKEN}, whatever the speed, as by friction"),
     ),
     ForceTerm(
         "force_by_displacement",
         "(x, y)",
-        Constant("1/s²", 5e-3),
+        Coefficients("1/s²", 5e-3),
         _displacement,
         says=("softer than a pendulum", "stiffer than a pendulum"),
     ),
     ForceTerm(
         "force_by_mirrored_displacement",
         "(x, −y), (y, x)",
-        Constant("1/s²", 5e-3, MIRRORED),
+        Coefficients("1/s²", 5e-3, MIRRORED),
         _mirrored_displacement,
         says=("stiffer in one direction than across it",) * 2,
     ),
     ForceTerm(
         "force_across_velocity",
         "z × v",
-        Constant("1/s", 4e-3),
+        Coefficients("1/s", 4e-3),
         _velocity_aside,
         says=("the plane of the swing turns anticlockwise", "the plane of the swing turns clockwise"),
     ),
     ForceTerm(
         "constant_force",
         "(e_x, e_y)",
-        Constant("m/s²", 0.02, HORIZONTAL),
+        Coefficients("m/s²", 0.02, HORIZONTAL),
         _horizontal,
         says=("a steady push to one side",) * 2,
     ),
     ForceTerm(
         "periodic_force",
         "sin(2π f t + φ)",
-        Periodic("m/s²", 0.05, HORIZONTAL),
+        periodic("m/s²", 0.05, HORIZONTAL),
         _horizontal,
         says=("the load is pushed at one frequency, as by gusts",) * 2,
     ),
@@ -194,31 +192,31 @@ KINEMATIC_TERMS: tuple[Term, ...] = (
     PivotTerm(
         "pivot_sway",
         "sin(2π f t + φ), horizontal",
-        PeriodicCoefficients("m/s²", 0.05, HORIZONTAL),
+        periodic("m/s²", 0.05, HORIZONTAL),
         says=("the pivot moves to and fro, as by a jib or a gantry that sways",) * 2,
     ),
     PivotTerm(
         "pivot_heave",
         "sin(2π f t + φ), vertical",
-        PeriodicCoefficients("m/s²", 0.05),
+        periodic("m/s²", 0.05),
         says=("the pivot rises and falls, as of a floating crane",) * 2,
     ),
     LengthTerm(
         "periodic_length",
         "sin(2π f t + φ)",
-        PeriodicCoefficients("m", 0.005),
+        periodic("m", 0.005),
         says=("the rope becomes longer and shorter, as by a winch that hunts",) * 2,
     ),
     RotationTerm(
         "periodic_rotation",
         "sin(2π f t + φ)",
-        PeriodicCoefficients("rad", 0.05),
+        periodic("rad", 0.05),
         says=("the housing twists to and fro about the rope",) * 2,
     ),
     SteadyRotation(
         "steady_rotation",
         "t",
-        ConstantCoefficients("rad/s", 0.01),
+        Coefficients("rad/s", 0.01),
         says=("the housing turns anticlockwise about the rope", "the housing turns clockwise about the rope"),
     ),
 )

@@ -10,10 +10,10 @@ from gateway.twin.effects.term import (
     AXES,
     HORIZONTAL,
     CoefficientTerm,
-    PeriodicCoefficients,
     Term,
     coefficient,
     number,
+    periodic,
     smoothed_length,
 )
 
@@ -128,7 +128,7 @@ READING_TERMS: tuple[Term, ...] = (
     OffsetTerm(
         "periodic_offset",
         "sin(2π f t + φ)",
-        PeriodicCoefficients("g", 0.002, AXES),
+        periodic("g", 0.002, AXES),
         says=("the reading itself goes up and down at one frequency",) * 2,
     ),
     CreepingOffset(),

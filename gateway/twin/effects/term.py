@@ -7,7 +7,7 @@ that a law has one. Terms are kept apart from the vocabulary, and no search for 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -109,94 +109,54 @@ def smoothed_length(vector: Vector, within: float) -> Scalar:
     return ca.sqrt(dot(vector, vector) + within**2)
 
 
-class Coefficients(Protocol):
-    """The coefficients of a term, one for each component."""
-
-    @property
-    def components(self) -> tuple[str, ...]:
-        """Names of the components; empty for a single number."""
-
-    @property
-    def is_periodic(self) -> bool:
-        """Whether they have one frequency; such ones belong to a recording, as a phase does."""
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """What a fit determines."""
-
-    def at(self, p: Symbols, context: EvaluationContext) -> tuple[Scalar, ...]:
-        """Return the coefficients at an instant."""
-
-    def shift_start(self, values: Values, by_s: float) -> Values:
-        """Return the same coefficients counted from a later first sample."""
-
-    def law(self, values: Values, formula: str) -> str:
-        """Return what they multiply, with numbers and units."""
-
-
 @dataclass(frozen=True, slots=True)
-class ConstantCoefficients:
-    """The same at any time."""
+class Coefficients:
+    """The coefficients of a term, one for each component: constant, or a sine and a cosine of one frequency."""
 
     unit: str
     typical: float
     """Size of one that shows."""
     components: tuple[str, ...] = ()
-    name: str = "coefficient"
-    meaning: str = "c"
-    is_periodic = False
+    """Names of the components; empty for a single number."""
+    is_periodic: bool = False
+    """Sine and cosine belong to a recording, as a phase does."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The coefficients alone."""
-        return (coefficient(self.name, self.unit, self.meaning, self.typical, self.components),)
-
-    def at(self, p: Symbols, context: EvaluationContext) -> tuple[Scalar, ...]:
-        """Return the coefficients."""
-        return _each(p[self.name], self.components)
-
-    def shift_start(self, values: Values, by_s: float) -> Values:
-        """Return the values as they are."""
-        return values
-
-    def law(self, values: Values, formula: str) -> str:
-        """Return `+0.0042 1/s v`."""
-        return f"{number(values[self.name])} {self.unit} {formula}"
-
-
-@dataclass(frozen=True, slots=True)
-class PeriodicCoefficients:
-    """A sum of a sine and a cosine of one frequency."""
-
-    unit: str
-    typical: float
-    components: tuple[str, ...] = ()
-    is_periodic = True
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """The frequency, and sine and cosine, which belong to a recording."""
+        """What a fit determines."""
+        if not self.is_periodic:
+            return (coefficient("coefficient", self.unit, "c", self.typical, self.components),)
         parts = (coefficient(each, self.unit, f"of the {each}", self.typical, self.components) for each in PHASORS)
         return FREQUENCY, *(replace(part, refitted=True) for part in parts)
 
     def at(self, p: Symbols, context: EvaluationContext) -> tuple[Scalar, ...]:
-        """Return the value of each component."""
+        """Return the coefficients at an instant."""
+        if not self.is_periodic:
+            return _each(p["coefficient"], self.components)
         angle = 2 * ca.pi * p["frequency_hz"] * context.time_s
         parts = zip(*(_each(p[each], self.components) for each in PHASORS), strict=True)
         return tuple(sine * ca.sin(angle) + cosine * ca.cos(angle) for sine, cosine in parts)
 
     def shift_start(self, values: Values, by_s: float) -> Values:
-        """Return the sine and cosine of the later first sample."""
+        """Return the same coefficients counted from a later first sample."""
+        if not self.is_periodic:
+            return values
         angle_rad = 2 * np.pi * float(np.asarray(values["frequency_hz"])) * by_s
         turned = _phasor(values) * np.exp(1j * angle_rad)
         return {**values, "cosine": _value(turned.real), "sine": _value(-turned.imag)}
 
     def law(self, values: Values, formula: str) -> str:
-        """Return the largest value along any direction, and the frequency."""
+        """Return what they multiply, with numbers and units: `+0.0042 1/s v`; of a sine the largest value along any direction."""
+        if not self.is_periodic:
+            return f"{number(values['coefficient'])} {self.unit} {formula}"
         phasor = np.atleast_1d(_phasor(values))
         amplitude = np.linalg.svd(np.stack([phasor.real, phasor.imag]), compute_uv=False)[0]
-        hz = float(np.asarray(values["frequency_hz"]))
-        return f"{amplitude:.3g} {self.unit} {formula}, f = {hz:.4g} Hz"
+        return f"{amplitude:.3g} {self.unit} {formula}, f = {float(np.asarray(values['frequency_hz'])):.4g} Hz"
+
+
+def periodic(unit: str, typical: float, components: tuple[str, ...] = ()) -> Coefficients:
+    """Return coefficients that oscillate."""
+    return Coefficients(unit, typical, components, is_periodic=True)
 
 
 def _each(found: Scalar, components: tuple[str, ...]) -> tuple[Scalar, ...]:

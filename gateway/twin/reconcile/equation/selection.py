@@ -5,7 +5,6 @@ with the most evidence if it is significant on the log, in coloured noise too, a
 """
 
 import math
-from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -59,18 +58,14 @@ def find_law(
     base: CandidateFit,
     validator: Validator,
     random: np.random.Generator,
-    optional: Collection[str] = (),
 ) -> FoundLaw | None:
-    """Return the law of what a model leaves; None where no term describes it. The library must be registered.
-
-    `optional` are effects of the base that the law may make superfluous.
-    """
+    """Return the law of what a model leaves; None where no term describes it. The library must be registered."""
     before = validator.evaluate(base)
     law = FoundLaw(base, base, before, before, ())
     work = context.budget.work + MAX_WORK
     while len(law.terms) < MAX_EFFECTS and context.budget.work < work:
         table = CandidateTable(context.setting.log).with_fit(law.candidate)
-        longer = _with_one_more(context, table, law, validator, random, work, base.names - set(optional))
+        longer = _with_one_more(context, table, law, validator, random, work)
         if longer is None:
             break
         law = longer
@@ -78,7 +73,7 @@ def find_law(
             break
     if not law.terms or min(_share_closed(base, law.candidate), _share_closed(before, law.after)) < MOST_OF_GAP:
         return None
-    return _without_idle_parts(context, law, validator, optional, work)
+    return _without_idle_terms(context, law, validator, work)
 
 
 def leaves_residual(context: SearchContext, law: FoundLaw, validator: Validator) -> bool:
@@ -94,9 +89,8 @@ def _with_one_more(
     validator: Validator,
     random: np.random.Generator,
     max_work: float,
-    certain: Collection[str],
 ) -> FoundLaw | None:
-    """Return the law with the term of most evidence beside the certain effects; None where none is significant.
+    """Return the law with the term of most evidence beside the base; None where none is significant.
 
     Fits end at `max_work`.
     """
@@ -115,7 +109,7 @@ def _with_one_more(
         (each, fit)
         for each, fit in fitted
         if fit is not None and table.bic(fit) < limit and table.is_significant(law.candidate, fit)
-        if not pairs_loss_with_gain(fit, each.name) and not replaces_loss(fit, law.base, certain)
+        if not pairs_loss_with_gain(fit, each.name) and not replaces_loss(fit, law.base)
     ]
     validator.evaluate_ahead(fit for _, fit in near_best)
     rivals = [_Rival(each, fit, validator.evaluate(fit), table) for each, fit in near_best]
@@ -140,11 +134,10 @@ def _with_one_more(
     )
 
 
-def replaces_loss(fit: CandidateFit, base: CandidateFit, certain: Collection[str]) -> bool:
-    """Return whether a law takes the place of a certain loss: it describes what that leaves, or contradicts its name."""
-    left, before = (
-        np.array([_amplitude(each, name) for name in certain if EFFECTS[name].dissipative]) for each in (fit, base)
-    )
+def replaces_loss(fit: CandidateFit, base: CandidateFit) -> bool:
+    """Return whether a law takes the place of a loss of its base: it describes what that leaves, or contradicts its name."""
+    losses = [name for name in base.names if EFFECTS[name].dissipative]
+    left, before = (np.array([_amplitude(each, name) for name in losses]) for each in (fit, base))
     return bool((left < LITTLE_OF_GAP * before).any())
 
 
@@ -203,13 +196,11 @@ def _cosine(first: ScreenedTerm, second: ScreenedTerm) -> float:
     return 0.0 if norms == 0 else float(abs(first.signature @ second.signature) / norms)
 
 
-def _without_idle_parts(
-    context: SearchContext, law: FoundLaw, validator: Validator, optional: Collection[str], max_work: float
-) -> FoundLaw:
-    """Remove terms and effects of a best attempt whose absence costs no evidence: a later term may have replaced them."""
+def _without_idle_terms(context: SearchContext, law: FoundLaw, validator: Validator, max_work: float) -> FoundLaw:
+    """Remove terms whose absence costs no evidence: a later term may have replaced them."""
     table = CandidateTable(context.setting.log).with_fit(law.candidate)
     table = replace(table, noise_inflation=law.noise_inflation)
-    for name in [*law.terms[:-1], *optional]:
+    for name in law.terms[:-1]:
         if context.budget.work > max_work:
             break
         values = law.candidate.without(name)
