@@ -1,8 +1,12 @@
-"""What no effect explains is told as an equation: in the text, in the JSON, in the report."""
+"""What the answer says in the text, in the JSON and in the report: a law, a best attempt, an effect of the same period."""
+
+from dataclasses import replace
 
 import pytest
 
+from gateway.twin.effects import EFFECTS
 from gateway.twin.reconcile.output.estimates import Estimate, Law, LawTerm, Resemblance
+from gateway.twin.reconcile.output.result import Equivalent
 from gateway.twin.reconcile.output.serialisation import to_json, to_text
 from gateway.twin.report.page import render_report
 from tests.gateway.twin.report.conftest import Maker
@@ -54,3 +58,36 @@ def test_report_describes_the_remainder_and_names_no_cause(make: Maker) -> None:
     page = render_report(make("unmodelled", law=LAW, model=MODEL), title="t", software="s")
     assert "An equation describes the remainder: force/mass = +0.0042 1/s v (energy is fed in)." in page
     assert "names no cause" in page
+
+
+ATTEMPT = {"viscous_damping": {"damping_ratio": 0.004}, "axis_offset": {"offset_g": (0.001, -0.002, 0.0)}}
+
+
+def test_the_best_attempt_is_told_where_nothing_explains_the_data(make: Maker) -> None:
+    result = make("unmodelled", model=ATTEMPT)
+    text = to_text(result)
+    assert "best attempt viscous_damping (damping_ratio 0.004); axis_offset (offset_g 0.001,-0.002,0 g)" in text
+    assert "not an explanation" in text
+    assert to_json(result, 1.0)["best_attempt"] == {
+        "viscous_damping": {"damping_ratio": 0.004},
+        "axis_offset": {"offset_g": [0.001, -0.002, 0.0]},
+    }
+
+
+def test_named_effects_are_no_attempt(make: Maker) -> None:
+    result = make("named", model=ATTEMPT)
+    assert "best attempt" not in to_text(result)
+    assert to_json(result, 1.0)["best_attempt"] == {}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "error", "same"), [("load_inertia", 0.02, "samples"), ("rope_mass", -0.02, "period")])
+def test_equivalent_is_told_with_the_values_that_it_has(make: Maker, name: str, error: float, same: str) -> None:
+    result = make("named", model={"rope_length": {"relative_error": error}})
+    values = EFFECTS[name].equivalent_values({"relative_error": error}, 14.0)
+    assert values is not None
+    told = replace(result, equivalents=(Equivalent(name, "rope_length", values, "measure the rope"),))
+    text = to_text(told)
+    assert f"or equally   {name} ({next(iter(values))}" in text
+    assert f"which gives the {same} of rope_length" in text
+    assert "To distinguish them: Measure the rope" in render_report(told, title="t", software="s")

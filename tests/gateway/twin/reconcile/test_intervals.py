@@ -1,6 +1,7 @@
-"""Intervals of fitted values under white, slow and narrow-band noise, on a linear model of a decaying swing."""
+"""Intervals of fitted values, under white, slow and narrow-band noise, and with a companion that is too small to be named."""
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,8 +10,17 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from gateway.numerics.stats import NORMAL_975
+from gateway.twin.effects import EFFECTS
+from gateway.twin.model import EffectValues, Model
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.intervals import coloured_covariance, noise_density
+from gateway.twin.reconcile.fit.fit_context import FitContext
+from gateway.twin.reconcile.fit.intervals import (
+    coloured_covariance,
+    intervals,
+    mixture_interval,
+    noise_density,
+    standard_uncertainties,
+)
 from gateway.twin.reconcile.fit.least_squares import Fit
 
 Array = NDArray[np.float64]
@@ -51,7 +61,7 @@ class Intervals:
 
 
 @functools.cache
-def intervals(poles: tuple[complex, ...]) -> Intervals:
+def under_noise(poles: tuple[complex, ...]) -> Intervals:
     """Return what intervals are worth under noise with these poles."""
     jacobian = sensitivities()
     flat = jacobian.reshape(-1, 4)
@@ -70,7 +80,7 @@ def intervals(poles: tuple[complex, ...]) -> Intervals:
 
 @pytest.mark.slow
 def test_intervals_of_white_noise_stay_nearly_as_they_were() -> None:
-    found = intervals(())
+    found = under_noise(())
     assert (found.covered >= found.covered_if_white).all()
     assert found.covered.mean() == pytest.approx(0.95, abs=0.02)
     assert (found.width < 1.15).all()
@@ -79,7 +89,7 @@ def test_intervals_of_white_noise_stay_nearly_as_they_were() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("poles", [(0.9,), (0.7, 0.8), (0.98,), (0.995,), (1,)])
 def test_intervals_cover_under_slow_noise_and_are_not_twice_too_wide(poles: tuple[complex, ...]) -> None:
-    found = intervals(poles)
+    found = under_noise(poles)
     assert (found.covered > 0.88).all()
     assert found.covered.mean() > 0.92
     assert (found.width < 2).all()
@@ -89,7 +99,7 @@ def test_intervals_cover_under_slow_noise_and_are_not_twice_too_wide(poles: tupl
 @pytest.mark.slow
 def test_intervals_are_wider_where_a_disturbance_has_the_frequency_of_the_swing() -> None:
     pole = 0.99 * np.exp(2j * np.pi * SWING_HZ * 0.05)
-    found = intervals((pole, np.conj(pole)))
+    found = under_noise((pole, np.conj(pole)))
     assert (found.covered[:3] > 0.85).all()
     assert (found.covered_if_white[:3] < 0.4).all()
     assert (found.width < 2).all()
@@ -114,3 +124,57 @@ def test_density_at_zero_continues_the_slope_of_slow_noise() -> None:
 
 def test_density_is_no_smaller_than_the_stated_noise() -> None:
     assert noise_density(np.full(200, 0.01), np.ones(200), np.array([0, 50])) == pytest.approx(1.0, abs=0.05)
+
+
+def ends(
+    model: Model, log: Observations, name: str, stated: EffectValues | None = None
+) -> tuple[tuple[float, float], float, float]:
+    """The interval of the first value of an effect that is fitted alone, that value, and half its interval without companions."""
+    setting = FitContext(model.rig, stated or {}, log, lambda: None)
+    fit = setting.fit({name: {}})
+    simulator = setting.simulator((name,))
+    first = next(i for i, spec in enumerate(simulator.parameters) if spec.effect == name)
+    companions = EFFECTS.choose(is_scored=True, needs_temperature=False)
+    below, above = intervals(setting, fit, {name: simulator.effects(fit.values)[name]}, companions, 1.0)
+    value = float(fit.values[first])
+    plain = NORMAL_975 * float(standard_uncertainties(fit, log)[first])
+    return (value - float(below[first]), value + float(above[first])), value, plain
+
+
+@pytest.mark.slow
+def test_drag_allows_for_a_damping_that_is_too_small_to_be_named(
+    model: Model, record: Callable[..., Observations]
+) -> None:
+    log = record({"quadratic_drag": {"drag_per_m": 0.012}, "viscous_damping": {"damping_ratio": 0.0004}})
+    (low, high), value, plain = ends(model, log, "quadratic_drag")
+
+    assert value - plain > 0.012
+    assert low < 0.012 < high
+    assert high < value + 1.5 * plain  # a loss beside it can only take a part of the drag
+
+
+@pytest.mark.slow
+def test_a_companion_that_the_rig_states_is_none(model: Model, record: Callable[..., Observations]) -> None:
+    losses: EffectValues = {"viscous_damping": {"damping_ratio": 0.0004}, "coulomb_friction": {"decel_m_s2": 0.0}}
+    log = record({"quadratic_drag": {"drag_per_m": 0.012}, "viscous_damping": {"damping_ratio": 0.0004}})
+    (low, high), _, plain = ends(model, log, "quadratic_drag", losses)
+
+    assert low < 0.012 < high
+    assert high - low < 2 * 1.5 * plain
+
+
+@pytest.mark.slow
+def test_an_interval_hardly_widens_where_no_companion_shows(model: Model, record: Callable[..., Observations]) -> None:
+    (low, high), _, plain = ends(model, record({"rope_length": {"relative_error": 0.02}}), "rope_length")
+
+    assert low < 0.02 < high
+    assert high - low < 2 * 1.5 * plain
+
+
+def test_interval_of_a_mixture() -> None:
+    nowhere, far = np.zeros(64), np.full(64, 100.0)
+
+    assert mixture_interval(nowhere, 2.0, 1.0) == pytest.approx((-2 * NORMAL_975, 2 * NORMAL_975), rel=1e-6)
+    assert mixture_interval(far, 1.0, 0.0) == pytest.approx((-NORMAL_975, NORMAL_975), rel=1e-6)
+    # Half of the probability is at each place: 5 % of either are outside.
+    assert mixture_interval(far, 1.0, 1.0) == pytest.approx((-1.644854, 101.644854), rel=1e-5)
