@@ -8,10 +8,9 @@ from devices.pendulum.equations import Scalar, Vector
 from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext, RopeGeometry
 from gateway.twin.effects.experiments import LOCK_SLEWING, MEASURE_CLAMP, MEASURE_HOUSING, MEASURE_LEVER_ARM
-from gateway.twin.effects.guess_context import GuessContext
+from gateway.twin.effects.guess_context import GuessContext, guess_yaw_rate
 from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values
 from gateway.twin.effects.sensor import rotate_across
-from gateway.twin.effects.spectral_guesses import guess_yaw_rate
 
 Array = NDArray[np.float64]
 BIN_S = 0.1

@@ -1,9 +1,18 @@
-"""Parameters of effects: meaning, unit, bounds, prior and scale."""
+"""Parameters of effects: meaning, unit, bounds, prior and scale; and which values parts and mounts can have.
+
+A deviation is as probable as any other up to the limit that data sheets state (a rectangular distribution, GUM 4.3.7). Beyond
+it the density falls as that of a normal distribution, since parts break and clamps slip: an effect that needs such a value
+loses against one that explains the data nearly as well without it.
+"""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from devices.pendulum.equations import Scalar
 
@@ -17,6 +26,8 @@ Symbols = Mapping[str, Scalar]
 
 NEGLIGIBLE = 1e-9
 """Size below which a value of any unit is printed as 0. Definition: what a fit leaves of an axis that was not measured."""
+TAIL_SHARE = 0.25
+"""Standard deviation of the density beyond the usual limit over that limit. Basis: at twice the limit odds of 3000 to 1."""
 
 
 class ParameterKind(Enum):
@@ -92,3 +103,38 @@ def without_rounding(value: float) -> float:
 def parameter_label(parameter: Parameter, component: int) -> str:
     """Return `accel_m_s2[x]`, or the name alone for a parameter without components."""
     return f"{parameter.name}[{parameter.components[component]}]" if parameter.components else parameter.name
+
+
+class StatedLimits(Protocol):
+    """What a rig states of its sensor; None where it states nothing."""
+
+    @property
+    def offset_limit_g(self) -> float | None:
+        """Largest zero-g offset."""
+
+    @property
+    def scale_limit(self) -> float | None:
+        """Largest scale-factor error."""
+
+
+def limit_of(parameter: Parameter, stated: StatedLimits) -> float | None:
+    """Return the largest deviation from the neutral value that the sensor or its mount can have; None for no limit."""
+    by_rig = {"offset_limit_g": stated.offset_limit_g, "scale_limit": stated.scale_limit}.get(parameter.limit_of_rig)
+    return parameter.limit if by_rig is None else by_rig
+
+
+def excess(parameter: Parameter, value: Value, stated: StatedLimits) -> NDArray[np.float64]:
+    """Return by how much each component exceeds the limit, 0 where it does not."""
+    limit = limit_of(parameter, stated)
+    size = np.abs(np.atleast_1d(np.asarray(value, dtype=np.float64)) - parameter.neutral)
+    return np.zeros_like(size) if limit is None else np.maximum(size - limit, 0.0)
+
+
+def rests_at_edge(parameter: Parameter, value: Value) -> bool:
+    """Return whether a value rests at a bound where the effect does not vanish: the fit would go further.
+
+    An event that begins at once has the sharpest edge that can be, and is none the worse for it.
+    """
+    numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
+    outside = (numbers <= parameter.lower) | (numbers >= parameter.upper)
+    return parameter.kind is not ParameterKind.EDGE and bool((outside & (numbers != parameter.neutral)).any())

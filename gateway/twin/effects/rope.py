@@ -7,10 +7,9 @@ from devices.pendulum.equations import Scalar
 from gateway.twin.effects.effect import Effect, ModelStructure
 from gateway.twin.effects.evaluation_context import EvaluationContext, Rigging, RopeGeometry
 from gateway.twin.effects.experiments import MEASURE_ROPE, RECORD_DRIVES
-from gateway.twin.effects.guess_context import GuessContext
+from gateway.twin.effects.guess_context import GuessContext, guess_bounce, guess_double_pendulum
 from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values
 from gateway.twin.effects.pulse import PulseEffect, duration, ramp_fraction, start
-from gateway.twin.effects.spectral_guesses import guess_bounce, guess_double_pendulum
 
 MAX_RIGGING_SHARE = 0.95
 """Longest rigging over the nominal length. Basis: a choice; the upper rope needs some length, too."""

@@ -7,9 +7,8 @@ from devices.pendulum.equations import Scalar, Vector
 from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import EvaluationContext
 from gateway.twin.effects.experiments import MEASURE_HOUSING, TURN_HOUSING
-from gateway.twin.effects.guess_context import GuessContext
+from gateway.twin.effects.guess_context import GuessContext, guess_vibration
 from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values
-from gateway.twin.effects.spectral_guesses import guess_vibration
 
 AXES = ("x", "y", "z")
 MIN_GUESSED_MOUNT_DEG = 5.0

@@ -3,7 +3,6 @@
 from dataclasses import asdict
 from typing import Any
 
-from gateway.twin.experiment_design.ambiguity_groups import MAX_COSINE, MIN_SEPARATION_SIGMA, Separation
 from gateway.twin.experiment_design.experiment import (
     AT_REST_DEG,
     DRIVE_START_SHARE,
@@ -12,7 +11,7 @@ from gateway.twin.experiment_design.experiment import (
     Experiment,
     Run,
 )
-from gateway.twin.experiment_design.plan import GroupPlan, Pair, Plan
+from gateway.twin.experiment_design.plan import MAX_COSINE, MIN_SEPARATION_SIGMA, GroupPlan, Pair, Plan, Separation
 from gateway.twin.experiment_design.signatures import Hypothesis
 from gateway.twin.model import TwinRig
 

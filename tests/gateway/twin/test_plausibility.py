@@ -7,8 +7,9 @@ import pytest
 
 from gateway.pipeline.rig import Rig
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.plausibility import TAIL_SHARE, implausibility, limit_of
+from gateway.twin.effects.parameter import TAIL_SHARE, limit_of
 from gateway.twin.model import model_of
+from gateway.twin.reconcile.search.candidates import implausibility
 from tests.gateway.twin.swings import RIG
 
 OFFSET, TILT = 0.136, 7.8

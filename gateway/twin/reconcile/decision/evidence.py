@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.plausibility import rests_at_edge
+from gateway.twin.effects.parameter import rests_at_edge
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.least_squares import Fit
 from gateway.twin.reconcile.residual import EXCESS_LINES, has_excess, has_lines

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.plausibility import TAIL_SHARE, limit_of
+from gateway.twin.effects.parameter import TAIL_SHARE, limit_of
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_AGAINST

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from gateway.numerics.stats import NORMAL_975
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.parameter import Parameter, Value
-from gateway.twin.effects.plausibility import excess, limit_of, rests_at_edge
+from gateway.twin.effects.parameter import Parameter, Value, excess, limit_of, rests_at_edge
 from gateway.twin.effects.sensor_output import SampleLoss
 from gateway.twin.effects.term_library import TERMS
 from gateway.twin.model import Model, TwinRig

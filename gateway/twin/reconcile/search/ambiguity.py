@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.plausibility import implausibility
 from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_AGAINST
 from gateway.twin.reconcile.decision.identifiability import (
     Contributions,
@@ -26,6 +25,7 @@ from gateway.twin.reconcile.search.candidates import (
     SCORE_PENALTY_PER_PARAMETER,
     CandidateFit,
     CandidateTable,
+    implausibility,
 )
 from gateway.twin.reconcile.search.context import SearchContext
 from gateway.twin.reconcile.search.search import eliminate

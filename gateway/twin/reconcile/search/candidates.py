@@ -8,8 +8,7 @@ import numpy as np
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.crane_input import LENGTH_CORRECTION
-from gateway.twin.effects.parameter import Values
-from gateway.twin.effects.plausibility import implausibility
+from gateway.twin.effects.parameter import TAIL_SHARE, StatedLimits, Value, Values, excess
 from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
@@ -150,6 +149,17 @@ class CandidateTable:
         more = max(1, after.n_parameters - before.n_parameters)
         statistic = gain / self.noise_inflation / (1 + SCORE_PENALTY_PER_PARAMETER * more)
         return gain > MIN_VARIANCE_SHARE * self.log.n_values and statistic > MIN_SCORE_STATISTIC
+
+
+def implausibility(effects: Mapping[str, Mapping[str, Value]], stated: StatedLimits) -> float:
+    """Return minus twice the logarithm of the prior density, 0 where all values are within their limits; it adds to a BIC."""
+    total = 0.0
+    for name, values in effects.items():
+        for parameter in EFFECTS[name].parameters:
+            if parameter.limit is not None and parameter.name in values:
+                beyond = excess(parameter, values[parameter.name], stated)
+                total += float((beyond**2).sum()) / (TAIL_SHARE * parameter.limit) ** 2
+    return total
 
 
 def make_candidate(setting: FitContext, values: EffectValues, fit: Fit) -> CandidateFit | None:

@@ -5,14 +5,17 @@ import json
 import pytest
 
 from gateway.errors import InputError
-from gateway.twin.experiment_design.ambiguity_groups import (
+from gateway.twin.experiment_design.experiment import CANDIDATES, FREE_SWING, Experiment, Run
+from gateway.twin.experiment_design.plan import (
     MAX_COSINE,
     MIN_SEPARATION_SIGMA,
+    GroupPlan,
+    Plan,
     Separation,
     ambiguity_groups,
+    forecast,
+    plan,
 )
-from gateway.twin.experiment_design.experiment import CANDIDATES, FREE_SWING, Experiment, Run
-from gateway.twin.experiment_design.plan import GroupPlan, Plan, forecast, plan
 from gateway.twin.experiment_design.signatures import Hypothesis, parse_hypotheses
 from gateway.twin.experiment_design.text import as_json, as_text
 from gateway.twin.model import TwinRig

@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from devices.pendulum.double_pendulum import modes
 from gateway.numerics.spectrum import find_machine_line
-from gateway.twin.effects.guess_context import GuessContext
+from gateway.twin.effects.guess_context import GuessContext, guess_double_pendulum, guess_vibration
 from gateway.twin.effects.parameter import Values
-from gateway.twin.effects.spectral_guesses import guess_double_pendulum, guess_vibration
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.data_checks import find_fault
 from gateway.twin.reconcile.data.observations import LARGE_AMPLITUDE_RAD, Observations, make_observations

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from gateway.numerics.spectrum import find_machine_line
-from gateway.twin.experiment_design.ambiguity_groups import smallest_angle_cosine
+from gateway.twin.experiment_design.plan import smallest_angle_cosine
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.output.result import Curves
 from gateway.twin.reconcile.output.serialisation import to_json, to_text
