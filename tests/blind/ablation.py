@@ -14,7 +14,7 @@ from gateway.twin.reconcile.decision.evidence import Evidence
 from gateway.twin.reconcile.search import search
 from gateway.twin.reconcile.search.candidates import CandidateTable
 from gateway.twin.reconcile.search.context import SearchContext
-from gateway.twin.reconcile.search.search import SINGLE_EFFECT_STEPS, SearchStep
+from gateway.twin.reconcile.search.search import SearchStep
 
 RECONCILE = "gateway.twin.reconcile."
 Note = Callable[[], None]
@@ -101,7 +101,7 @@ class StepOfSearch:
 
     def off(self) -> Any:
         """Leave the step out."""
-        left = tuple(step for step in SINGLE_EFFECT_STEPS if step.name != self.name)
+        left = tuple(step for step in search.SINGLE_EFFECT_STEPS if step.name != self.name)
         return patch.object(search, "SINGLE_EFFECT_STEPS", left)
 
     def watched(self, note: Note) -> Any:
@@ -113,10 +113,11 @@ class StepOfSearch:
                 note()
             return after
 
-        steps = (
-            replace(step, run=partial(run, step)) if step.name == self.name else step for step in SINGLE_EFFECT_STEPS
+        steps = tuple(
+            replace(step, run=partial(run, step)) if step.name == self.name else step
+            for step in search.SINGLE_EFFECT_STEPS  # as it is now: other steps may be watched already
         )
-        return patch.object(search, "SINGLE_EFFECT_STEPS", tuple(steps))
+        return patch.object(search, "SINGLE_EFFECT_STEPS", steps)
 
 
 @dataclass(frozen=True, slots=True)

@@ -54,6 +54,14 @@ def verdict(model: Model, log: CheckedRecording, held_out: CheckedRecording) -> 
     return found.verdict, [effect.name for effect in found.effects]
 
 
+def test_steps_of_the_search_are_watched_beside_each_other() -> None:
+    before = {step.name: step.run for step in search.SINGLE_EFFECT_STEPS}
+    with PARTS["bodies"].watched(list), PARTS["pairs first"].watched(list):
+        watched = {step.name for step in search.SINGLE_EFFECT_STEPS if step.run is not before[step.name]}
+
+    assert watched == {"fit a heavy rope and effects of the pivot", "fit pairs of persistent effects"}
+
+
 def test_without_isolability_one_of_a_group_is_named(asked: Callable[..., Any]) -> None:
     model, recorded = asked("housing_spin", seed=8)
     assert verdict(model, recorded["log"], recorded["held_out"])[0] == "one_of"
