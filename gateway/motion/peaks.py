@@ -16,7 +16,7 @@ from gateway.numerics.array import Array
 N_HALF = 32
 """Steps in which half a swing is evaluated. Basis: the maximum between two of them is 0.1 % above the larger."""
 EQUAL_SHARE = 1.001
-"""A peak of the second half swing counts where it is larger than that of the first by this ratio. Basis: that of the steps."""
+"""Ratio of two peaks that are equal. Basis: that of the steps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class SwingPhase:
 
 
 def next_peak(phase: SwingPhase, *, is_driven: bool) -> PeakEstimate:
-    """Return the largest angle of the next whole swing; of two equal ones, as of a swing about the vertical, the sooner.
+    """Return the largest angle of the next whole swing; of two that its uncertainty does not tell apart, the sooner.
 
     About a lean one turning point is farther from the vertical than the other. `is_driven`: the pivot keeps its acceleration;
     else it coasts from now on.
@@ -43,21 +43,21 @@ def next_peak(phase: SwingPhase, *, is_driven: bool) -> PeakEstimate:
     chord = u / math.sqrt(0.5 * (1 + math.sqrt(max(1 - abs(u) ** 2, 0.0))))
     path = centre + (chord - centre) * _COSINE - (w / phase.rate_1_s) * _SINE
     sizes = np.abs(path)
-    at = int(sizes[: N_HALF + 1].argmax())
-    later = int(sizes.argmax())
-    if sizes[later] > EQUAL_SHARE * sizes[at]:
-        at = later
-    peak, cosine, sine = complex(path[at]), float(_COSINE[at]), float(_SINE[at]) / phase.rate_1_s
-    size = abs(peak)
-    direction = peak / max(size, 1e-9)
-    factors = (cosine, -sine, cosine - 1, driven * (1 - cosine))
-    gradient = np.array([factor * part for factor in factors for part in (direction.real, direction.imag)])
-    variance = float(gradient @ phase.covariance @ gradient)
-    return PeakEstimate(
-        angle_rad=2 * math.asin(min(size / 2, 1.0)),
-        u_rad=math.sqrt(max(variance, 0.0)),
-        in_s=float(_ANGLE[at]) / phase.rate_1_s,
-    )
+
+    def peak_at(step: int) -> PeakEstimate:
+        peak, cosine, sine = complex(path[step]), float(_COSINE[step]), float(_SINE[step]) / phase.rate_1_s
+        direction = peak / max(abs(peak), 1e-9)
+        factors = (cosine, -sine, cosine - 1, driven * (1 - cosine))
+        gradient = np.array([factor * part for factor in factors for part in (direction.real, direction.imag)])
+        return PeakEstimate(
+            angle_rad=2 * math.asin(min(abs(peak) / 2, 1.0)),
+            u_rad=math.sqrt(max(float(gradient @ phase.covariance @ gradient), 0.0)),
+            in_s=float(_ANGLE[step]) / phase.rate_1_s,
+        )
+
+    sooner, largest = int(sizes[: N_HALF + 1].argmax()), int(sizes.argmax())
+    found = peak_at(sooner)
+    return found if sizes[largest] <= EQUAL_SHARE * sizes[sooner] + found.u_rad else peak_at(largest)
 
 
 def ellipse(chord: complex, rate_over_frequency: complex) -> tuple[float, float, float]:
