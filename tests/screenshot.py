@@ -5,19 +5,19 @@ import os
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Mapping
 from urllib.request import urlopen
 
 from playwright.sync_api import sync_playwright
 
 from tests.benchmarks.chain import free_endpoint
+from tests.waiting import wait_until
 
 CHROMIUM = "/usr/bin/chromium"
 SETTLED_S = 90.0
 """Time for which the trend has something to show."""
 PATIENCE_S = 300.0
+ANNOUNCED, CALM = "Limit 6.0° about to be exceeded.", "Load swings."
 DIRECTIONS = {"plus_x": "trolley out", "minus_x": "trolley in", "plus_y": "bridge left", "minus_y": "bridge right"}
 
 
@@ -33,53 +33,35 @@ def main(calm_path: str, alert_path: str) -> None:
         }
         gateway = subprocess.Popen([sys.executable, "-m", "gateway", "run", "--quiet"], env={**os.environ, **settings})
         try:
-            address = f"http://127.0.0.1:{port}"
-            _wait(address, _is_announced)
-            _take(f"{address}/", alert_path)
-            _wait(address, _is_calm)
-            _take(f"{address}/", calm_path)
+            _take(f"http://127.0.0.1:{port}/", {ANNOUNCED: alert_path, CALM: calm_path})
         finally:
             gateway.terminate()
             gateway.wait()
 
 
-def _wait(address: str, wanted: Callable[[Any], bool]) -> None:
-    """Return while a state is wanted and the trend has something to show. Raises `TimeoutError`."""
-    begun_s = time.monotonic()
-    while time.monotonic() - begun_s < PATIENCE_S:
-        time.sleep(0.1)
-        try:
-            with urlopen(f"{address}/api/state", timeout=2) as answer:
-                state = json.load(answer)
-        except OSError:  # the page is not there yet
-            continue
-        uptime_s = state["topics"].get("health", {}).get("uptime_s", 0.0)
-        if uptime_s > SETTLED_S and wanted(state):
-            return
-    raise TimeoutError(f"the wanted state did not come in {PATIENCE_S:.0f} s")
-
-
-def _is_announced(state: Any) -> bool:
-    """Return whether a trip is announced and its peak has not come yet."""
-    motion = state["topics"].get("motion", {})
-    present_deg, coming_deg = motion.get("angle_deg"), motion.get("predicted_phi_max_deg")
-    is_coming = coming_deg is not None and present_deg is not None and coming_deg > 1.2 * present_deg
-    return bool(is_coming and state["verdict"]["word"] == "TRIP")
-
-
-def _is_calm(state: Any) -> bool:
-    """Return whether all is well and the load swings."""
-    return bool(state["verdict"]["word"] == "OK" and state["topics"].get("motion", {}).get("state") == "free")
-
-
-def _take(address: str, path: str) -> None:
+def _take(address: str, pictures: Mapping[str, str]) -> None:
+    """Take each picture once its sentence stands there. Raises `playwright.sync_api.TimeoutError`."""
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
         page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.set_default_timeout(1000 * PATIENCE_S)
+        wait_until(lambda: _is_served(address), "the page")
         page.goto(address)
-        page.wait_for_timeout(1500)
-        page.screenshot(path=path)
+        page.wait_for_timeout(1000 * SETTLED_S)
+        for sentence, path in pictures.items():
+            page.wait_for_function(
+                "text => document.getElementById('sentence').textContent.includes(text)", arg=sentence
+            )
+            page.screenshot(path=path)
         browser.close()
+
+
+def _is_served(address: str) -> bool:
+    try:
+        with urlopen(address, timeout=2):
+            return True
+    except OSError:
+        return False
 
 
 if __name__ == "__main__":

@@ -48,14 +48,14 @@ const SEEN = {driven: "set_swinging", wind: "set_swinging", hoisting: "free"};
 const seenKey = (motion, value) =>
   motion?.state === "rest" && value?.isResting === false ? "free" : SEEN[motion?.state] ?? motion?.state ?? "unknown";
 
-// Return why an alarm stands, and what follows.
+// Return why an alarm stands, and what follows; nothing follows yet where the limit is still to come.
 function alarmSentence(alarm, value, motion, keep, ageS) {
   if (alarm === null) return "";
   if (!isKnown(alarm.limit_deg)) return text(`${alarm.rule}_alarm`); // the calibration has none
-  const cause = causeKey(motion);
-  const why = value === null ? text("alarm_unknown")
-    : text(keep("alarm", alarmForm(alarm, value, ageS("motion"))), {limit: text(`at_${alarm.level}`, {angle: degrees(alarm.limit_deg)})});
-  return [cause === null ? "" : text(keep("cause", cause)), why, whatFollows(alarm, ageS("alert"))].join(" ").trim();
+  const cause = causeKey(motion), limit = text(`at_${alarm.level}`, {angle: degrees(alarm.limit_deg)});
+  const form = value === null ? "alarm_unknown" : keep("alarm", alarmForm(alarm, value, ageS("motion")));
+  const next = form === "alarm_coming" ? "" : whatFollows(alarm, ageS("alert"));
+  return [cause === null ? "" : text(keep("cause", cause)), text(form, {limit}), next].join(" ").trim();
 }
 
 // Return what the number and the largest angle since the alarm began say of its limit.

@@ -57,9 +57,9 @@ WARNING = {**SWING, **ENDS, "level": "warn", "value_deg": 4.36, "limit_deg": 4.0
 
 LEAN = {**SWING, **ENDS, "rule": "lean", "limit_deg": 3.0, "next_below_deg": 2.4, "expected_in_s": 0.0}
 
-BECOMES_WARNING = "Becomes a warning once clearly below 5.4°."
+BECOMES_WARNING = "Becomes a warning clearly below 5.4°."
 ALARMS = [
-    ({**SWING, **FALLS}, (8.1, 1.8), f"Limit 6.0° about to be exceeded. {BECOMES_WARNING}"),
+    ({**SWING, **FALLS}, (8.1, 1.8), "Limit 6.0° about to be exceeded."),
     ({**SWING, **FALLS}, (6.0, 0.0), f"Limit 6.0° exceeded. {BECOMES_WARNING}"),
     ({**SWING, **FALLS}, (5.8, 0.0), f"Limit 6.0° may be exceeded. {BECOMES_WARNING}"),
     ({**LARGE, **FALLS}, (4.1, 1.8), f"Limit 6.0° exceeded. {BECOMES_WARNING}"),
@@ -67,8 +67,8 @@ ALARMS = [
     ({**LARGE, **ENDS, "ends_in_s": 2.5}, (2.1, 0.0), "Limit 6.0° exceeded. Ends in 3 s."),
     ({**SWING, **FALLS, "ends_in_s": 0.3}, (5.1, 0.0), "Limit 6.0° may be exceeded. Becomes a warning in 1 s."),
     ({**SWING, **FALLS}, None, f"The angle is not known now, and the alarm stays. {BECOMES_WARNING}"),
-    (WARNING, (4.4, 0.0), "Warning level 4.0° exceeded. Ends once clearly below 3.0°."),
-    ({**LEAN, "value_deg": 4.02}, (4.0, 0.0), "The rope leans too far. Limit 3.0°. Ends once clearly below 2.4°."),
+    (WARNING, (4.4, 0.0), "Warning level 4.0° exceeded. Ends clearly below 3.0°."),
+    ({**LEAN, "value_deg": 4.02}, (4.0, 0.0), "The rope leans too far. Limit 3.0°. Ends clearly below 2.4°."),
 ]
 
 
