@@ -73,11 +73,11 @@ def find_problems(element: Element) -> list[str]:
     """Return where an element and what is in it differ from the structure."""
     name = _name(element)
     if name not in LISTS:
-        said = (element.text or "").strip() if name != "content" else (element.text or "x")
+        said = element.text or ("x" if name == "content" else "")
         return [] if re.fullmatch(TEXTS.get(name, NOT_EMPTY), said) and not len(element) else [f"{name}: {said!r}"]
     pattern = "".join(f"(<{part[:-1]}>){COUNTS[part[-1]]}" for part in LISTS[name].split())
     found = "".join(f"<{_name(child)}>" for child in element)
-    own = [] if re.fullmatch(pattern, found) else [f"{name}: has {found}"]
+    own = [] if found and re.fullmatch(pattern, found) else [f"{name}: has {found}"]
     return own + [problem for child in element for problem in find_problems(child)]
 
 
