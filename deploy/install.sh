@@ -53,7 +53,9 @@ put_settings() {
 put_service() {
     parts=$releases/$1/deploy
     mkdir -p "$root/etc/systemd/system" "$root/etc/udev/rules.d" "$root/usr/local/bin"
-    cp "$parts/plumbline.service" "$root/etc/systemd/system/plumbline.service"
+    for unit in "$parts"/plumbline.service "$parts"/plumbline-propose.*; do
+        if [ -e "$unit" ]; then cp "$unit" "$root/etc/systemd/system/"; fi    # a former release may not have it
+    done
     cp "$parts/60-plumbline.rules" "$root/etc/udev/rules.d/60-plumbline.rules"
     put_environment "$parts/service.env"
     cp "$parts/plumbline.sh" "$root/usr/local/bin/plumbline.new"

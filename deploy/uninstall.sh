@@ -22,7 +22,7 @@ if has_systemd; then
     systemctl disable --quiet --now plumbline 2>/dev/null || true
 fi
 rm -rf "$base" "$root/usr/local/bin/plumbline"
-rm -f "$root/etc/systemd/system/plumbline.service" "$root/etc/udev/rules.d/60-plumbline.rules"
+rm -f "$root/etc/systemd/system/plumbline.service" "$root/etc/systemd/system/plumbline-propose".* "$root/etc/udev/rules.d/60-plumbline.rules"
 if has_systemd; then systemctl daemon-reload; fi
 if [ "$delete" = yes ]; then
     delete_data

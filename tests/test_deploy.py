@@ -13,6 +13,13 @@ import pytest
 ROOT = Path(__file__).parents[1]
 UNIT = ROOT / "deploy" / "plumbline.service"
 BRIDGE_UNIT = ROOT / "deploy" / "plumbline-bridge@.service"
+PROPOSE_UNIT = ROOT / "deploy" / "plumbline-propose.service"
+UNITS = [
+    (UNIT, UNIT.name),
+    (BRIDGE_UNIT, "plumbline-bridge@mqtt.service"),
+    (PROPOSE_UNIT, PROPOSE_UNIT.name),
+    (PROPOSE_UNIT.with_suffix(".timer"), "plumbline-propose.timer"),
+]
 MOST_EXPOSURE = 2.0
 
 Completed = subprocess.CompletedProcess[str]
@@ -33,7 +40,7 @@ def analyze() -> Callable[..., Completed]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("source", "name"), [(UNIT, UNIT.name), (BRIDGE_UNIT, "plumbline-bridge@mqtt.service")])
+@pytest.mark.parametrize(("source", "name"), UNITS)
 def test_systemd_accepts_the_unit(analyze: Callable[..., Completed], tmp_path: Path, source: Path, name: str) -> None:
     unit = tmp_path / name
     # The program is not installed here: any executable stands in for it.
@@ -42,7 +49,7 @@ def test_systemd_accepts_the_unit(analyze: Callable[..., Completed], tmp_path: P
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
-@pytest.mark.parametrize("unit", [UNIT, BRIDGE_UNIT])
+@pytest.mark.parametrize("unit", [UNIT, BRIDGE_UNIT, PROPOSE_UNIT])
 def test_the_sandbox_is_tight(analyze: Callable[..., Completed], unit: Path) -> None:
     done = analyze("security", "--offline=true", unit)
     exposure = re.search(r"exposure level for plumbline\S*.service: ([\d.]+)", done.stdout)

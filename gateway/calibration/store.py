@@ -125,6 +125,20 @@ class CalibrationStore:
         """Return the ids of all records, sorted."""
         return sorted(path.stem for path in (self.folder / RECORDS_FOLDER).glob("[!.]*.json"))
 
+    def offer(self) -> CalibrationRecord | None:
+        """Return the newest record whose parent is in force and that never was in force itself; None: there is none.
+
+        Raises `CalibrationError` for a file that cannot be read.
+        """
+        state = self.state()
+        were_in_force = {change.after for change in state.history}
+        for record_id in reversed(self.ids()):
+            if state.in_force is None or record_id <= state.in_force:  # an id begins with its time
+                return None
+            if record_id not in were_in_force and (record := self.record(record_id)).parent == state.in_force:
+                return record
+        return None
+
     def add(self, record: CalibrationRecord) -> None:
         """Store a record without putting it in force.
 

@@ -38,6 +38,7 @@ COMMANDS: dict[str, str | Command] = {
             "calibrate.calibrate_single_parameter",
             "calibrate.calibrate_thermal",
             "calibrate.calibrate_installed",
+            "calibrate.calibrate_propose",
             "calibrate.calibrate_align",
         ),
         description="Calibrate or align a sensor from recordings, by one of several methods; most of them make "

@@ -172,6 +172,7 @@ class HealthReporter:
             resident_mb=resident_mb(),
             alert_latency_ms=self.alerts.latency_ms(),
             drift=self.drift_store.monitor.status_json,
+            offer=self.commands.offer,
             **asdict(counters.radio.status()),
             relay=None if self.relay is None else self.relay.state,
             relay_reason=None if self.relay is None else self.relay.reason,

@@ -58,6 +58,9 @@ def status_lines(
                 lines += _entries("calibration", [_calibration_text(message, status)])
                 lines += _entries("drift", [f"at rest {drift['at_rest']}", f"by records {drift['by_records']}"])
             case Health():
+                if message.offer is not None:
+                    put = f"put it in force: plumbline remote rollback --to {message.offer.record} --by NAME"
+                    lines += _entries("offered", [message.offer.text, put])
                 lines += _health_lines(message, now_utc)
     return [printable_text(line, MAX_STATUS_CHARACTERS) for line in lines]
 

@@ -79,10 +79,14 @@ def _read_run(paths: Sequence[Path], options: TableOptions) -> FileReadings:
         raise InputError(
             f"{paths[0]}: states its own unit, columns and times; leave --columns, --unit, --time, --axes, --rate out"
         )
-    run = read_samples(paths)
+    return readings_of(read_samples(paths), paths[0])
+
+
+def readings_of(run: RecordedSamples, path: Path) -> FileReadings:
+    """Return raw samples as the readings of a file. Raises `RecordingError` for fewer than two."""
     recording = run.recording()
     return FileReadings(
-        path=paths[0],
+        path=path,
         unit=run.device.unit,
         time_s=recording.time_s,
         raw=recording.raw,

@@ -17,7 +17,16 @@ from gateway.messages.header import (
     Seconds,
     Vector,
 )
-from gateway.messages.health import SOURCES, FoxgloveTime, Health, HealthState, Log, Mark, NewestStatement
+from gateway.messages.health import (
+    SOURCES,
+    CalibrationOffer,
+    FoxgloveTime,
+    Health,
+    HealthState,
+    Log,
+    Mark,
+    NewestStatement,
+)
 from gateway.messages.motion import (
     Cause,
     Condition,
@@ -43,6 +52,7 @@ __all__ = [
     "Alert",
     "AlertEventKind",
     "Calibration",
+    "CalibrationOffer",
     "CalibrationSession",
     "CalibrationStatus",
     "Cause",

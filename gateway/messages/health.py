@@ -20,6 +20,14 @@ class NewestStatement:
     ]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrationOffer:
+    """A record in the gateway's store that waits for a person to put it in force."""
+
+    record: Annotated[str, Field(description="its id")]
+    text: Annotated[str, Field(description="what it is, and what it found")]
+
+
 SOURCES = {"simulated": "SIMULATION", "replay": "REPLAY"}
 """What a reader is told of samples that no sensor takes now, by `device_kind`."""
 HealthState = Literal["starting", "running", "recovering", "stopping"]
@@ -84,6 +92,10 @@ class Health(Message):
     drift: Annotated[
         dict[str, Any] | None,
         Field(description="drift of the record in force by readings at rest; null or state no_rest: not known yet"),
+    ] = None
+    offer: Annotated[
+        CalibrationOffer | None,
+        Field(description="a record that was made after the one in force, its parent; null: none waits"),
     ] = None
     battery_v: Annotated[
         float | None, Field(description="voltage of a wireless sensor's battery; null: not reported in the last 30 s")

@@ -5,7 +5,7 @@ the axis along the rope; no reading at rest distinguishes the two, or shows the 
 is learned this way is offered as a new record and comes into force only by a person's decision.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,7 +57,7 @@ class RestCoefficient:
     """Number of rests of 5 s."""
 
 
-def learn_at_rest(files: Sequence[FileReadings], parent: CalibrationRecord) -> tuple[CalibrationFit, RestCoefficient]:
+def learn_at_rest(files: Iterable[FileReadings], parent: CalibrationRecord) -> tuple[CalibrationFit, RestCoefficient]:
     """Return the parent's calibration with a model of the axis along the rope, and its coefficient.
 
     Raises `InputError` without temperatures, `CalibrationError` for a parent that has a model or another unit,
@@ -127,7 +127,7 @@ class _Rests:
         return np.concatenate(means)
 
 
-def _rests(files: Sequence[FileReadings], parent: CalibrationRecord) -> _Rests:
+def _rests(files: Iterable[FileReadings], parent: CalibrationRecord) -> _Rests:
     matrix, offset = np.array(parent.correction_matrix), np.array(parent.offset, dtype=np.float64)
     spans, means, thermometers = [], [], []
     for file in files:

@@ -19,7 +19,7 @@ from gateway.daemon.runtime.host import WallClockMonitor
 from gateway.daemon.runtime.worker import BoundedQueue, FaultRegister, Worker
 from gateway.daemon.storage.calibration_provider import CalibrationProvider
 from gateway.file_input import reason_of
-from gateway.messages import CalibrationSession, Verdict
+from gateway.messages import CalibrationOffer, CalibrationSession, Verdict
 from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.pipeline.outgoing_message import RateLimiter
 from gateway.recalibration.recalibration import Recalibration
@@ -30,6 +30,8 @@ from gateway.recording.segments.segment import CalibrationFiles
 SESSION_PERIOD_S = 0.5
 """While a session collects poses it is published this often. Basis: a choice; a person sees a pose within half a second, and
 `calibrate` asks after 1.5 s of silence."""
+OFFER_PERIOD_S = 60.0
+"""The store is searched for an offered record this often. Basis: a choice; a person waits a minute after weeks of service."""
 NOT_OPEN = "no device has been opened yet"
 INBOX = 256
 """Blocks and requests that may wait. Basis: a choice; 25 s of blocks of 0.1 s, longer than a write waits for a card."""
@@ -93,6 +95,9 @@ class RecalibrationService:
         """The correction whose files were attached last."""
         self._loaded_ns: int | None = None
         self._limiter = RateLimiter(SESSION_PERIOD_S)
+        self._offer_limiter = RateLimiter(OFFER_PERIOD_S)
+        self.offer: CalibrationOffer | None = None
+        """The record that waits to be put in force."""
         self._shown: Session | None = None
         self._info: DeviceInfo | None = None
         self.instruction: PipelineInstruction | None = None
@@ -134,6 +139,8 @@ class RecalibrationService:
             self._recalibration.interlock.note_load(self._loaded_ns)
         self._tell(self._recalibration.tick(self._now()))
         told = self.instruction
+        if told is not None and self._offer_limiter.is_due(self._wall_clock.clock.now_ns()):
+            self.offer = self._calibrations.offer(told.info)
         if told is None or told.correction is self._attached:
             return
         if self._attach(self._calibrations.files(told.info, told.correction)):
@@ -154,6 +161,7 @@ class RecalibrationService:
         if changed and self._info is not None:
             correction = self._calibrations.correction(self._info)
             drift = self._calibrations.drift_monitor(self._info, correction)
+            self.offer = self._calibrations.offer(self._info)
             changes = 0 if before is None else before.changes + 1
             self.instruction = PipelineInstruction(
                 self._info, correction, drift, session, self._recalibration.suspension, changes
@@ -220,6 +228,11 @@ class CommandWorker(Worker[CommandItem]):
     def verbs(self) -> tuple[str, ...]:
         """The verbs of the requests that are carried out."""
         return tuple(self._handlers)
+
+    @property
+    def offer(self) -> CalibrationOffer | None:
+        """The calibration record that waits to be put in force."""
+        return self._recalibration.offer
 
     def open(self, info: DeviceInfo) -> None:
         """Take a device that was opened. Called by the processing thread."""

@@ -64,6 +64,8 @@ def _report(topics: dict[str, Any]) -> Iterator[CheckResult]:
     calibration = topics.get("calibration") or {}
     trusted = calibration.get("status") in TRUSTED_CALIBRATIONS
     yield CheckResult("good" if trusted else "note", "calibration", calibration.get("text") or "not known yet")
+    if offer := health.get("offer"):
+        yield CheckResult("note", "offered", f"record {offer['record']}: {offer['text']}")
     alert = topics.get("alert") or {}
     yield CheckResult(
         "good" if alert.get("level") == "normal" else "note", "alerts", alert.get("text") or "not known yet"

@@ -17,6 +17,7 @@ from gateway.calibration.drift.rest_monitor import RestDriftMonitor
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.calibration.store import CalibrationStore, find_record_in_force
 from gateway.file_input import parse_json, read_bounded
+from gateway.messages import CalibrationOffer
 from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.recording.segments.segment import CalibrationFiles, calibration_files
 
@@ -52,6 +53,17 @@ class CalibrationProvider:
         except CalibrationError as error:
             drift_log.error("%s; its drift is not monitored", error)
             return DriftMonitor(None)
+
+    def offer(self, info: DeviceInfo) -> CalibrationOffer | None:
+        """Return the record that waits to be put in force; None where there is none, or it cannot be read."""
+        try:
+            record = CalibrationStore(self._data_dir, info.device_id).offer()
+        except CalibrationError:
+            return None
+        if record is None:
+            return None
+        text = f"{record.method} of {record.created_utc[:10]} by {record.by}"
+        return CalibrationOffer(record=record.id, text="; ".join([text, *record.warnings[:1]]))
 
     def uncalibrated(self, info: DeviceInfo) -> Correction:
         """Return the correction of a device whose record is not known; the factory's must not replace it silently."""

@@ -28,7 +28,8 @@ export function showFacts(state, waitedS) {
   setFact("pivot", `${fixed(pivot && Math.hypot(...pivot), 2, "m/s²")}, ${fixed(motion?.hoist_m_s, 2, "m/s")}`);
   const status = calibration?.status ?? condition?.calibration;
   const calibrated = status === "calibrated" || status === "factory";
-  setFact("calibration", status ? text(`calibration_${status}`) : NONE, Boolean(status) && !calibrated);
+  const offered = health?.offer ? text("calibration_offered", {record: health.offer.record}) : "";
+  setFact("calibration", status ? `${text(`calibration_${status}`)}${offered}` : NONE, Boolean(status) && !calibrated);
   const newest = tilt ?? swing;
   setText("clock-quality", newest ? text(`clock_${newest.clock}`) : text("fact_clock"));
   setFact("clock", newest ? timeWithZone(newest.time_ns) : NONE, newest?.clock === "free_running" && health?.device_kind !== "simulated");

@@ -71,6 +71,21 @@ def test_the_history_has_an_entry_for_each_change_and_the_old_record_stays(
     assert store.ids() == ["r1", "r2"]
 
 
+def test_a_record_is_offered_from_its_arrival_until_it_or_another_one_is_in_force(
+    store: CalibrationStore, make: MakeRecord
+) -> None:
+    store.add(make("r2", parent="r1"))
+    assert store.offer() is None  # of a parent that is not in force
+    add_and_put_in_force(store, make("r1"))
+    store.add(make("r0", parent="r1"))  # made before the record in force
+    store.add(make("r3"))
+    assert store.offer() == make("r2", parent="r1")
+    store.put_in_force("r2", request="taken", **WHO)
+    assert store.offer() is None
+    store.put_in_force("r1", request="taken back", **WHO)
+    assert store.offer() is None
+
+
 def test_a_stored_record_is_never_changed(store: CalibrationStore, make: MakeRecord) -> None:
     add_and_put_in_force(store, make("r1"))
     store.add(make("r1"))  # the same record again

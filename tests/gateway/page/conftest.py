@@ -21,6 +21,7 @@ from gateway.messages import (
     ActiveAlert,
     Alert,
     Calibration,
+    CalibrationOffer,
     CalibrationStatus,
     Condition,
     Formulas,
@@ -73,6 +74,7 @@ class Scene:
         self.session = NO_SESSION
         self.pitch_deg, self.roll_deg = 0.5, 0.6
         self.drift: dict[str, Any] | None = None
+        self.offer: CalibrationOffer | None = None
         self.standing_faults: dict[str, str] = {}
         self.battery_low: bool | None = None
         self.changed_limits: list[str] | None = []
@@ -257,6 +259,7 @@ class Scene:
             cpu_percent=3.0,
             resident_mb=51.0,
             drift=self.drift,
+            offer=self.offer,
             standing_faults=self.standing_faults,
             battery_low=self.battery_low,
             changed_limits=self.changed_limits,

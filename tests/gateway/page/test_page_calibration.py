@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, expect
 
-from gateway.messages import NO_SESSION, SessionPose
+from gateway.messages import NO_SESSION, CalibrationOffer, SessionPose
 from tests.gateway.page.conftest import FakeGateway, PageUnderTest
 from tests.waiting import wait_until
 
@@ -177,6 +177,13 @@ def test_an_unknown_drift_is_never_shown_as_good(gateway: FakeGateway, screen: A
     gateway.scene.drift = {"state": "alarm", "norm_error_mg": 9.0, "limit_mg": 5.0, "reasons": ["calibrate"]}
     expect(fact.locator("dd")).to_have_text("ALARM +9.0 mg")
     expect(fact).to_have_class("bad")
+
+
+def test_an_offered_record_is_named_beside_the_calibration(gateway: FakeGateway, screen: Any) -> None:
+    fact = screen.locator("#fact-calibration dd")
+    expect(fact).not_to_have_text(re.compile("offered"))
+    gateway.scene.offer = CalibrationOffer(record="20261128T100000Z-1", text="thermal-rest")
+    expect(fact).to_have_text(re.compile("; offered: 20261128T100000Z-1$"))
 
 
 def test_the_drift_is_a_metric_once_it_is_known(gateway: FakeGateway, page: PageUnderTest) -> None:
