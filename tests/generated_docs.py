@@ -99,6 +99,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "guides/service/alignment.svg": bench_setups.alignment_shaft,
     "guides/service/thermal.svg": bench_setups.thermal_chamber,
     "guides/service/deflection.svg": bench_setups.girder_ends,
+    "guides/service/installed.svg": bench_setups.installed_housing,
 }
 """Generated pages and drawings by their name under docs/."""
 

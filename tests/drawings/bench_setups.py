@@ -208,3 +208,34 @@ def girder_ends() -> str:
     view.label((-half + 3, 2), (20, 235), "angle between the girder and its zero: Δθ")
     sheet.text(20, 328, "--left-axis and --right-axis name the axis of each housing that points to mid-span.")
     return sheet.svg("A girder with a sensor at each end")
+
+
+def installed_housing() -> str:
+    """Return the housing on its rope, at rest and in a swing, and the place that the swings show."""
+    sheet = Sheet(900, 400)
+    sheet.text(20, 28, "The housing stays on its single rope: free swings, each with a rest close to it", kind="title")
+    rope_mm, place_mm, swing_deg = 280.0, 140.0, 14.0
+    for at_px, angle_deg, words in ((200.0, 0.0, "a rest"), (560.0, swing_deg, "a free swing, six periods or more")):
+        view = View(sheet, (at_px, 60), 1.0)
+        pivot = (0.0, 0.0)
+
+        def along(reach_mm: float, beside_mm: float = 0.0, angle_deg: float = angle_deg) -> Point:
+            return _turned((beside_mm, -reach_mm), (0.0, 0.0), angle_deg)
+
+        view.box((-60, 60), (0, 10), "part")
+        view.line(pivot, (0.0, -rope_mm - 30), "hidden")
+        view.line(pivot, along(rope_mm))
+        view.outline(
+            [along(rope_mm, -26), along(rope_mm, 26), along(rope_mm + 34, 26), along(rope_mm + 34, -26)], "rope"
+        )
+        _sensor(view, along(place_mm, SENSOR_MM / 2 + 3), angle_deg)
+        sheet.text(at_px, 390, words, "middle")
+        if angle_deg:
+            _sense(view, [_turned((0.0, -rope_mm + 30), (0.0, 0.0), each) for each in range(-12, 10, 3)])
+        else:
+            view.up((-rope_mm - 17, -place_mm), -30, -60, "above the load")
+            view.label(along(rope_mm + 17, 0), (250, 350), "the load's centre")
+    sheet.text(700, 150, "several directions,")
+    sheet.text(700, 168, "0.7 to 14 degrees,")
+    sheet.text(700, 186, "nothing hoisted or moved")
+    return sheet.svg("A housing on its rope, at rest and in a free swing")

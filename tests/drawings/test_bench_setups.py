@@ -22,6 +22,7 @@ BEFORE = {"start": 0.0, "middle": 0.5, "end": 1.0}
         bench_setups.alignment_shaft,
         bench_setups.thermal_chamber,
         bench_setups.girder_ends,
+        bench_setups.installed_housing,
     ],
 )
 def test_words_stand_on_the_sheet(draw: Callable[[], str]) -> None:
