@@ -233,6 +233,7 @@ class _Swings:
         across, along = self._first[:, :2], self._first[:, 2:]
         direction = (across[:, :, None] * across[:, None].conj()).real / size[..., None]
         line = (across.conj() * along).real / size
+        lean_g = self._mean_across - self._mean_across.mean(axis=0)
         windless = np.einsum("wij,wj->wi", direction, self._mean_across) + self.levers(theta[PLACE])[0][:, None] * line
         return _Days(
             theta=theta,
@@ -240,7 +241,7 @@ class _Swings:
             windows=self._by_day(np.ones(len(level))),
             information=self._by_day(np.einsum("wpi,wpj->wij", design, design)),
             gradient=self._by_day(np.einsum("wpi,wp->wi", design, residual)),
-            level_g=self._by_day(level),
+            level_g=self._by_day(level + (lean_g**2).sum(axis=1) / 2),  # a leaning rope reads its cosine along it
             level_by=self._by_day(level_by),
             across_g=self._by_day(self._mean_across),
             direction=self._by_day(direction) / swings[..., None],

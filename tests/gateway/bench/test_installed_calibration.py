@@ -104,6 +104,13 @@ def test_a_steady_lean_reads_as_mount_and_offset_and_moves_no_sum_without_wind()
     assert moved["windless_x_g"] == pytest.approx(0.0, abs=0.05)
 
 
+def test_leans_that_change_leave_the_level_along_the_rope() -> None:
+    """A rope that leans by 0.01 rad reads 0.05 mg less along it, in each of two directions."""
+    recorded = weeks_of_service(np.random.default_rng(12), CRANE, replace(QUIET, days=20, lean_rad=0.01))
+    along_g = value_of(calibrated(recorded, HOUSING), "along_g")
+    assert along_g == pytest.approx(CRANE.deviations(recorded)["along_g"], abs=1e-5)
+
+
 def test_swings_in_one_direction_leave_the_other_scale_undetermined() -> None:
     along_x = replace(USUAL, directions_rad=(0.0, 0.0), ellipse=0.0)
     rows = calibrated(weeks_of_service(np.random.default_rng(9), CRANE, along_x), HOUSING).rows
