@@ -8,6 +8,9 @@ from tests.gateway.bench.blunders.campaign import BLUNDERS, SOUND, run
 PAGE = Path(__file__).parents[4] / "docs" / "evidence" / "blunders.md"
 MARK = "<!-- written by python -m tests.gateway.bench.blunders --write -->"
 
+GOOD = 4
+"""Good sessions of a method for each session of a blunder: a share of 99 % shows in hundreds."""
+
 
 def campaign(sessions: int, first_seed: int = 1) -> str:
     """Return the table of what is refused or flagged, as Markdown."""
@@ -21,9 +24,10 @@ def campaign(sessions: int, first_seed: int = 1) -> str:
         lines.append(
             f"| {blunder.method} | {blunder.text} | {refused} | {len(named) - refused} | {sessions - len(named)} |"
         )
-    good = {name: [run(make, seed, name) for seed in seeds] for name, make in SOUND.items()}
+    good_seeds = range(first_seed, first_seed + GOOD * sessions)
+    good = {name: [run(make, seed, name) for seed in good_seeds] for name, make in SOUND.items()}
     objections = {name: sum(answer.is_objection for answer in answers) for name, answers in good.items()}
-    total, sound = sessions * len(BLUNDERS), sessions * len(SOUND)
+    total, sound = sessions * len(BLUNDERS), len(good_seeds) * len(SOUND)
     share = f"{caught} of {total} ({100 * caught / total:.1f} %)"
     return "\n".join(
         [
@@ -36,7 +40,7 @@ def campaign(sessions: int, first_seed: int = 1) -> str:
             "",
             "| good sessions | refused or flagged |",
             "|---|---|",
-            *(f"| {name} | {count} of {sessions} |" for name, count in objections.items()),
+            *(f"| {name} | {count} of {len(good_seeds)} |" for name, count in objections.items()),
             "",
         ]
     )
