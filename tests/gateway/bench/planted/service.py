@@ -47,17 +47,20 @@ class Installed:
         return np.asarray((np.diag(1 + self.scale) + self.cross) @ mounted)
 
     def deviations(self, found: list["Recorded"]) -> dict[str, float]:
-        """Return what a fit should find in recordings, over those of an ideal sensor, by its names; without a steady lean."""
+        """Return what a fit should find in recordings, over those of an ideal sensor, by its names; without a steady lean.
+
+        A scale is what the correction takes off, 1 - 1/K, of an axis across over the root of that along.
+        """
         offset_g = self.offset_g + self.offset_g_per_c * (np.mean([each.temperature_c.mean() for each in found]) - 15)
         response = self.response
         across, along = offset_g[:2] + response[:2, 2], offset_g[2] + response[2, 2] - 1
         line = np.linalg.solve(response[:2, :2].T, response[2, :2])
         per_m = float(np.mean([1 / each.length_m for each in found]))
         windless = across + line * self.above_load_m * per_m - self.beside_m * per_m
-        x, y, z = self.scale.tolist()
+        x, y = (1 - np.sqrt(1 + self.scale[2]) / (1 + self.scale[:2])).tolist()
         pairs = {"across": across, "windless": windless, "offset": across + line}
         return {
-            "scale_x": x - z / 2, "scale_y": y - z / 2, "scale_y_over_x": y - x, "along_g": float(along),
+            "scale_x": x, "scale_y": y, "scale_y_over_x": y - x, "along_g": float(along),
             "mount_about_x_rad": float(line[1]), "mount_about_y_rad": -float(line[0]),
             **{f"{name}_{axis}_g": float(pair[k]) for name, pair in pairs.items() for k, axis in enumerate("xy")},
         }  # fmt: skip
