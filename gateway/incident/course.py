@@ -4,10 +4,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gateway.documents.format import human_name
-from gateway.incident.gateway_runs import GatewayRestart, RunRegister, StateCourse
+from gateway.incident.gateway_runs import GatewayRestart, HolesS, RunRegister, StateCourse
 from gateway.incident.limit_changes import AuditEntry, ConfigurationInForce, LimitChange, limit_changes, parse_audit
+from gateway.incident.sample_gaps import BlockPlace, TimeGap, find_gaps
 from gateway.messages import (
     NO_SESSION,
     SOURCES,
@@ -23,13 +25,16 @@ from gateway.messages import (
 )
 from gateway.numerics.array import Array
 from gateway.pipeline.alert_rules import RULE_NAMES
-from gateway.recording.format.segment_summary import MIN_GAP_PERIODS
+from gateway.recording.export.gaps import AbsenceCauses
+from gateway.recording.reading.recording_file import SegmentIndex
 from gateway.recording.reading.sample_calibration import CalibratedBlock
 
 COURSE_TOPICS = frozenset({"/motion", "/condition", "/alert", "/health", "/calibration", "/mark", "/clock", "/log"})
 """The topics of which a course is made, beside the samples."""
 MOTION_NUMBERS = ("angle_deg", "u_deg", "azimuth_deg", "hoist_m_s", "hoist_u_m_s", "length_m", "lean_deg", "lean_u_deg")
 TRUSTED_TEXT = "trusted"
+BEFORE_REPORT = "before the time of this report"
+NOTHING_STATED = AbsenceCauses()
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,14 +53,6 @@ class ForceCourse:
     """Gateway time from the origin of the course, shape (n,)."""
     force_g: Array
     """Shape (n, 3)."""
-
-
-@dataclass(frozen=True, slots=True)
-class TimeGap:
-    """A time without samples."""
-
-    begin_s: float
-    end_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +122,17 @@ class Course:
     last_health: Health | None
     source: str
     """SIMULATION or REPLAY; empty where a sensor took all samples."""
+    begin_cause: str
+    """Why nothing before the begin is in this course."""
+
+    @property
+    def holes(self) -> tuple[TimeGap, ...]:
+        """The gaps in the recordings, in contrast to those in the samples."""
+        return tuple(gap for gap in self.samples.gaps if gap.is_hole)
+
+    def is_whole(self, begin_s: float, end_s: float) -> bool:
+        """Return whether nothing is missing in the recordings between two times, from the begin on."""
+        return not any(gap.within_s(begin_s, end_s) for gap in self.holes)
 
     @property
     def begin_s(self) -> float:
@@ -152,8 +160,9 @@ class CourseBuilder:
     origin_ns: int
     _motion: list[list[float]] = field(default_factory=list)
     _motion_state: list[str] = field(default_factory=list)
-    _blocks: list[tuple[Array, Array]] = field(default_factory=list)
-    """Times and specific force of each block."""
+    _places: list[BlockPlace] = field(default_factory=list)
+    _force_g: list[Array] = field(default_factory=list)
+    """The specific force of each block."""
     _lost: int = 0
     _invalid: int = 0
     _states: dict[str, list[tuple[float, str]]] = field(default_factory=dict)
@@ -183,8 +192,10 @@ class CourseBuilder:
             self._configurations.append(ConfigurationInForce(time_s, configuration_toml))
 
     def add_block(self, block: CalibratedBlock) -> None:
-        """Take a block of samples."""
-        self._blocks.append(((block.block.time_ns - self.origin_ns) / 1e9, block.force_g))
+        """Take a block of samples, of the run that was added last."""
+        boot_id = self._runs.runs[-1].boot_id if self._runs.runs else ""
+        self._places.append(self.place(block.block.time_ns, block.segment, boot_id, block.sequence))
+        self._force_g.append(block.force_g)
         self._lost += block.block.lost
         self._invalid += block.block.invalid
 
@@ -206,18 +217,34 @@ class CourseBuilder:
             case _:
                 self._add_states(time_s, content)
 
-    def course(self, begin_ns: int, end_ns: int) -> Course:
-        """Return the course of everything that was added."""
-        states = {name: self._state_course(rows) for name, rows in self._states.items()}
-        nothing = self._state_course([])
+    def place(self, time_ns: NDArray[np.int64], segment: SegmentIndex, boot_id: str, sequence: int) -> BlockPlace:
+        """Return the place of a block."""
+        return BlockPlace((time_ns - self.origin_ns) / 1e9, segment, boot_id, sequence)
+
+    def course(
+        self,
+        begin_ns: int,
+        end_ns: int,
+        before: BlockPlace | None = None,
+        after: BlockPlace | None = None,
+        causes: AbsenceCauses = NOTHING_STATED,
+    ) -> Course:
+        """Return the course of everything that was added.
+
+        `before` and `after`: the blocks next to it in the recordings, None: there is none; `causes`: of what is missing.
+        """
+        span_s = (begin_ns - self.origin_ns) / 1e9, (end_ns - self.origin_ns) / 1e9
+        acceleration, counts = self._acceleration(before, after, span_s, causes)
+        holes_s = [(gap.begin_s, gap.end_s) for gap in counts.gaps if gap.is_hole]
+        states = {name: self._state_course(rows, holes_s) for name, rows in self._states.items()}
+        nothing = self._state_course([], [])
         alert_levels = {rule: states[rule] for rule in RULE_NAMES if rule in states}
-        acceleration, counts = self._acceleration()
         return Course(
             origin_ns=self.origin_ns,
             begin_ns=begin_ns,
             end_ns=end_ns,
             wall_offset_ns=self._wall_offset_ns(),
-            motion=self._motion_course(),
+            motion=self._motion_course(holes_s),
             acceleration=acceleration,
             samples=counts,
             condition=states.get("condition", nothing),
@@ -236,6 +263,7 @@ class CourseBuilder:
             faults=tuple(self._faults),
             last_health=self._health,
             source=next((word for kind, word in SOURCES.items() if kind in self._device_kinds), ""),
+            begin_cause=self._begin_cause(before, causes),
         )
 
     def _add_states(self, time_s: float, content: object) -> None:
@@ -277,10 +305,17 @@ class CourseBuilder:
             self._audit.append(entry)
         self._log.append(TimedText(time_s, line.message if entry is None else entry.words))
 
-    def _state_course(self, rows: list[tuple[float, str]]) -> StateCourse:
+    def _begin_cause(self, before: BlockPlace | None, causes: AbsenceCauses) -> str:
+        if before is not None or not self._places:
+            return BEFORE_REPORT
+        return causes.before(self._places[0].segment, self._places[0].sequence)
+
+    def _state_course(self, rows: list[tuple[float, str]], holes_s: HolesS) -> StateCourse:
         ordered = sorted(rows, key=lambda row: row[0])
         return self._runs.states(
-            np.array([time_s for time_s, _ in ordered], dtype=np.float64), tuple(state for _, state in ordered)
+            np.array([time_s for time_s, _ in ordered], dtype=np.float64),
+            tuple(state for _, state in ordered),
+            holes_s,
         )
 
     def _add_state(self, name: str, time_s: float, state: str) -> None:
@@ -292,26 +327,26 @@ class CourseBuilder:
         self._motion.append([time_s, *(np.nan if each is None else each for each in numbers), *pivot_m_s2])
         self._motion_state.append(motion.state)
 
-    def _motion_course(self) -> MotionCourse:
+    def _motion_course(self, holes_s: HolesS) -> MotionCourse:
         table = np.array(self._motion, dtype=np.float64).reshape(-1, 3 + len(MOTION_NUMBERS))
         order = np.argsort(table[:, 0], kind="stable")
         table = table[order]
         columns = dict(zip(MOTION_NUMBERS, table[:, 1:-2].T, strict=True))
-        states = self._runs.states(table[:, 0], tuple(self._motion_state[index] for index in order))
+        states = self._runs.states(table[:, 0], tuple(self._motion_state[index] for index in order), holes_s)
         return MotionCourse(time_s=table[:, 0], pivot_m_s2=table[:, -2:], states=states, **columns)
 
-    def _acceleration(self) -> tuple[ForceCourse, SampleCounts]:
-        if not self._blocks:
+    def _acceleration(
+        self, before: BlockPlace | None, after: BlockPlace | None, span_s: tuple[float, float], causes: AbsenceCauses
+    ) -> tuple[ForceCourse, SampleCounts]:
+        if not self._places:
             empty = ForceCourse(np.zeros(0), np.zeros((0, 3)))
             return empty, SampleCounts(0, None, self._lost, self._invalid, ())
-        time_s = np.concatenate([block[0] for block in self._blocks])
-        force_g = np.concatenate([block[1] for block in self._blocks])
+        time_s, force_g = np.concatenate([block.time_s for block in self._places]), np.concatenate(self._force_g)
         order = np.argsort(time_s, kind="stable")
         time_s, force_g = time_s[order], force_g[order]
-        steps_s = np.diff(time_s)
-        period_s = float(np.median(steps_s)) if len(steps_s) else 0.0
-        late = np.flatnonzero((steps_s > MIN_GAP_PERIODS * period_s) & (period_s > 0))
-        gaps = tuple(TimeGap(float(time_s[index]), float(time_s[index + 1])) for index in late)
+        period_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
+        blocks = sorted(self._places, key=lambda block: float(block.time_s[0]))
+        gaps = find_gaps(blocks, before, after, span_s, period_s, causes)
         rate_hz = 1 / period_s if period_s > 0 else None
         return ForceCourse(time_s, force_g), SampleCounts(len(time_s), rate_hz, self._lost, self._invalid, gaps)
 

@@ -7,6 +7,7 @@ from gateway.documents.figures import AFTER, BEFORE, EVENT, FAINT, Figure
 from gateway.documents.plots import add_panels, label_decades, plot_curve, render_svg
 from gateway.incident.course import Course, ForceCourse
 from gateway.incident.facts import IncidentFacts
+from gateway.incident.sample_gaps import broken_at
 from gateway.incident.timeline_figure import ReportClock, label_times
 from gateway.numerics.array import Array
 
@@ -41,12 +42,13 @@ def acceleration_figure(course: Course, facts: IncidentFacts) -> Figure | None:
     def draw(canvas: Canvas) -> None:
         panels = add_panels(canvas, gap=0.15, top_margin_in=0.1)[:, 0]
         for column, (axes, (name, colour)) in enumerate(zip(panels, AXIS_COLOURS, strict=True)):
-            plot_curve(axes, part.time_s, part.force_g[:, column], colour, points=MAX_AXIS_POINTS)
+            time_s, force_g = broken_at(course.samples.gaps, part.time_s, part.force_g[:, column])
+            plot_curve(axes, time_s, force_g, colour, points=MAX_AXIS_POINTS)
             axes.set_ylabel(f"{name}, g")
             axes.axvline(middle_s, color=EVENT, linewidth=0.9, linestyle=":")
-            for time_s in (facts.raised_s, facts.cleared_s):
-                if time_s is not None and begin_s < time_s < end_s:
-                    axes.axvline(time_s, color="black", linewidth=0.9)
+            for change_s in (facts.raised_s, facts.cleared_s):
+                if change_s is not None and begin_s < change_s < end_s:
+                    axes.axvline(change_s, color="black", linewidth=0.9)
         label_times(panels[-1], clock, begin_s, end_s)
 
     rate = "" if course.samples.rate_hz is None else f" at {course.samples.rate_hz:.4g} Hz"
@@ -82,8 +84,9 @@ def spectrum_figure(course: Course, facts: IncidentFacts) -> Figure | None:
 
     return Figure(
         svg=render_svg("spectrum", "Amplitude spectrum of the specific force of x, y and z", 2.6, draw),
-        caption=f"Amplitude of a sine at each frequency, Hann window over the {end_s - begin_s:.1f} s from begin to end of the "
-        "incident, mean and trend removed.",
+        caption=f"Amplitude of a sine at each frequency, Hann window over the {end_s - begin_s:.1f} s "
+        f"{'from begin to end of the incident' if facts.is_whole else 'of the incident that are in the recordings'}, mean and "
+        "trend removed.",
     )
 
 

@@ -2,8 +2,9 @@
 
 import hashlib
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO, Literal
 
@@ -16,9 +17,11 @@ from gateway.certificate.page import render_certificate
 from gateway.errors import counted
 from gateway.incident.course import COURSE_TOPICS, Course, CourseBuilder
 from gateway.incident.incident_selection import IncidentWindow
+from gateway.incident.sample_gaps import BlockPlace
 from gateway.pki.signing_key import KeyFileError, fingerprint
 from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
 from gateway.recording.chain.file_verification import verify_file
+from gateway.recording.export.gaps import AbsenceCauses
 from gateway.recording.format import content as names
 from gateway.recording.format.mcap_writer import DENSE, McapWriter
 from gateway.recording.format.salvage import describe_losses
@@ -27,6 +30,7 @@ from gateway.recording.reading.recording_file import RecordingFile, SegmentIndex
 from gateway.recording.reading.sample_calibration import NEEDED_TOPICS, CalibratedReader
 from gateway.recording.reading.timeline import (
     REPEATED_PATHS,
+    SAMPLES,
     ReportProgress,
     Timeline,
     ignore_progress,
@@ -103,7 +107,8 @@ def read_evidence(
             builder.add_block(block)
     for file in files.values():
         builder.add_device_kind(file.metadata.get(names.DEVICE, {}).get("kind", ""))
-    course = builder.course(window.begin_ns, window.end_ns)
+    before, after = _neighbours(timeline, window, builder)
+    course = builder.course(window.begin_ns, window.end_ns, before, after, AbsenceCauses.of(timeline.segments))
     if not course.samples.count:
         raise RecordingError(f"{timeline.name}: has no samples in this time; choose another")
     newest = list(files.values())[-1]
@@ -125,6 +130,24 @@ def read_evidence(
         certificates=make_certificates({name: each.data for name, each in attachments.items()}),
         remarks=(*timeline.remarks, *samples.remarks()),
     )
+
+
+def _neighbours(
+    timeline: Timeline, window: IncidentWindow, builder: CourseBuilder
+) -> tuple[BlockPlace | None, BlockPlace | None]:
+    """Return the places of the blocks before and behind the time of a report; None: there is none."""
+    blocks = frozenset({SAMPLES})
+
+    def places(segment: SegmentIndex, selection: Selection) -> Iterator[BlockPlace]:
+        for message in replace(timeline, segments=(segment,)).messages(selection):
+            if (read := message.samples()) is not None:
+                samples, block = read
+                yield builder.place(block.time_ns, segment, message.file.boot_id, samples.sequence)
+
+    earlier, later = Selection(None, window.begin_ns, blocks), Selection(window.end_ns + 1, None, blocks)
+    before = (deque(places(each, earlier), maxlen=1) for each in reversed(timeline.segments))
+    after = (next(places(each, later), None) for each in timeline.segments)
+    return next((last[0] for last in before if last), None), next(filter(None, after), None)
 
 
 def make_certificates(attachments: Mapping[str, bytes]) -> dict[str, bytes]:

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from gateway.incident.course import TRUSTED_TEXT, Course
+from gateway.incident.course import TRUSTED_TEXT, Course, MotionCourse
 from gateway.incident.evidence import IncidentEvidence, RecordVerdict
 from gateway.incident.incident_selection import AlertIncident
+from gateway.incident.sample_gaps import TimeGap
 from gateway.messages import SCHEMA_VERSION
 from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
@@ -16,6 +17,7 @@ from gateway.recording.reading.interval import iso_utc
 CAUSE_BEFORE_S = 20.0
 """What moved within this time before the peak is stated as what went before it. Basis: three periods of a rope of 10 m."""
 MOVES = ("driven", "hoisting", "wind")
+UNKNOWN = "unknown"
 MIN_MOVE_S = 0.5
 """A shorter state is left out of the sentences. Basis: five updates."""
 
@@ -66,12 +68,20 @@ class IncidentFacts:
     end_s: float
     """Last time at which the alert is known to have stood, or the end of the course."""
     raised_s: float | None
+    """Of an incident whose raise is not in the recordings: the earliest time at which it is known to have stood."""
+    level_raised_s: float | None
+    """The same of its highest level."""
     cleared_s: float | None
     peak: PeakAngle | None
+    is_whole: bool
+    """The recordings have the whole incident; otherwise the angle may have been larger than the peak."""
     reached_s: float | None
-    """First time at which the best estimate of the angle reached the limit."""
+    """First time at which the best estimate of the angle reached the limit; None: it did not, or before what is recorded."""
     moves: tuple[CraneMove, ...]
     """In the CAUSE_BEFORE_S before the peak."""
+    unseen_s: float
+    """How much of the CAUSE_BEFORE_S is not in the report, or has a motion that was not known."""
+    unseen_causes: tuple[str, ...]
     lean_deg: float | None
     """At the peak."""
     length_m: float | None
@@ -90,16 +100,25 @@ def incident_facts(course: Course, incident: AlertIncident | None) -> IncidentFa
     end_s = course.end_s if incident is None else min(course.time_s(incident.last_ns), course.end_s)
     limit_deg = None if incident is None else incident.highest.limit_deg
     peak = _peak(course, begin_s, end_s)
+    begins_inside = incident is None or not incident.is_raised_before
+    reached_s = None if limit_deg is None else _first_at(course.motion, limit_deg, begin_s, end_s)
+    if reached_s is not None and not (begins_inside and course.is_whole(begin_s, reached_s)):
+        reached_s = None
+    unseen_s, unseen_causes = (0.0, ()) if peak is None else _unseen(course, peak.time_s)
     motion = course.motion
     at_peak = None if peak is None else int(np.argmin(np.abs(motion.time_s - peak.time_s)))
     return IncidentFacts(
         begin_s=begin_s,
         end_s=end_s,
         raised_s=raised_s,
+        level_raised_s=_level_raised_s(course, incident),
         cleared_s=cleared_s,
         peak=peak,
-        reached_s=None if limit_deg is None else _first_at(motion.time_s, motion.angle_deg, limit_deg, begin_s, end_s),
+        is_whole=begins_inside and course.is_whole(begin_s, end_s),
+        reached_s=reached_s,
         moves=() if peak is None else _moves(course, peak.time_s),
+        unseen_s=unseen_s,
+        unseen_causes=unseen_causes,
         lean_deg=None if at_peak is None else _finite(motion.lean_deg[at_peak]),
         length_m=None if at_peak is None else _finite(motion.length_m[at_peak]),
         force=_extremes(course, begin_s, end_s),
@@ -122,9 +141,34 @@ def _peak(course: Course, begin_s: float, end_s: float) -> PeakAngle | None:
     )
 
 
-def _first_at(time_s: Array, values: Array, limit: float, begin_s: float, end_s: float) -> float | None:
-    reached = np.flatnonzero((time_s >= begin_s) & (time_s <= end_s) & (values >= limit))
-    return float(time_s[reached[0]]) if len(reached) else None
+def _level_raised_s(course: Course, incident: AlertIncident | None) -> float | None:
+    if incident is None:
+        return None
+    is_first = incident.highest is incident.changes[0]
+    return course.time_s(incident.raised_ns if is_first else incident.highest.time_ns)
+
+
+def _first_at(motion: MotionCourse, limit_deg: float, begin_s: float, end_s: float) -> float | None:
+    inside = (motion.time_s >= begin_s) & (motion.time_s <= end_s)
+    reached = np.flatnonzero(inside & (motion.angle_deg >= limit_deg))
+    return float(motion.time_s[reached[0]]) if len(reached) else None
+
+
+def _unseen(course: Course, peak_s: float) -> tuple[float, tuple[str, ...]]:
+    """Return how much of the time before the peak says nothing about its cause, and why."""
+    begin_s = peak_s - CAUSE_BEFORE_S
+    unknown = [each for each in course.motion.states.spans(course.end_s) if each[2] == UNKNOWN]
+    absent = [
+        TimeGap(begin_s, course.begin_s, course.begin_cause),
+        *course.samples.gaps,
+        *(TimeGap(from_s, to_s, "the motion was not known") for from_s, to_s, _ in unknown),
+    ]
+    found = sorted((each for each in absent if each.within_s(begin_s, peak_s) > 0), key=lambda gap: gap.begin_s)
+    unseen_s, seen_until_s = 0.0, begin_s
+    for each in found:  # they may overlap
+        unseen_s += each.within_s(seen_until_s, peak_s)
+        seen_until_s = max(seen_until_s, each.end_s)
+    return unseen_s, tuple(dict.fromkeys(each.cause for each in found))
 
 
 def _moves(course: Course, peak_s: float) -> tuple[CraneMove, ...]:
@@ -172,7 +216,7 @@ def facts_json(evidence: IncidentEvidence, facts: IncidentFacts, verification: R
         name: None if time_s is None else iso_utc(course.utc_ns(time_s))
         for name, time_s in (
             ("raised", facts.raised_s),
-            ("level_raised", None if incident is None else course.time_s(incident.highest.time_ns)),
+            ("level_raised", facts.level_raised_s),
             ("cleared", facts.cleared_s),
             ("limit_reached", facts.reached_s),
             ("from", course.begin_s),
@@ -192,6 +236,10 @@ def facts_json(evidence: IncidentEvidence, facts: IncidentFacts, verification: R
         "clear_deg": None if incident is None else incident.highest.clear_deg,
         "raised_by_bound": None if incident is None else incident.highest.is_bound,
         "utc": utc,
+        "is_raised_before": None if incident is None else incident.is_raised_before,
+        "is_whole": facts.is_whole,
+        "largest_deg": None if incident is None else incident.largest_deg,
+        "largest_upper_deg": None if incident is None else incident.largest_upper_deg,
         "acknowledged": _acknowledgement(evidence),
         "peak": None if facts.peak is None else _peak_json(evidence, facts.peak),
         "moves": [
@@ -204,6 +252,7 @@ def facts_json(evidence: IncidentEvidence, facts: IncidentFacts, verification: R
             }
             for move in facts.moves
         ],
+        "unseen_before_peak_s": facts.unseen_s,
         "lean_deg": facts.lean_deg,
         "length_m": facts.length_m,
         "specific_force_g": None
@@ -217,6 +266,14 @@ def facts_json(evidence: IncidentEvidence, facts: IncidentFacts, verification: R
             "lost": course.samples.lost,
             "invalid": course.samples.invalid,
             "gaps": len(course.samples.gaps),
+            "missing": [
+                {
+                    "from": iso_utc(course.utc_ns(gap.begin_s)),
+                    "to": iso_utc(course.utc_ns(gap.end_s)),
+                    "cause": gap.cause,
+                }
+                for gap in course.samples.gaps
+            ],
         },
         "calibration_ids": [calibration.calibration_id for _, calibration in course.calibrations],
         "verification": {

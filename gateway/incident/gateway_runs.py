@@ -1,6 +1,6 @@
 """The runs of a gateway in an incident: which message is of which, and for how long nobody judged between two of them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import inf
@@ -9,14 +9,21 @@ import numpy as np
 
 from gateway.numerics.array import Array
 
+HolesS = Sequence[tuple[float, float]]
+HELD_S = 2.0
+"""So long a state lasts that is stated in a hole. Basis: two periods of the clock, the only state that the quota leaves there."""
+
 
 @dataclass(frozen=True, slots=True)
 class StateCourse:
-    """A state in words, from each of its messages until the next, and no longer than the run of the gateway that stated it."""
+    """A state in words, from each of its messages until the next, and no longer than the recordings go on without a hole.
+
+    The run of the gateway that stated it ends it, too.
+    """
 
     time_s: Array
     until_s: Array
-    """End of the run of each message; infinite for the last run."""
+    """The latest end of the state of each message; infinite where nothing ends it."""
     state: tuple[str, ...]
 
     def spans(self, end_s: float) -> list[tuple[float, float, str]]:
@@ -72,9 +79,15 @@ class RunRegister:
             self.runs.append(GatewayRun(boot_id, time_s, time_s))
         self.runs[-1].end_s = max(self.runs[-1].end_s, time_s)
 
-    def states(self, time_s: Array, states: tuple[str, ...]) -> StateCourse:
-        """Return the course of a state whose times ascend."""
-        until_s = [next((run.end_s for run in self.runs[:-1] if run.end_s >= each), inf) for each in time_s.tolist()]
+    def states(self, time_s: Array, states: tuple[str, ...], holes_s: HolesS = ()) -> StateCourse:
+        """Return the course of a state whose times ascend; `holes_s`: begin and end of what is not in the recordings."""
+        ends_s = sorted([*(run.end_s for run in self.runs[:-1]), *(begin_s for begin_s, _ in holes_s)])
+        until_s = [
+            each + HELD_S
+            if any(begin_s < each < end_s for begin_s, end_s in holes_s)
+            else next((end_s for end_s in ends_s if end_s >= each), inf)
+            for each in time_s.tolist()
+        ]
         return StateCourse(time_s, np.array(until_s, dtype=np.float64), states)
 
     def restarts(self, health: StateCourse, alert_levels: Mapping[str, StateCourse]) -> tuple[GatewayRestart, ...]:

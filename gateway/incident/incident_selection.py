@@ -49,11 +49,22 @@ class AlertIncident:
     changes: tuple[IncidentChange, ...]
     last_ns: int
     """Gateway time of the last message in which it stood, or of its end."""
+    stood_ns: int | None
+    """Gateway time from which on it had stood by its first message, where that is not its raise; None: it is, or says nothing."""
+    largest_deg: float | None
+    """Largest angle by the gateway itself, also of what is not in the recordings; best estimate."""
+    largest_upper_deg: float | None
+    """Largest upper end of its 95 % interval."""
+
+    @property
+    def is_raised_before(self) -> bool:
+        """Its raise is not in the recordings: before them, or in a gap."""
+        return self.changes[0].event != "raised"
 
     @property
     def raised_ns(self) -> int:
-        """Gateway time of the first change; the raise itself may be before the recordings."""
-        return self.changes[0].time_ns
+        """Gateway time of its raise, or the earliest one at which it is known to have stood."""
+        return self.changes[0].time_ns if self.stood_ns is None else self.stood_ns
 
     @property
     def cleared_ns(self) -> int | None:
@@ -92,9 +103,17 @@ def find_incidents(alerts: Iterable[tuple[int, Alert]]) -> list[AlertIncident]:
             period.rule,
             tuple(map(_change, period.steps)),
             period.last_ns,
+            _stood_ns(period.steps[0]),
+            period.largest_deg,
+            period.largest_upper_deg,
         )
         for number, period in enumerate(ordered, 1)
     ]
+
+
+def _stood_ns(first: AlertStep[Alert]) -> int | None:
+    active = first.active
+    return None if active is None or active.rule == first.statement.rule else min(active.since_ns, first.time_ns)
 
 
 def _change(step: AlertStep[Alert]) -> IncidentChange:

@@ -1,6 +1,6 @@
 """An incident in words: its summary in plain sentences, whose numbers all stand in the recordings, and its events in order."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from gateway.documents.format import (
@@ -15,9 +15,9 @@ from gateway.documents.format import (
 from gateway.errors import counted
 from gateway.incident.course import Course
 from gateway.incident.evidence import IncidentEvidence
-from gateway.incident.facts import CraneMove, IncidentFacts, PeakAngle
+from gateway.incident.facts import CAUSE_BEFORE_S, MIN_MOVE_S, CraneMove, IncidentFacts, PeakAngle
 from gateway.incident.gateway_runs import GatewayRestart, StateCourse
-from gateway.incident.incident_selection import STANDING, AlertIncident
+from gateway.incident.incident_selection import AlertIncident
 from gateway.incident.limit_changes import LimitChange
 from gateway.incident.timeline_figure import ReportClock
 from gateway.pipeline.alert_rules import SWING
@@ -56,6 +56,7 @@ def summary_sentences(course: Course, incident: AlertIncident | None, facts: Inc
         sentence
         for part in (
             [SOURCE_SENTENCES[course.source]] if course.source else [],
+            _where_they_begin(course, clock, incident),
             _what_was_raised(course, clock, incident, facts),
             _which_limits_were_changed(course, clock, incident),
             _how_large(clock, incident, facts),
@@ -68,6 +69,19 @@ def summary_sentences(course: Course, incident: AlertIncident | None, facts: Inc
     )
 
 
+def _where_they_begin(course: Course, clock: ReportClock, incident: AlertIncident | None) -> Iterator[str]:
+    """Yield what is missing before the first message of an incident that was raised before it."""
+    if incident is None or not incident.is_raised_before:
+        return
+    first_s = course.time_s(incident.changes[0].time_ns)
+    gaps = [each for each in course.samples.gaps if each.end_s <= first_s]
+    if gaps:
+        begin_s, cause = gaps[-1].end_s, gaps[-1].cause
+        yield f"The recordings go on at {clock.both(begin_s)}; what was before: {cause} (from {clock.time(gaps[-1].begin_s)} on)."
+    else:
+        yield f"The recordings begin at {clock.both(course.begin_s)}; what was before: {course.begin_cause}."
+
+
 def _what_was_raised(
     course: Course, clock: ReportClock, incident: AlertIncident | None, facts: IncidentFacts
 ) -> Iterator[str]:
@@ -77,16 +91,25 @@ def _what_was_raised(
         return
     highest = incident.highest
     highest_s = course.time_s(highest.time_ns)
+    higher = "" if highest.level == "trip" else ", and may have stood higher before"
     limit = "" if highest.limit_deg is None else f" (limit {format_limit(highest.limit_deg)}°)"
     level = LEVEL_WORDS.get(highest.level, highest.level)
-    if highest.event == STANDING:
-        yield f"The {incident.rule} alert stood at {level}{limit} when the recordings begin, {clock.both(highest_s)}."
+    if incident.is_raised_before and highest is incident.changes[0]:
+        yield (
+            f"The {incident.rule} alert stood at {level}{limit} at its first message in the recordings, {clock.both(highest_s)}. "
+            f"It had stood so since {clock.both(facts.raised_s)}{higher}."
+        )
+    elif incident.is_raised_before:
+        yield (
+            f"The {incident.rule} alert was raised to {level}{limit} at {clock.both(highest_s)}; the incident began at "
+            f"{clock.both(facts.raised_s)} or before."
+        )
     else:
         yield f"The {incident.rule} alert was raised to {level}{limit} at {clock.both(highest_s)}."
-    if highest_s - facts.raised_s > 0.05:
-        first = LEVEL_WORDS.get(incident.changes[0].level, incident.changes[0].level)
-        yield f"The incident began {format_fixed(highest_s - facts.raised_s, 1)} s before, with a {first}."
-    if highest.is_bound and highest.value_deg is not None:
+        if highest_s - facts.raised_s > 0.05:
+            first = LEVEL_WORDS.get(incident.changes[0].level, incident.changes[0].level)
+            yield f"The incident began {format_fixed(highest_s - facts.raised_s, 1)} s before, with a {first}."
+    if highest.event == "raised" and highest.is_bound and highest.value_deg is not None:
         yield (
             f"The {format_fixed(highest.value_deg, 1)}° that raised it were an upper bound, of a coming peak or of the angle "
             "at that time, which was estimated below the limit."
@@ -130,11 +153,22 @@ def _how_large(clock: ReportClock, incident: AlertIncident | None, facts: Incide
     if facts.peak is None:
         yield "The angle was not known at any time of it."
         return
-    yield f"The largest angle between rope and vertical was {angle_text(facts.peak)} at {clock.both(facts.peak.time_s)}."
+    if facts.is_whole:
+        yield f"The largest angle between rope and vertical was {angle_text(facts.peak)} at {clock.both(facts.peak.time_s)}."
+    else:
+        yield (
+            f"The largest angle between rope and vertical was at least {angle_text(facts.peak)} at "
+            f"{clock.both(facts.peak.time_s)}: a part of the incident is not in the recordings."
+        )
     if incident is None or incident.highest.limit_deg is None or incident.rule != SWING.name:
         return
     limit_deg, (low_deg, high_deg) = incident.highest.limit_deg, facts.peak.interval_deg
     highest_s = clock.course.time_s(incident.highest.time_ns)
+    if not facts.is_whole and incident.largest_deg is not None:
+        upper = (
+            "" if incident.largest_upper_deg is None else f", at most {format_fixed(incident.largest_upper_deg, 2)}°"
+        )
+        yield f"By the alert itself it was {format_fixed(incident.largest_deg, 2)}°{upper}, over the whole incident."
     if facts.reached_s is not None:
         lead_s = facts.reached_s - highest_s
         when = f"{format_fixed(lead_s, 1)} s after the alert" if lead_s > 0.05 else "when the alert was raised"
@@ -144,6 +178,13 @@ def _how_large(clock: ReportClock, incident: AlertIncident | None, facts: Incide
             else f"; the interval reaches down to {format_fixed(low_deg, 2)}°, so this is not certain"
         )
         yield f"It reached the limit of {format_limit(limit_deg)}° {when}{sure}."
+    elif not facts.is_whole:
+        largest_deg = max(facts.peak.angle_deg, incident.largest_deg or 0.0)
+        yield (
+            f"It reached the limit of {format_limit(limit_deg)}°; when is not in the recordings."
+            if largest_deg >= limit_deg
+            else f"Whether it reached the limit of {format_limit(limit_deg)}° is not in the recordings."
+        )
     elif high_deg < limit_deg:
         upper = "the alert came from an upper bound that was not reached"
         yield f"It did not reach the limit of {format_limit(limit_deg)}°: {upper}."
@@ -154,10 +195,27 @@ def _how_large(clock: ReportClock, incident: AlertIncident | None, facts: Incide
 def _what_went_before(clock: ReportClock, facts: IncidentFacts) -> Iterator[str]:
     if facts.peak is None:
         return
-    if not facts.moves:
-        yield "In the 20 s before the peak neither the pivot nor the winch was seen to move, and no gust was seen."
+    unseen = ""
+    if facts.unseen_s >= MIN_MOVE_S:
+        unseen = (
+            f"{format_fixed(facts.unseen_s, 1)} s of the {CAUSE_BEFORE_S:.0f} s before the peak are not known "
+            f"({_listed(facts.unseen_causes)})"
+        )
+    if not facts.moves and unseen:
+        yield f"What moved the load cannot be told: {unseen}."
+    elif not facts.moves:
+        yield (
+            f"In the {CAUSE_BEFORE_S:.0f} s before the peak neither the pivot nor the winch was seen to move, and no gust was "
+            "seen."
+        )
     for move in facts.moves:
         yield f"Before the peak, {_move_text(move)} from {clock.time(move.begin_s)} to {clock.time(move.end_s)} UTC."
+    if facts.moves and unseen:
+        yield f"Other moves are possible: {unseen}."
+
+
+def _listed(causes: Sequence[str]) -> str:
+    return ", ".join(causes)
 
 
 def _move_text(move: CraneMove) -> str:
@@ -178,16 +236,25 @@ def _when_it_ended(
     if incident is None or facts.raised_s is None:
         return
     if facts.cleared_s is None:
-        ended = (
-            "the gateway was stopped or restarted" if course.end_s - facts.end_s > MAX_ALERT_SILENCE_S else "they end"
-        )
-        yield f"The recordings state no end of it: it stood at {clock.both(facts.end_s)}, after which {ended}."
+        yield f"The recordings state no end of it: it stood at {clock.both(facts.end_s)}, after which {_after(course, facts)}."
     else:
         after_s = format_fixed(facts.cleared_s - facts.raised_s, 1)
-        yield f"It cleared at {clock.both(facts.cleared_s)}, {after_s} s after it began."
+        least = "at least " if incident.is_raised_before else ""
+        yield f"It cleared at {clock.both(facts.cleared_s)}, {least}{after_s} s after it began."
+        if incident.is_raised_before:
+            own = next(change.text for change in reversed(incident.changes) if change.event == "cleared")
+            yield f"The gateway's own words: {printable_text(own, MAX_EVENT_CHARACTERS)}."
     yield _acknowledgement(course, clock, incident)
     for mark in course.marks[:MAX_SUMMARY_MARKS]:
         yield f"Mark at {clock.both(mark.time_s)}, by {mark.text}."
+
+
+def _after(course: Course, facts: IncidentFacts) -> str:
+    """Return what is behind the last message of an alert that has no end."""
+    gap = next((each for each in course.holes if abs(each.begin_s - facts.end_s) < MAX_ALERT_SILENCE_S), None)
+    if gap is not None:
+        return f"they have a gap of {format_fixed(gap.end_s - gap.begin_s, 1)} s ({gap.cause})"
+    return "the gateway was stopped or restarted" if course.end_s - facts.end_s > MAX_ALERT_SILENCE_S else "they end"
 
 
 def _acknowledgement(course: Course, clock: ReportClock, incident: AlertIncident) -> str:
@@ -204,13 +271,15 @@ def _how_good(course: Course, facts: IncidentFacts) -> Iterator[str]:
     rate = "" if samples.rate_hz is None else f" at {format_short(samples.rate_hz, 4)} Hz"
     if samples.gaps:
         longest_s = max(gap.end_s - gap.begin_s for gap in samples.gaps)
-        gaps = f"{counted(len(samples.gaps), 'gap')}, the longest {format_fixed(longest_s, 2)} s"
+        causes = _listed(tuple(dict.fromkeys(gap.cause for gap in samples.gaps)))
+        gaps = f"{counted(len(samples.gaps), 'gap')}, the longest {format_fixed(longest_s, 2)} s ({causes})"
     else:
         gaps = "no gap"
     yield f"The report covers {samples.count} samples{rate}, with {gaps}, {samples.lost} lost and {samples.invalid} invalid."
     if facts.known_share is not None and facts.trusted_share is not None:
         known, trusted = format_percent(100 * facts.known_share), format_percent(100 * facts.trusted_share)
-        yield f"The angle was known for {known} of the time, and the reading was trusted for {trusted}."
+        time = "the time that is in them" if course.holes else "the time"
+        yield f"The angle was known for {known} of {time}, and the reading was trusted for {trusted}."
     qualities = list(dict.fromkeys(course.clock.state))
     yield from (CLOCKS[quality] for quality in qualities if quality in CLOCKS)
     if course.clock_steps_s:
@@ -289,7 +358,7 @@ def _events(evidence: IncidentEvidence, course: Course) -> Iterator[tuple[float,
     yield from ((each.time_s, MARK, each.text) for each in course.marks)
     yield from ((each.time_s, "calibration", as_sentence(each.text)) for each in course.sessions)
     for gap in course.samples.gaps:
-        yield gap.begin_s, "samples", f"No samples for {gap.end_s - gap.begin_s:.3f} s."
+        yield gap.begin_s, "samples", f"No samples for {gap.end_s - gap.begin_s:.3f} s: {gap.cause}."
     for line in course.log:
         if line.text not in told:
             yield line.time_s, "log", line.text

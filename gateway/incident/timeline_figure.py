@@ -19,6 +19,7 @@ from gateway.incident.course import TRUSTED_TEXT, Course
 from gateway.incident.facts import IncidentFacts
 from gateway.incident.incident_selection import AlertIncident
 from gateway.incident.limit_changes import limit_text
+from gateway.incident.sample_gaps import TimeGap, broken_at
 from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
 from gateway.pipeline.alert_rules import SWING
@@ -158,18 +159,19 @@ def timeline_figure(course: Course, incident: AlertIncident | None, facts: Incid
         label_local_times(panels[0], clock, course.begin_s, course.end_s)
         canvas.align_ylabels(panels[:4])
 
+    causes = ", ".join(dict.fromkeys(gap.cause for gap in course.samples.gaps))
     label = "Timeline of angle, pivot acceleration, hoisting, lean and states; the tables and sentences state the same"
     return Figure(
         svg=render_svg("timeline", label, HEIGHT_IN, draw, WIDTH_IN),
         caption="Angle between rope and vertical, limits dashed; acceleration of the rope's upper end along x and y of the "
         "housing; rate of the rope's length, lowering positive; lean of the rope; states. Shaded: intervals of 95 %. Vertical "
-        "lines: begin and end of the incident (solid), largest angle (dotted). Hatched: no samples.",
+        f"lines: begin and end of the incident (solid), largest angle (dotted). Hatched: no samples{causes and f' ({causes})'}.",
     )
 
 
 def _draw_angle(axes: Axes, course: Course, incident: AlertIncident | None, facts: IncidentFacts) -> None:
     motion = course.motion
-    _draw_band(axes, motion.time_s, motion.angle_deg, motion.u_deg)
+    _draw_band(axes, course.samples.gaps, motion.time_s, motion.angle_deg, motion.u_deg)
     axes.set_ylabel("angle, °")
     limit_deg = 0.0 if incident is None else incident.highest.limit_deg or 0.0
     levels = {} if incident is None or incident.rule != SWING.name else levels_in_force(course, incident)
@@ -228,25 +230,27 @@ def _largest(values: Array) -> float:
 
 
 def _draw_motion(panels: Sequence[Axes], course: Course) -> None:
-    motion = course.motion
+    motion, gaps = course.motion, course.samples.gaps
     pivot, hoist, lean = panels
     for column, (name, colour) in enumerate((("x", AFTER), ("y", BEFORE))):
-        plot_curve(pivot, motion.time_s, motion.pivot_m_s2[:, column], colour, name)
+        time_s, pivot_m_s2 = broken_at(gaps, motion.time_s, motion.pivot_m_s2[:, column])
+        plot_curve(pivot, time_s, pivot_m_s2, colour, name)
     pivot.set_ylabel("pivot, m/s²")
     pivot.legend(loc="upper right", ncols=2, handlelength=1.2)
-    _draw_band(hoist, motion.time_s, motion.hoist_m_s, motion.hoist_u_m_s)
+    _draw_band(hoist, gaps, motion.time_s, motion.hoist_m_s, motion.hoist_u_m_s)
     hoist.set_ylabel("hoist, m/s")
     reach_m_s = max(MIN_REACH_M_S, 1.3 * _largest(motion.hoist_m_s))
     hoist.set_ylim(-reach_m_s, reach_m_s)
     for axes in (pivot, hoist):
         axes.axhline(0, color=FAINT, linewidth=0.5)
-    _draw_band(lean, motion.time_s, motion.lean_deg, motion.lean_u_deg)
+    _draw_band(lean, gaps, motion.time_s, motion.lean_deg, motion.lean_u_deg)
     lean.set_ylabel("lean, °")
     lean.set_ylim(bottom=0)
 
 
-def _draw_band(axes: Axes, time_s: Array, values: Array, u_values: Array) -> None:
-    """Draw a curve with its interval of 95 %."""
+def _draw_band(axes: Axes, gaps: Sequence[TimeGap], time_s: Array, values: Array, u_values: Array) -> None:
+    """Draw a curve with its interval of 95 %, and nothing in the gaps."""
+    time_s, values, u_values = broken_at(gaps, time_s, values, u_values)
     half = NORMAL_975 * u_values
     axes.fill_between(*decimate_band(time_s, values - half, values + half), color=AFTER, alpha=0.22, linewidth=0)
     plot_curve(axes, time_s, values, AFTER)

@@ -126,12 +126,14 @@ def _list(arguments: argparse.Namespace, timeline: "Timeline", incidents: "Seque
             "rule": each.rule,
             "level": each.level,
             "raised": iso_utc(each.raised_ns + offset_ns),
+            "is_raised_before": each.is_raised_before,
             "cleared": None if each.cleared_ns is None else iso_utc(each.cleared_ns + offset_ns),
         }
         for each in incidents
     ]
     lines = [
-        f"{row['number']:>4}  {row['raised']}  {row['rule']:<12}{row['level']:<5} {row['incident']}, "
+        f"{row['number']:>4}  {'before' if row['is_raised_before'] else '':<7}{row['raised']}  {row['rule']:<12}"
+        f"{row['level']:<5} {row['incident']}, "
         f"{'not cleared in the recordings' if row['cleared'] is None else 'cleared ' + str(row['cleared'])}"
         for row in rows
     ]

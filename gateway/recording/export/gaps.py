@@ -1,13 +1,67 @@
 """The samples of a timeline, and the gaps in it: inside segments and between them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
+from gateway.recording.chain.statements import DELETED, DELETIONS, DeletionStatement, list_missing, parse_deletions
+from gateway.recording.format.content import CUT, ORIGIN, TRIMMED, segment_number
 from gateway.recording.format.segment_summary import SampleSummary, SegmentSummary, gap_between, is_gap
 from gateway.recording.reading.recording_file import SegmentIndex
 
 SummarisedSegment = tuple[SegmentIndex, SegmentSummary]
+NOT_ARRIVED, RESTARTED, NOT_GIVEN = "no samples arrived", "gateway restarted", "not in these files"
+TRIMMED_BEFORE = "not in these files, which the quota had trimmed"
+STARTED = "the gateway was started"
+RECORDED = frozenset({NOT_ARRIVED, RESTARTED, STARTED})
+"""Causes of which nothing is missing that was recorded."""
+
+
+@dataclass(frozen=True, slots=True)
+class AbsenceCauses:
+    """Says why samples are missing, by the numbers of their blocks and by what the gateway has stated of its deletions.
+
+    What is stated is believed here; `record verify` checks who has signed it.
+    """
+
+    stated: DeletionStatement = field(default_factory=lambda: DeletionStatement(gateway=""))
+
+    @classmethod
+    def of(cls, segments: Sequence[SegmentIndex]) -> "AbsenceCauses":
+        """Take all statements of segments: a trimmed one has a later statement than its neighbours."""
+        records = {each.metadata.get(DELETIONS, {}).get("statement", ""): each.metadata for each in segments}
+        stated = DeletionStatement(gateway="")
+        for metadata in records.values():
+            if (found := parse_deletions(metadata.get(DELETIONS, {}))) is not None:
+                stated = stated.including(found)
+        return cls(stated)
+
+    def between(self, before: SegmentIndex, after: SegmentIndex, missing_blocks: int) -> str:
+        """Return why there is a gap between samples of one run of the gateway, which are of two segments, or of one."""
+        if not missing_blocks:
+            return NOT_ARRIVED
+        return self._absence({*before.metadata, *after.metadata}, _number(before) + 1, _number(after))
+
+    def before(self, first: SegmentIndex, first_sequence: int) -> str:
+        """Return why there is nothing before the first sample of all, whose block has this number in its run."""
+        if first_sequence == 0:
+            return STARTED
+        return self._absence(set(first.metadata), max(_number(first) - 1, 1), _number(first))
+
+    def _absence(self, records: set[str], first: int, following: int) -> str:
+        """Return the cause where the segments from `first` until before `following`, or parts of neighbours, are missing."""
+        is_trimmed = TRIMMED in records
+        if CUT in records or not following:
+            return TRIMMED_BEFORE if is_trimmed else NOT_GIVEN
+        missing = list_missing([following], min(first, following), following, self.stated)
+        reasons = list(dict.fromkeys(each.reason for each in missing)) or (["quota"] if is_trimmed else [])
+        if not reasons or not set(reasons) <= DELETED.keys():
+            return NOT_GIVEN
+        return f"deleted {' and '.join(DELETED[reason].removesuffix(', with a quota') for reason in reasons)}"
+
+
+def _number(segment: SegmentIndex) -> int:
+    return segment_number(segment.metadata.get(ORIGIN, {}))
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +73,7 @@ class RecordingGap:
     missing: int
     """Number of samples that would have fitted in between."""
     cause: str
-    """no samples arrived, gateway restarted, or not in these files"""
+    """no samples arrived, gateway restarted, deleted by the quota, not in these files, ..."""
 
     @property
     def length_s(self) -> float:
@@ -56,20 +110,24 @@ class _Part:
 def join_gaps(segments: Sequence[SummarisedSegment]) -> list[RecordingGap]:
     """Return the gaps of consecutive segments in order of time."""
     parts = _parts(segments)
+    causes = AbsenceCauses.of([segment for segment, _ in segments])
     inside = [
         RecordingGap(
-            gap.from_ns + part.wall_offset_ns, gap.to_ns + part.wall_offset_ns, gap.missing, "no samples arrived"
+            gap.from_ns + part.wall_offset_ns,
+            gap.to_ns + part.wall_offset_ns,
+            gap.missing,
+            causes.between(part.segment, part.segment, part.samples.missing_blocks),
         )
         for part in parts
         for gap in part.samples.gaps
     ]
-    return sorted([*inside, *_gaps_between(parts)], key=lambda gap: gap.from_utc_ns)
+    return sorted([*inside, *_gaps_between(parts, causes)], key=lambda gap: gap.from_utc_ns)
 
 
 def count_samples(segments: Sequence[SummarisedSegment]) -> SampleInfo:
     """Return the numbers of the samples of consecutive segments."""
     parts = _parts(segments)
-    between = _gaps_between(parts)
+    between = _gaps_between(parts, AbsenceCauses.of([segment for segment, _ in segments]))
     lengths_s = [gap.length_s for gap in between] + [gap.length_s for part in parts for gap in part.samples.gaps]
     periods_ns = [part.samples.period_ns for part in parts if part.samples.period_ns]
     return SampleInfo(
@@ -100,7 +158,7 @@ def _parts(segments: Sequence[SummarisedSegment]) -> list[_Part]:
     return [_Part(each, summary.samples, summary.wall_offset_ns) for each, summary in segments if summary.samples]
 
 
-def _gaps_between(parts: Sequence[_Part]) -> list[RecordingGap]:
+def _gaps_between(parts: Sequence[_Part], causes: AbsenceCauses) -> list[RecordingGap]:
     """Return the gaps between neighbouring segments; in UTC, because a restart begins another gateway time."""
     gaps = []
     for before, after in pairwise(parts):
@@ -110,14 +168,14 @@ def _gaps_between(parts: Sequence[_Part]) -> list[RecordingGap]:
         begins_ns = after.samples.first_ns + after.wall_offset_ns
         if is_gap(ends_ns, begins_ns, before.samples.period_ns):
             missing = gap_between(ends_ns, begins_ns, before.samples.period_ns).missing
-            gaps.append(RecordingGap(ends_ns, begins_ns, missing, _cause(before, after)))
+            gaps.append(RecordingGap(ends_ns, begins_ns, missing, _cause(before, after, causes)))
     return gaps
 
 
-def _cause(before: _Part, after: _Part) -> str:
+def _cause(before: _Part, after: _Part, causes: AbsenceCauses) -> str:
     if before.segment.boot_id != after.segment.boot_id:
-        return "gateway restarted"
-    return "not in these files" if _missing_blocks(before, after) else "no samples arrived"
+        return RESTARTED
+    return causes.between(before.segment, after.segment, _missing_blocks(before, after))
 
 
 def _missing_blocks(before: _Part, after: _Part) -> int:

@@ -88,6 +88,8 @@ class CalibratedBlock:
     correction: Correction
     wall_offset_ns: int
     """UTC minus gateway time."""
+    sequence: int
+    """Number of the block in the run of the gateway."""
 
 
 class CalibratedReader:
@@ -178,7 +180,7 @@ class CalibratedReader:
             block = block.select(kept)
         self._newest_ns = int(block.time_ns[-1])
         force_g = correction.apply(block.raw, temperature_c)
-        return CalibratedBlock(message.segment, block, force_g, correction, samples.time_ns - end_ns)
+        return CalibratedBlock(message.segment, block, force_g, correction, samples.time_ns - end_ns, samples.sequence)
 
     def _is_selected(self, time_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
         selected = np.ones(len(time_ns), dtype=np.bool_)

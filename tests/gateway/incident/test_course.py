@@ -62,7 +62,7 @@ def block(first_s: float, lost: int = 0) -> CalibratedBlock:
     samples = SampleBlock(time_ns=time_ns, raw=np.zeros((10, 3), dtype=np.int32), lost=lost)
     info = DeviceInfo(kind="adxl355", device_id="part-7", unit="counts", odr_hz=10.0, units_per_g=256e3)
     correction = correction_for(info, ((0, 1), (1, 1), (2, 1)), None)
-    return CalibratedBlock(SegmentIndex(Path("one.mcap"), 0), samples, np.full((10, 3), first_s), correction, 0)
+    return CalibratedBlock(SegmentIndex(Path("one.mcap"), 0), samples, np.full((10, 3), first_s), correction, 0, 0)
 
 
 def health(**changes: Any) -> Health:
