@@ -89,6 +89,8 @@ class Task:
             case "verify":
                 return str(content["answer"])
             case "replay":
+                if not content.get("is_compared", True):
+                    return "not_compared"
                 return "equal" if content["equal"] else "differs"
             case "measure":
                 return str(content["conditions"]["verdict"])

@@ -11,7 +11,7 @@ from gateway.cli.bus_link import LOCAL_ENDPOINT
 from gateway.cli.command import command, one_of, option
 from gateway.cli.output import JSON_OPTION
 from gateway.cli.recording_options import SELECTION_OPTIONS, interval
-from gateway.errors import ANSWER_IS_NO
+from gateway.errors import ANSWER_IS_NO, WITH_LOSSES
 from gateway.extras import require_extra
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ PLAY_EXAMPLE = """examples:
     "Compute every result again from the raw samples, with the recorded configuration and calibration, and "
     "compare it with the recorded one: byte for byte with the same software, NumPy and machine, within a stated "
     "tolerance elsewhere. With another calibration or configuration: a table of what it would have said. Exit code 1: "
-    "something differs.",
+    "something differs; 3: nothing could be compared.",
     REPLAY_EXAMPLE,
     *SELECTION_OPTIONS,
     option("--calibration", type=Path, metavar="RECORD.json", help="another calibration record"),
@@ -55,7 +55,7 @@ PLAY_EXAMPLE = """examples:
     JSON_OPTION,
 )
 def run_replay(arguments: argparse.Namespace) -> int:
-    """Replay the recordings; return 1 where something differs."""
+    """Replay the recordings; return 1 where something differs, 3 where nothing could be compared."""
     from gateway.calibration.input_files import read_record
     from gateway.cli.output import show
     from gateway.cli.progress import ProgressBar
@@ -71,6 +71,8 @@ def run_replay(arguments: argparse.Namespace) -> int:
     with ProgressBar(f"replaying {timeline.gateway}") as bar:
         result = replay.result(bar.update)
     show(replay_text(result, is_local=arguments.local), replay_json(result), arguments.json)
+    if not result.is_compared:
+        return WITH_LOSSES
     return ANSWER_IS_NO if has_difference(result) else 0
 
 

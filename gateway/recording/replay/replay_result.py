@@ -15,6 +15,8 @@ SAME_BEGIN_NS = 5_000_000_000
 """Alerts of one rule that begin within this time of each other are the same one. Basis: a choice; longer than the hold time that
 a shifted start moves, shorter than two alerts of a rule."""
 
+COLD_START = "? may come from the start alone: what the gateway had learnt before is not in these recordings"
+
 
 @dataclass(frozen=True, slots=True)
 class ReplayOutcome:
@@ -95,7 +97,9 @@ def replay_json(result: ReplayResult) -> dict[str, Any]:
     return {
         "schema_version": messages.SCHEMA_VERSION,
         "mode": result.mode,
-        "equal": not has_difference(result),
+        "equal": result.is_compared and not has_difference(result),
+        "is_compared": result.is_compared,
+        "is_from_start": result.is_from_start,
         "notes": result.notes,
         "compared": dict(comparison.compared),
         "differing": dict(comparison.differing),
@@ -117,6 +121,8 @@ def _as_texts(recorded: Any, recomputed: Any) -> dict[str, Any]:
 def _lines(result: ReplayResult, is_local: bool) -> Iterator[str]:
     yield from result.notes
     comparison = result.comparison
+    if not result.is_compared:
+        return
     if result.mode == "same":
         total, differing = sum(comparison.compared.values()), sum(comparison.differing.values())
         topics = ", ".join(f"{topic} {count}" for topic, count in sorted(comparison.compared.items()))
@@ -132,9 +138,12 @@ def _lines(result: ReplayResult, is_local: bool) -> Iterator[str]:
         yield "  differing: " + ", ".join(f"{topic} {count}" for topic, count in sorted(comparison.differing.items()))
     if result.mode == "other" or comparison.first is not None or comparison.tolerance is AFTER_START:
         yield ""
+        if not result.is_from_start:
+            yield COLD_START
+        mark = "*" if result.is_from_start else "?"
         yield f"  {'':<16}{'recorded':<58}recomputed"
         for row in replay_rows(result, is_local=is_local):
-            yield f"{'*' if row.differs else ' '} {row.quantity:<16}{row.recorded:<58}{row.recomputed}"
+            yield f"{mark if row.differs else ' '} {row.quantity:<16}{row.recorded:<58}{row.recomputed}"
 
 
 def _short(value: Any) -> str:

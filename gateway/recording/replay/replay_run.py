@@ -37,6 +37,10 @@ from gateway.topics import TOPICS
 WARM_UP_NS = 120_000_000_000
 """Time after which a replay from the middle of a run is compared. Basis: in free swing its angle agrees within 0.03 degrees after
 40 s; the angle of a filter that was not sure of itself may differ for as long as that lasts."""
+NOTHING_COMPARED = (
+    f"nothing could be compared: without the start of a run its first {WARM_UP_NS / 1e9:g} s say nothing, and no part of these "
+    "recordings is longer without a gap; give the whole run"
+)
 ReplayMode = Literal["same", "other"]
 
 
@@ -51,6 +55,14 @@ class ReplayResult:
     recomputed: SegmentSummary | None
     notes: list[str] = field(default_factory=list)
     """How exactly the results are compared, and from when on."""
+
+    is_from_start: bool = True
+    """Every run was replayed from its beginning: its motion, swing, conditions and alerts can be computed again."""
+
+    @property
+    def is_compared(self) -> bool:
+        """Something was compared: messages, or with other settings what was told."""
+        return self.recorded is not None if self.mode == "other" else bool(self.comparison.compared)
 
     @property
     def is_equal(self) -> bool:
@@ -90,6 +102,9 @@ class ReplayRun:
         self._newest: ReplayStep | None = None
         """The last step with a block."""
         self._notes: list[str] = []
+        self._is_from_start = True
+        self._waiting_note = ""
+        """How the results are compared from `_from_ns` on; a note as soon as one is."""
 
     def result(self, report: ReportProgress = ignore_progress) -> ReplayResult:
         """Replay everything. Raises `RecordingError`, `CalibrationError` or `ConfigurationError`."""
@@ -98,9 +113,17 @@ class ReplayRun:
             self._take(step)
             self._newest = self._newest if step.block is None else step
         self._end_waiting(LATEST_NS)
-        return ReplayResult(
-            self._mode, self._comparison, self._recorded.summary(), self._recomputed.summary(), self._notes
+        result = ReplayResult(
+            self._mode,
+            self._comparison,
+            self._recorded.summary(),
+            self._recomputed.summary(),
+            self._notes,
+            self._is_from_start,
         )
+        if not result.is_compared:
+            result.notes.append(NOTHING_COMPARED)
+        return result
 
     def _steps(self) -> Selection:
         """Return the selection of the steps: from the beginning of the run, or of the warm-up."""
@@ -142,12 +165,12 @@ class ReplayRun:
     def _compare_from(self, time_ns: int, step: ReplayStep, why: str) -> None:
         """Compare within a tolerance, from this time on."""
         self._end_waiting(step.segment.from_ns if step.block is None else int(step.block.time_ns[0]))
-        self._comparison.tolerance = AFTER_START
+        self._comparison.tolerance, self._is_from_start = AFTER_START, False
         if self._warm_up_ns is not None:
             why, time_ns = f"a warm-up of {self._warm_up_ns / 1e9:g} s", self._from_ns
         self._from_ns = max(self._from_ns, time_ns)
         utc_ns = self._from_ns + step.clock.wall_offset_ns
-        self._notes.append(f"{why}: compared from {iso_utc(utc_ns)} on, {AFTER_START.description}")
+        self._waiting_note = f"{why}: compared from {iso_utc(utc_ns)} on, {AFTER_START.description}"
 
     def _platform_tolerance(self, origin: Mapping[str, str]) -> Tolerance:
         # the fields of an origin on which the last bit of a result may depend
@@ -164,6 +187,8 @@ class ReplayRun:
         for message in step.messages:
             recorded = message.recorded
             if recorded.log_time_ns >= self._from_ns:
+                self._notes += filter(None, [self._waiting_note])
+                self._waiting_note = ""
                 if self._mode == "same":
                     self._comparison.add_recorded(recorded)
                 if recorded.topic != SAMPLES:

@@ -12,7 +12,7 @@ import pytest
 from gateway.archive.compute import ComputeResult, Workers, compute
 from gateway.archive.rows import RECORDINGS
 from gateway.archive.tables import Archive
-from gateway.archive.tasks import TaskKind, TaskLimits, plan_tasks
+from gateway.archive.tasks import Task, TaskKind, TaskLimits, plan_tasks
 from gateway.cli.main import main
 from gateway.errors import ANSWER_IS_NO, BAD_INPUT
 from tests.gateway.archive.small_recordings import SmallCrane, indexed, select
@@ -205,3 +205,16 @@ def test_a_mistyped_place_of_the_tables_is_refused_and_not_made(
     assert main(["archive", "replay", str(fleet[0].folder), "--table", str(tmp_path / "none")]) == BAD_INPUT
     assert "none: has no table recordings; make it with plumbline archive index" in capsys.readouterr().err
     assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "verdict"),
+    [
+        ({"equal": True, "is_compared": True}, "equal"),
+        ({"equal": False, "is_compared": True}, "differs"),
+        ({"equal": False, "is_compared": False}, "not_compared"),
+        ({"equal": True}, "equal"),
+    ],
+)
+def test_a_replay_that_compared_nothing_is_neither_equal_nor_different(content: dict[str, bool], verdict: str) -> None:
+    assert Task("replay", (), None).verdict(content) == verdict

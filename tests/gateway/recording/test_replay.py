@@ -341,6 +341,33 @@ def test_part_without_the_start_of_its_run_is_compared_after_a_warm_up(
     assert {"largest angle", "swing unknown"} <= {row["quantity"] for row in result["table"]}
 
 
+def test_too_short_a_part_is_not_said_to_be_equal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    crane = RecordedCrane(tmp_path)
+    crane.record(25)
+    crane.close()
+    sorted(tmp_path.glob("*.mcap"))[0].unlink()
+    code, result = replay(tmp_path, capsys)
+    assert (code, result["equal"], result["is_compared"], result["compared"]) == (3, False, False, {})
+    assert main(["record", "replay", str(tmp_path)]) == 3
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.startswith("nothing could be compared: without the start of a run its first 120 s say nothing")
+
+
+@pytest.mark.slow
+def test_what_a_cold_start_cannot_compute_again_is_not_called_a_difference(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    crane = RecordedCrane(tmp_path)
+    crane.record(45)
+    crane.close()
+    sorted(tmp_path.glob("*.mcap"))[0].unlink()
+    monkeypatch.setattr(replay_result, "WARM_UP_NS", 5 * 10**9)
+    assert main(["record", "replay", str(tmp_path)]) == 0
+    printed = capsys.readouterr().out
+    assert "? may come from the start alone" in printed
+    assert "\n* " not in printed
+
+
 def test_bad_input_is_one_line(crane: RecordedCrane, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "notes.json").write_text("[]")
     for arguments, text in (
