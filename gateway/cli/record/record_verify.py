@@ -201,7 +201,8 @@ def _file_lines(file: "FileVerification") -> list[str]:
 
     statement = file.statement
     number = "no segment" if file.segment is None else f"segment {file.segment}"
-    signed = "nothing signed" if statement is None else f"signed up to {iso_utc(statement.to_ns)}"
+    nothing = "nothing in it is as it was signed" if file.is_altered else "nothing signed"
+    signed = nothing if statement is None else f"signed up to {iso_utc(statement.to_ns)}"
     if file.is_final and not file.problems:
         signed = f"signed whole, up to {iso_utc(statement.to_ns) if statement else ''}"
     lines = [f"{file.path}: {number}, {signed}"]

@@ -31,6 +31,9 @@ MAX_END_BYTES = 64_000_000
 """Longest end of a file that is compared. Basis: a choice; the index of a segment with half a million chunks is as long, and a
 bound of the memory."""
 
+SHOWN_CHUNKS = 3
+"""Damaged chunks that a message names. Basis: a choice; one line of a terminal."""
+
 
 class RecomputedSummary:
     """Takes the records of the data section in their order; raises the exceptions `DAMAGED` for those that cannot be read."""
@@ -105,6 +108,10 @@ class FileVerification:
     statement_text: str = ""
     deletions: dict[str, str] = field(default_factory=dict)
     """The last statement about deletions that is followed by a signature; empty: a version wrote the file that made none."""
+    is_altered: bool = False
+    """It differs from a statement in it, so that what follows cannot be judged."""
+    has_end: bool = False
+    """It ends as a closed MCAP file does, whatever is before."""
     is_destroyed: bool = False
     """It is no MCAP file any more."""
     is_closed: bool = False
@@ -144,7 +151,8 @@ class _FileCheck:
         self._stated_bytes = self._signed_end = 0
         """Bytes that the last statement tells of; place behind it."""
         self._deletions: dict[str, str] = {}
-        self._differs = False
+        self._chunk_places: list[int] = []
+        """Of the chunks since the last statement."""
 
     def run(self) -> FileVerification:
         while (frame := self._next_frame()) is not None:
@@ -157,6 +165,8 @@ class _FileCheck:
                 self._hash.update(part)
                 self._checksum = zlib.crc32(part, self._checksum)
         self._conclude()
+        self._file.seek(max(0, self._found.size_bytes - len(MCAP0_MAGIC)))
+        self._found.has_end = self._file.read() == MCAP0_MAGIC
         return self._found
 
     def _next_frame(self) -> Frame | None:
@@ -165,7 +175,7 @@ class _FileCheck:
         if (frame := next_frame(self._file, size)) is None and find_chunk(self._file, size):
             behind = self._file.tell()
             self._problem(f"ALTERED: bytes {place} to {behind} are no record of MCAP")
-            self._differs = True
+            self._found.is_altered = True
             frame = next_frame(self._file, size)
         return frame
 
@@ -179,6 +189,8 @@ class _FileCheck:
         except DAMAGED:
             self._problem(f"ALTERED: the record at byte {place} cannot be read")
             return
+        if opcode == Opcode.CHUNK:
+            self._chunk_places.append(place)
         if not isinstance(record, Metadata):
             return
         if record.name == ORIGIN:
@@ -204,18 +216,40 @@ class _FileCheck:
             return
         self._check_key(statement)
         if statement.bytes != place or statement.sha256 != self._hash.hexdigest():
-            if not self._differs:
-                self._problem(f"ALTERED: bytes {self._stated_bytes} to {place} are not what the gateway signed")
-            self._differs = True
+            if not self._found.is_altered:
+                self._problem(
+                    f"ALTERED: bytes {self._stated_bytes} to {place} are not what the gateway signed{self._damaged_chunks()}"
+                )
+            self._found.is_altered = True
             return
         if statement.segment != self._claimed:
             self._problem(f"ALTERED: the signature at byte {place} is of segment {statement.segment}")
         before = self._found.statement
         if before is not None and statement.to_ns < before.to_ns:
             self._problem(f"CLOCK SET BACK by {(before.to_ns - statement.to_ns) / 1e9:.3f} s inside the file")
+        self._chunk_places.clear()
         self._stated_bytes, self._signed_end = place, place + length
         self._found.statement, self._found.statement_text = statement, text
         self._found.deletions = self._deletions
+
+    def _damaged_chunks(self) -> str:
+        """Return which chunks since the last statement cannot be read; empty: all can, and something else was changed."""
+        resume, size = self._file.tell(), self._found.size_bytes
+        reader, damaged = ChunkReader(size), []
+        for place in self._chunk_places:
+            self._file.seek(place)
+            frame = next_frame(self._file, size)
+            chunk = None if frame is None else PARSERS[Opcode.CHUNK](frame[2])
+            if not isinstance(chunk, Chunk):
+                continue
+            try:
+                reader.frames(chunk)
+            except DAMAGED:
+                times = f"{iso_utc(chunk.message_start_time)} to {iso_utc(chunk.message_end_time)}"
+                damaged.append(f"bytes {place} to {self._file.tell()} (gateway time {times})")
+        self._file.seek(resume)
+        shown = damaged[:SHOWN_CHUNKS] + [f"{len(damaged) - SHOWN_CHUNKS} more"] * (len(damaged) > SHOWN_CHUNKS)
+        return f"; damaged: the chunk at {', and at '.join(shown)}" if shown else ""
 
     def _check_key(self, statement: Statement) -> None:
         if self._key is not None and statement.public_key != self._key:
@@ -229,7 +263,7 @@ class _FileCheck:
         found, start = self._found, self._file.tell()
         if content != self._checksum.to_bytes(4, "little"):
             self._problem("ALTERED: the checksum of the data is wrong")
-        if found.statement is None or self._differs:
+        if found.statement is None or found.is_altered:
             return
         if place != self._signed_end:
             self._problem(f"ADDED: bytes {self._signed_end} to {place} of the closed file are not signed")
@@ -253,7 +287,7 @@ class _FileCheck:
             self._problem("NOT SIGNED: it has no number in a chain; a gateway of this version did not write it")
         elif found.is_final and not found.is_closed:
             self._problem("CUT or ALTERED: the end behind the final signature is missing or cannot be read")
-        elif not found.is_final and not self._differs:
+        elif not found.is_final and not found.is_altered:
             self._describe_open_end()
         if found.statement is not None:
             self._describe(found.statement)

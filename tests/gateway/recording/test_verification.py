@@ -15,6 +15,7 @@ from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.segments.recorder import RecorderError
 from tests.gateway.recording.conftest import SECOND_NS, Record
 from tests.gateway.recording.recorded_files import problems
+from tests.values import present
 
 
 @pytest.fixture
@@ -58,6 +59,21 @@ def test_a_flipped_bit_is_named(segments: list[Path], share: float) -> None:
     assert found.answer == "differs"
     named = [text for file in found.files for text in file.problems]
     assert any(text.startswith(("ALTERED", "FORGED", "CUT or ALTERED")) for text in named), named
+    assert not any(text.startswith("CUT:") for text in problems(found))
+
+
+@pytest.mark.slow
+def test_the_chunk_that_is_damaged_is_named(segments: list[Path]) -> None:
+    with segments[1].open("rb") as file:
+        chunk = present(make_reader(file).get_summary()).chunk_indexes[0]
+    content = bytearray(segments[1].read_bytes())
+    content[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 1
+    segments[1].write_bytes(content)
+    found = verify(segments)
+    (altered,) = (text for text in found.files[1].problems if text.startswith("ALTERED: bytes 0 to "))
+    begin, end = chunk.chunk_start_offset, chunk.chunk_start_offset + chunk.chunk_length
+    assert f"; damaged: the chunk at bytes {begin} to {end} (gateway time " in altered
+    assert found.problems == ()
     assert found.files[0].problems == []
 
 
