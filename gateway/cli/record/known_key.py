@@ -1,5 +1,6 @@
 """By which key recordings are judged: the one that is given, that this user has heard, or for which the site's CA vouches."""
 
+import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +13,21 @@ if TYPE_CHECKING:
     from gateway.messages import NewestStatement
     from gateway.recording.chain.chain_verification import VouchedKey
 
+
+class _OneKey(argparse.Action):
+    """Takes one key: a second one would say of the recordings of which gateway it is, and the first one would be lost."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: object, flag: str | None = None
+    ) -> None:
+        if getattr(namespace, self.dest) is not None:
+            parser.error(f"{flag} is given twice; verify the recordings of each gateway by themselves, with its key")
+        setattr(namespace, self.dest, values)
+
+
 KEY_OPTION = option(
     "--key",
+    action=_OneKey,
     metavar="PUBLIC",
     help="the gateway's public key: 64 hexadecimal digits, or the file signing-key.pem.pub, kept apart from the recordings",
 )

@@ -126,8 +126,11 @@ def _judge(files: "ChainFiles", given: _Given, report: Callable[[], None]) -> "_
         report()
     heard = [*given.heard, *(each.statement for each in given.proven)]
     remembered = [] if known.heard is None or known.heard.public_key != known.public_key else [known.heard]
-    folders = [folder for folder in given.folders if folder in files.folders]
+    folders = [folder for folder in given.folders if folder in files.folders and files.strange_in is None]
     chain = verify_chain(found, folders, known.public_key, heard, remembered)
+    if files.strange_in is not None:
+        strange = f"FOREIGN: another gateway has written most of {files.strange_in}, in which this lies"
+        chain = replace(chain, problems=(strange, *chain.problems))
     if known.vouched is not None and known.vouched.refusal is not None:
         chain = replace(chain, problems=(*chain.problems, f"NOT VOUCHED FOR: {known.vouched.refusal}"))
     proven = [each for each in given.proven if each.statement.gateway in chain.gateways]

@@ -28,6 +28,8 @@ class ChainFiles:
     """Those that are no MCAP files any more."""
     claims: set[str] = field(default_factory=set)
     """The gateways, keys and data folders that make them one chain."""
+    strange_in: Path | None = None
+    """The data folder of another gateway, in which they lie; None: they do not."""
 
     @property
     def folders(self) -> set[Path]:
@@ -47,6 +49,8 @@ def group_by_chain(paths: Sequence[Path]) -> list[ChainFiles]:
     `RecordingError` where a file cannot be read, or none is an MCAP file.
     """
     chains: list[ChainFiles] = []
+    in_data: dict[Path, list[ChainFiles]] = {}
+    """The chains in each data folder, which is of the gateway that has written most of it."""
     silent: list[ChainFiles] = []
     problems: list[NotMcapError] = []
     for path in paths:
@@ -56,22 +60,32 @@ def group_by_chain(paths: Sequence[Path]) -> list[ChainFiles]:
             problems.append(error)
             silent.append(ChainFiles(destroyed=[_destroyed(path, error)]))
             continue
-        if is_data_folder(path.parent):  # which is of one gateway, whatever lies in it
-            claims.add(str(path.parent.resolve()))
         if claims:
-            _join(chains, ChainFiles([path], [], claims))
+            _join(
+                in_data.setdefault(path.parent, []) if is_data_folder(path.parent) else chains,
+                ChainFiles([path], [], claims),
+            )
         else:
             silent.append(ChainFiles([path]))
     if len(problems) == len(paths):
         raise problems[0]
+    for folder, inside in in_data.items():
+        own, *strange = sorted(inside, key=lambda chain: -len(chain.paths))
+        for each in strange:
+            each.strange_in, each.claims = folder, {f"strange in {folder.resolve()}: {sorted(each.claims)}"}
+        own.claims.add(str(folder.resolve()))
+        for each in inside:
+            _join(chains, each)
     for single in silent:
-        beside = [chain for chain in chains if chain.folders & single.folders]
+        beside = [chain for chain in chains if chain.folders & single.folders and chain.strange_in is None]
         single.claims = set(beside[0].claims) if len(beside) == 1 else {str(each) for each in single.folders}
         _join(chains, single)
     order = {path: number for number, path in enumerate(paths)}
     for chain in chains:
         chain.paths.sort(key=order.__getitem__)
-    return chains
+    return sorted(
+        chains, key=lambda chain: min(map(order.__getitem__, (*chain.paths, *(each.path for each in chain.destroyed))))
+    )
 
 
 def place_destroyed(files: Sequence[FileVerification]) -> list[FileVerification]:

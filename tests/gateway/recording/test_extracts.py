@@ -87,8 +87,27 @@ def test_a_segment_of_another_gateway_in_a_data_folder_is_a_difference(
     segments: list[Path], other: Path, verify: Verify
 ) -> None:
     shutil.copy(next(other.glob("*.mcap")), segments[1])
-    code, text, _ = verify(segments[0].parent)
-    assert (code, "WRONG KEY: 2 keys have signed" in text) == (1, True), text
+    code, _, (own, strange) = verify(segments[0].parent)
+    assert code == 1
+    assert [text.partition(":")[0] for text in own["problems"]] == ["REMOVED"]
+    assert [text.partition(":")[0] for text in strange["problems"]] == ["FOREIGN"]
+
+
+def test_a_file_of_another_gateway_beside_the_own_ones_accuses_none_of_them(
+    segments: list[Path], key: str, other: Path, verify: Verify
+) -> None:
+    shutil.copy(next(other.glob("*.mcap")), segments[0].parent)
+    code, text, (strange, own) = verify(segments[0].parent, "--key", key)
+    assert (code, own["answer"], strange["gateways"]) == (1, "genuine", ["yard/crane-1/hook"])
+    assert f"FOREIGN: another gateway has written most of {segments[0].parent}, in which this lies" in text
+    assert "COPIED" not in text
+
+
+def test_a_second_key_is_refused(segments: list[Path], key: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as refused:
+        main(["record", "verify", str(segments[0].parent), "--key", key, "--key", key])
+    assert refused.value.code == 2
+    assert "--key is given twice; verify the recordings of each gateway by themselves" in capsys.readouterr().err
 
 
 def test_an_extract_in_a_folder_is_genuine_as_far_as_it_goes(
