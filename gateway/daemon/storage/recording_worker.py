@@ -72,22 +72,27 @@ class CompactionWorker(Worker[RewriteRequest]):
         path = item.path
         try:
             losses = item.rewrite(path, self._chain)
-        except FileNotFoundError:
-            log.info("%s: was deleted before it was rewritten", path)
-        except CompactionError as error:
-            log.warning("%s", error)
-            with suppress(OSError):
-                uncompacted_marker(path).unlink(missing_ok=True)  # another try would end in the same way
-        except RecordingError as error:
-            log.warning("%s", error)
-        except OSError as error:
-            log.warning("%s: not rewritten (%s); it stays readable as it is", path, error.strerror or error)
+        except (RecordingError, OSError) as error:
+            _explain(path, error)
         else:
             if not losses.closed:
                 log.warning("%s: repaired after an interruption: %s", path, ", ".join(describe_losses(losses)))
 
     def close(self) -> None:
         """Nothing is open between two segments."""
+
+
+def _explain(path: Path, error: RecordingError | OSError) -> None:
+    """Say why a segment was not rewritten; one that the quota has deleted meanwhile is no loss."""
+    if not path.exists():
+        log.info("%s: was deleted before it was rewritten", path)
+    elif isinstance(error, OSError):
+        log.warning("%s: not rewritten (%s); it stays readable as it is", path, error.strerror or error)
+    else:
+        log.warning("%s", error)
+    if isinstance(error, CompactionError):
+        with suppress(OSError):
+            uncompacted_marker(path).unlink(missing_ok=True)  # another try would end in the same way
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,6 @@
 """The queue before the recorder: a source that can wait loses nothing while the disk takes something, and losses are counted."""
 
+import logging
 import threading
 import time
 from collections.abc import Callable
@@ -8,10 +9,20 @@ from pathlib import Path
 import pytest
 
 from gateway.daemon.runtime.worker import FaultRegister
-from gateway.daemon.storage.recording_worker import MAX_WAITING_RECORDS, ROOM_S, STALLED_S, RecordingWorker
+from gateway.daemon.storage.recording_worker import (
+    MAX_WAITING_RECORDS,
+    ROOM_S,
+    STALLED_S,
+    CompactionWorker,
+    RecordingWorker,
+    RewriteRequest,
+)
 from gateway.messages import Samples
 from gateway.pipeline.outgoing_message import EncodedMessage, encode_message
+from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.format.content import RecordingHeader
+from gateway.recording.format.salvage import SalvageReport
+from gateway.recording.segments.compaction import compact, trim
 from gateway.recording.segments.recorder import Recorder
 
 
@@ -69,3 +80,17 @@ def test_a_disk_that_hangs_is_not_waited_for(full: RecordingWorker, message: Enc
         full.submit(message, can_wait=True)
     assert time.monotonic() - begun_s < 10 * ROOM_S
     assert full.samples_lost == 10 * n_samples(message)
+
+
+@pytest.mark.parametrize("rewrite", [compact, trim])
+def test_a_segment_that_the_quota_has_deleted_meanwhile_is_no_warning(
+    rewrite: Callable[[Path, SegmentChain], SalvageReport], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    chain = SegmentChain(tmp_path, "yard/crane-2/hook", None)
+    with caplog.at_level(logging.INFO):
+        CompactionWorker(chain).handle(RewriteRequest(tmp_path / "gone.mcap", rewrite))
+    (line,) = caplog.records
+    assert (line.levelname, line.getMessage()) == (
+        "INFO",
+        f"{tmp_path / 'gone.mcap'}: was deleted before it was rewritten",
+    )
