@@ -167,19 +167,22 @@ def require_remote(table: Table) -> None:
 
 def require_bounds(changes: Sequence[KeyChange]) -> None:
     """Refuse changes over the bus that take an operator's protection or the recordings away. Raises `ConfigurationError`."""
+    problems = []
     for change in changes:
         low, high = REMOTE_BOUNDS.get(change.key, (-math.inf, math.inf))
         if isinstance(change.after, int | float) and not low <= change.after <= high:
-            raise ConfigurationError(
-                f"proposal: {change.key}: {change.after:g} is not between {low:g} and {high:g}; beyond them it can only be "
-                "set on the gateway's own machine"
+            problems.append(
+                f"{change.key}: {change.after:g} is not between {low:g} and {high:g}; beyond them it can only be set on the "
+                "gateway's own machine"
             )
         if change.key in ("bus.listen", "bus.connect") and isinstance(change.after, list):
             local = [endpoint for endpoint in change.after if endpoint.partition("/")[0] in LOCAL_PROTOCOLS]
             if local:
-                raise ConfigurationError(
-                    f"proposal: {change.key}: {local[0]} names a file; it can only be set on the gateway's own machine"
+                problems.append(
+                    f"{change.key}: {local[0]} names a file; it can only be set on the gateway's own machine"
                 )
+    if problems:
+        raise ConfigurationError(f"proposal: {'; '.join(problems)}")
 
 
 def is_network_key(name: str) -> bool:

@@ -207,6 +207,8 @@ class RecordVerdict:
     sentences: tuple[str, ...]
     scope: str = ""
     """Which files were checked, as a sentence."""
+    problems: tuple[str, ...] = ()
+    """Those of the sentences that say what differs."""
 
     @property
     def line(self) -> str:
@@ -246,7 +248,8 @@ def judge_recordings(
     if chain.answer == "differs" or refusal is not None:
         differ = "THEY DIFFER FROM WHAT THE GATEWAY SIGNED"
         label = differ if chain.answer == "differs" else "THE SITE’S CA DOES NOT VOUCH FOR THEM"
-        return RecordVerdict("differs", label, (*_problems(chain), *([refusal] if refusal else []), *remarks))
+        problems = (*_problems(chain), *([refusal] if refusal else []))
+        return RecordVerdict("differs", label, (*problems, *remarks), problems=problems)
     if not chain.public_keys:
         return RecordVerdict("open", "chained by hashes, not signed", remarks)
     signer = fingerprint(chain.public_keys[0])

@@ -128,9 +128,8 @@ def _which_limits_were_changed(course: Course, clock: ReportClock, incident: Ale
 def _by_whom(clock: ReportClock, change: LimitChange) -> str:
     if change.audit is None:
         return "; the recordings of this time do not say by whom"
-    by, reason = change.audit.content.get("by") or "an unnamed person", change.audit.content.get("reason")
-    words = f", with the words: {printable_text(str(reason), MAX_EVENT_CHARACTERS)}" if reason else ""
-    return f" by {by} at {clock.time(change.audit.time_s)} UTC{words}"
+    by = change.audit.content.get("by") or "an unnamed person"
+    return f" by {by} at {clock.time(change.audit.time_s)} UTC{change.audit.reason}"
 
 
 def _when_it_was_restarted(course: Course, clock: ReportClock) -> Iterator[str]:

@@ -6,11 +6,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from gateway.documents.format import format_limit, human_name
+from gateway.documents.format import format_limit, human_name, printable_text
 from gateway.file_input import parse_json, parse_toml
 
 AUDIT = "audit "
 """Definition: begin of a line of the log that is an entry of an audit."""
+MAX_REASON_CHARACTERS = 260
+"""Basis: a choice; two or three lines of the table of events."""
 KEY_CHANGE = re.compile(r"alerts\.(?P<key>\w+): (?P<before>.+) -> (?P<after>.+)")
 """Definition: a change of a key of the alerts in an audit, as `KeyChange` writes it."""
 LIMIT_NAMES = {
@@ -67,8 +69,15 @@ class AuditEntry:
         changes = content.get("changes")
         said = [", ".join(map(str, changes))] if isinstance(changes, list) else []
         said += [str(content[key]) for key in ("why", "text") if key in content]
-        reason = f", with the words: {content['reason']}" if "reason" in content else ""
-        return f"{head}{': ' if said else ''}{'; '.join(said)}{reason}"
+        return f"{head}{': ' if said else ''}{'; '.join(said)}{self.reason}"
+
+    @property
+    def reason(self) -> str:
+        """The words with a request, or else with the proposal that it applies, as the end of a sentence; or nothing."""
+        for key, whose in (("reason", "with the words"), ("proposed_reason", "with the words of the proposal")):
+            if text := self.content.get(key):
+                return f", {whose}: {printable_text(str(text), MAX_REASON_CHARACTERS)}"
+        return ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,10 @@ ONE_LINE_PATTERN = pattern_of(
 )
 """Pattern of a text that cannot forge a second line in a log."""
 Model = TypeVar("Model", bound=BaseModel)
-RequestId = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{7,63}$")]
+ID_OF_REQUEST = pattern_of(
+    r"^[A-Za-z0-9][A-Za-z0-9._-]{7,63}$", "an id of 8 to 64 letters, digits, dots, underscores and hyphens"
+)
+RequestId = Annotated[str, Field(pattern=ID_OF_REQUEST)]
 RecordId = Annotated[str, Field(pattern=ID_PATTERN)]
 
 

@@ -109,7 +109,9 @@ def _choice(arguments: argparse.Namespace) -> "IncidentChoice":
     if begin is None and end is None:
         return IncidentChoice(around, arguments.alert)
     if around is not None or arguments.alert is not None or arguments.last or arguments.list:
-        raise InputError("--from and --to: choose an interval, or one of --around, --alert, --last and --list")
+        raise InputError(
+            "--from and --to: take the place of --around, --alert, --last and --list; give them, or one of those"
+        )
     return IncidentChoice(interval=RecordingInterval(begin, end))
 
 
@@ -167,7 +169,9 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
             analyse=analyse_cause if arguments.reconcile else None,
             report=bar.update,
         )
-    lines = [*written.sentences, "", written.verification.line, f"report: {folder / PAGE_FILE}"]
+    verdict = written.verification
+    lines = [*written.sentences, "", verdict.line, *(f"  {text}" for text in verdict.problems)]
+    lines.append(f"report: {folder / PAGE_FILE}")
     show("\n".join(lines), written.content, arguments.json)
     return EXIT_CODES[written.verification.kind]
 

@@ -171,8 +171,9 @@ class ConfigurationService:
             id=wanted.id, by=wanted.by, reason=wanted.reason, before=text, after=checked.text, kept=kept
         )
         request.begin()
-        changes, proposed_by = [str(change) for change in checked.changes], stored.request.by
-        self._note("applied", wanted, proposal=wanted.proposal, changes=changes, proposed_by=proposed_by)
+        said = {"proposed_by": stored.request.by, "proposed_reason": stored.request.reason}
+        changes = [str(change) for change in checked.changes]
+        self._note("applied", wanted, proposal=wanted.proposal, changes=changes, **said)
         before, after = (load_text(each, path.name, {}).alerts for each in (text, checked.text))
         note_change(self._data_dir, before, after)
         ConfigurationTrial(path).begin(begun)

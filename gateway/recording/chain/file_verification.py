@@ -299,9 +299,10 @@ class _FileCheck:
         if statement.replaces_sha256:
             remarks.append("trimmed by the quota to the time around events")
         if statement.repaired:
-            since = f"; from {iso_utc(statement.repaired_from_ns)} on" if statement.repaired_from_ns else ""
+            since = f": what is later than {iso_utc(statement.repaired_from_ns)} was signed only then"
             remarks.append(
-                f"was cut off by a kill or a power failure{since}, and repaired and signed at the next start"
+                "was cut off by a kill or a power failure, and repaired and signed at the next start"
+                + (since if statement.repaired_from_ns else "")
             )
         if statement.name != self._found.path.name:
             remarks.append(f"the gateway wrote it as {statement.name!r}")

@@ -17,6 +17,8 @@ LABEL_WIDTH = 15
 MAX_LIST_LINES = 20
 """Most lines of a list, of which `--json` has all entries; trips are always listed. Basis: a choice; a screen of a terminal."""
 CONFIGURATION_LOG, AUDIT = "plumbline.configuration", "audit "
+BY_GATEWAY = ("confirmed", "rolled back")
+"""What the gateway does with a change that a person has made."""
 """Name and beginning of the lines of the log that are entries of the configuration's audit."""
 LOG_LEVEL_WORDS = {3: "warning", 4: "error", 5: "fatal"}
 
@@ -200,7 +202,9 @@ class _InfoText:
     def _configurations(self) -> Iterator[str]:
         found = [(line, text) for line in self.info.log if (text := _configuration_text(line)) is not None]
         applied = sum(text.startswith("applied") for _, text in found)
-        title = f"configuration: {counted(applied, 'change')} applied over the bus"
+        title = (
+            f"configuration: {counted(applied, 'change')} applied over the bus, {counted(len(found), 'step')} in all"
+        )
         return _section(title, [f"{self._time(line.utc_ns)}  {text}" for line, text in found])
 
     def _log(self) -> Iterator[str]:
@@ -232,9 +236,10 @@ def _configuration_text(line: LogLine) -> str | None:
         return None
     try:
         entry = parse_json(line.message.removeprefix(AUDIT))
-        text = f"{entry['event'].replace('_', ' ')} by {entry['by']}" + (
-            f" ({entry['reason']})" if entry["reason"] else ""
-        )
+        what = entry["event"].replace("_", " ")
+        text = f"change by {entry['by']} {what} by the gateway" if what in BY_GATEWAY else f"{what} by {entry['by']}"
+        reason = entry["reason"] or entry.get("proposed_reason", "")
+        text += f" ({reason})" if reason else ""
         return ": ".join([text, *(["; ".join(entry["changes"])] if entry.get("changes") else []), *_why(entry)])
     except (ValueError, LookupError, TypeError, AttributeError):
         return None

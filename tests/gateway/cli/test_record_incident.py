@@ -77,4 +77,4 @@ def test_an_empty_folder_is_refused(tmp_path: Path, capsys: pytest.CaptureFixtur
 def test_an_interval_and_a_choice_exclude_each_other(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, _, err = run([tmp_path, "--last", "--from", "1"], capsys)
     assert (code, len(err)) == (2, 1)
-    assert "--from and --to" in err[0]
+    assert "--from and --to: take the place of --around, --alert, --last and --list" in err[0]

@@ -86,6 +86,7 @@ def test_a_new_section_is_added() -> None:
         ({"alerts": {"lean_trip_deg": 80}}, "alerts.lean_trip_deg: 80 is not between 0 and 15"),
         ({"alerts": {"hold_s": 600}}, "alerts.hold_s: 600 is not between 0.5 and 60"),
         ({"alerts": {"stale_s": 60}}, "alerts.stale_s: 60 is not between 0.2 and 5"),
+        ({"alerts": {"hold_s": 600, "stale_s": 60}}, "own machine; alerts.stale_s: 60 is not between 0.2 and 5"),
         ({"rope": {"length_m": 0.1}, "housing": {"position_m": 0.05}}, "rope.length_m: 0.1 is not between 0.3 and 500"),
         ({"bus": {"listen": ["tls/0.0.0.0:7447#enable_mtls=false"]}}, "has parameters"),
         ({"nonsense": 1}, "nonsense: unknown key; known are gateway"),

@@ -16,6 +16,7 @@ from gateway.incident.course import CourseBuilder
 from gateway.incident.evidence import IncidentEvidence, make_certificates
 from gateway.incident.incident_selection import STANDING, IncidentWindow, find_incidents
 from gateway.incident.incident_summary import MAX_SHOWN_EVENTS, event_table
+from gateway.incident.limit_changes import AuditEntry
 from gateway.incident.timeline_figure import ReportClock, levels_in_force, tick_label, tick_times
 from gateway.messages import (
     NO_SESSION,
@@ -339,6 +340,19 @@ def test_the_drawn_limit_is_the_one_in_force_at_each_time() -> None:
     }
     (change,) = course.limit_changes
     assert (change.words, change.audit) == ("the trip limit of the swing was changed from 6.0° to 5.0°", None)
+
+
+@pytest.mark.parametrize(
+    ("said", "end"),
+    [
+        ({"reason": "sling", "proposed_reason": "test"}, ", with the words: sling"),
+        ({"reason": "", "proposed_reason": "new rope"}, ", with the words of the proposal: new rope"),
+        ({"reason": ""}, ""),
+    ],
+)
+def test_the_words_of_a_proposal_are_not_lost_where_who_applied_it_said_none(said: dict[str, str], end: str) -> None:
+    entry = AuditEntry(0.0, {"event": "applied", "by": "ann", **said})
+    assert entry.words == f"Settings changed by ann{end}"
 
 
 def test_no_state_outlasts_the_run_that_stated_it() -> None:

@@ -344,7 +344,9 @@ def test_the_verdict_on_the_recordings_is_printed_and_is_the_exit_code(
     key = ["--key", str(recorded.folder / "signing-key.pem.pub")] if with_key else []
     arguments = ["--margin", "1", *key, "--out", str(tmp_path / "report")]
     assert main(["record", "incident", str(folder), *arguments]) == code
-    (line,) = (each for each in capsys.readouterr().out.splitlines() if each.startswith("Recordings: "))
+    printed = capsys.readouterr().out
+    (line,) = (each for each in printed.splitlines() if each.startswith("Recordings: "))
+    assert (f"\n  {recorded.files[1].name}: ALTERED: bytes " in printed) == (code == 1)
     assert line.startswith(said)
     assert line.endswith("Checked: the 4 files of this time; the other 1 was not.")
     assert line in text_of(tmp_path / "report" / "incident.html")

@@ -42,6 +42,13 @@ def test_an_invalid_field_is_named(verb: str, change: dict[str, Any], place: str
     assert "\n" not in str(caught.value)
 
 
+def test_an_id_is_described_in_words() -> None:
+    with pytest.raises(
+        RequestError, match="id: should be an id of 8 to 64 letters, digits, dots, underscores and hyphens"
+    ):
+        parse_payload(VERBS["commit"], json.dumps(GOOD | {"id": "it:"}).encode())
+
+
 def test_a_payload_beyond_the_largest_size_is_refused() -> None:
     with pytest.raises(RequestError, match="are allowed"):
         parse_payload(VERBS["commit"], json.dumps(GOOD).encode() + b" " * MAX_PAYLOAD_BYTES)

@@ -253,9 +253,9 @@ def test_changes_of_the_configuration_have_a_heading_and_other_lines_stay_in_the
         recorder.write(encode_message("log", line, start_ns))
     recorder.close()
     said = info_text(summarise(path))
-    assert "configuration: 1 change applied over the bus\n" in said
+    assert "configuration: 1 change applied over the bus, 2 steps in all\n" in said
     assert "  applied by ann (sling): alerts.trip_deg: 6.0 -> 5.0\n" in said
-    assert "  rolled back by ann (sling): no samples\n" in said
+    assert "  change by ann rolled back by the gateway (sling): no samples\n" in said
     assert "log: 2 warnings and errors\n" in said
 
 

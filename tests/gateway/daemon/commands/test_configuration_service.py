@@ -94,7 +94,7 @@ def test_a_validated_change_is_not_kept(bench: Bench) -> None:
 
 
 def test_an_applied_change_is_audited_before_it_is_in_force_and_confirmed_by_health(bench: Bench) -> None:
-    bench.propose()
+    bench.propose(reason="new rope")
     accepted, _ = bench.apply()
     assert accepted
     assert bench.service.restart_wanted
@@ -105,6 +105,7 @@ def test_an_applied_change_is_audited_before_it_is_in_force_and_confirmed_by_hea
     entry = json.loads((bench.data_dir / "configuration" / "audit.jsonl").read_text().splitlines()[1])
     assert (entry["by"], entry["reason"]) == ("ann", "shorter sling")
     assert entry["changes"] == ["alerts.trip_deg: 6.0 -> 5.0"]
+    assert entry["proposed_reason"] == "new rope"
     assert bench.start() == "none"
 
 
