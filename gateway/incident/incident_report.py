@@ -17,6 +17,7 @@ from gateway.documents.format import format_fixed, format_short, printable_text
 from gateway.errors import InputError
 from gateway.incident.course import Course
 from gateway.incident.detail_figures import acceleration_figure, direction_figure, spectrum_figure
+from gateway.incident.event_table import event_table
 from gateway.incident.evidence import (
     GENUINE,
     IncidentEvidence,
@@ -28,7 +29,7 @@ from gateway.incident.evidence import (
 )
 from gateway.incident.facts import IncidentFacts, facts_json, incident_facts
 from gateway.incident.incident_selection import IncidentWindow
-from gateway.incident.incident_summary import event_table, summary_sentences
+from gateway.incident.incident_summary import summary_sentences
 from gateway.incident.timeline_figure import ReportClock, timeline_figure
 from gateway.messages import Calibration, Health
 from gateway.recording.reading.interval import iso_utc

@@ -11,8 +11,8 @@ from gateway.file_input import parse_json, parse_toml
 
 AUDIT = "audit "
 """Definition: begin of a line of the log that is an entry of an audit."""
-MAX_REASON_CHARACTERS = 260
-"""Basis: a choice; two or three lines of the table of events."""
+MAX_WORDS_CHARACTERS = 260
+"""Longest words of a person or of the log in a report. Basis: a choice; two or three lines of the table of events."""
 KEY_CHANGE = re.compile(r"alerts\.(?P<key>\w+): (?P<before>.+) -> (?P<after>.+)")
 """Definition: a change of a key of the alerts in an audit, as `KeyChange` writes it."""
 LIMIT_NAMES = {
@@ -76,7 +76,7 @@ class AuditEntry:
         """The words with a request, or else with the proposal that it applies, as the end of a sentence; or nothing."""
         for key, whose in (("reason", "with the words"), ("proposed_reason", "with the words of the proposal")):
             if text := self.content.get(key):
-                return f", {whose}: {printable_text(str(text), MAX_REASON_CHARACTERS)}"
+                return f", {whose}: {printable_text(str(text), MAX_WORDS_CHARACTERS)}"
         return ""
 
 

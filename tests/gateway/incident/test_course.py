@@ -13,9 +13,9 @@ import pytest
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import correction_for
 from gateway.incident.course import CourseBuilder
+from gateway.incident.event_table import MAX_SHOWN_EVENTS, event_table
 from gateway.incident.evidence import IncidentEvidence, make_certificates
 from gateway.incident.incident_selection import STANDING, IncidentWindow, find_incidents
-from gateway.incident.incident_summary import MAX_SHOWN_EVENTS, event_table
 from gateway.incident.limit_changes import AuditEntry
 from gateway.incident.timeline_figure import ReportClock, levels_in_force, tick_label, tick_times
 from gateway.messages import (
