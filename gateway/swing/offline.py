@@ -25,6 +25,7 @@ from gateway.swing.estimate import SwingEstimate
 from gateway.swing.estimation.consistency import choose_mode
 from gateway.swing.estimation.make_estimate import NO_MOTION, make_estimate
 from gateway.swing.estimation.robust_fit import (
+    MIN_FITTED_BINS,
     FitResult,
     choose_damping,
     choose_fit,
@@ -217,15 +218,18 @@ def _segmented_estimate(
 
 def grow_window(bins: Bins, noise_g: Array, prior: Prior, from_s: float, to_s: float) -> FitResult | None:
     """Fit the first periods from harmonics, then ever longer windows, each from the motion of the last."""
-    rig = prior.rig
+    rig, first_s = prior.rig, float(bins.time_s[0])  # clipped readings before the first bin may have been left out
     nominal_period_s = rig.small_swing_period_s
     window_s = FIRST_WINDOW_PERIODS * nominal_period_s
-    if angle_by_axial_force(bins.select(bins.time_s < from_s + window_s)) > WIDE_RAD:
+    if angle_by_axial_force(bins.select(bins.time_s < first_s + window_s)) > WIDE_RAD:
         window_s = FIRST_WINDOW_OF_WIDE_PERIODS * nominal_period_s
     result: FitResult | None = None
     while True:
-        window = bins.select(bins.time_s < from_s + window_s)
-        end_s = min(from_s + window_s, to_s) + GRID_MARGIN_PERIODS * nominal_period_s
+        window = bins.select(bins.time_s < first_s + window_s)
+        if len(window) < min(MIN_FITTED_BINS, len(bins)):
+            window_s *= WINDOW_GROWTH
+            continue
+        end_s = min(first_s + window_s, to_s) + GRID_MARGIN_PERIODS * nominal_period_s
         if result is None:
             guesses = initial_motions(find_harmonics(window, noise_g, rig), rig, from_s, end_s)
             result = fit_robust_from(window, noise_g, guesses, prior, FIRST_ITERATIONS)

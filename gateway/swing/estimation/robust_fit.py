@@ -43,6 +43,9 @@ MAX_NAMED_ERRORS = 4
 MAX_PRIOR_SIGMA = 4.0
 """Prior standard deviations beyond which an error of the rig is no explanation."""
 REFIT_ITERATIONS = 12
+MIN_FITTED_BINS = 8
+"""Fewest bins of a fit: a piece of a recording may lie in a gap. Basis: 24 readings determine the eight unknowns of a swing and
+leave a residual."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,10 +84,12 @@ def fit_robust(
     *,
     max_misfit: float = MAX_MISFIT,
 ) -> FitResult | None:
-    """Return the fit of a window; None when the motion leaves the model.
+    """Return the fit of a window; None when the motion leaves the model, or for too few readings.
 
     `max_misfit`: unexplained part of the signal up to which the caller can use the fit; a fit that stays far above is given up.
     """
+    if len(bins) < MIN_FITTED_BINS:
+        return None
     weight = bins.count[:, None] / noise_g**2
     fit = linearise(bins, weight, motion, prior, sensor)
     return None if fit is None else _refined(_iterated(fit, iterations, weight, max_misfit), weight)
@@ -99,7 +104,12 @@ def fit_robust_from(
     *,
     max_misfit: float = MAX_MISFIT,
 ) -> FitResult | None:
-    """Return the fit from the best of several guesses, the nearest to the data first; the first that noise explains ends it."""
+    """Return the fit from the best of several guesses, the nearest to the data first; the first that noise explains ends it.
+
+    None where no guess stays in the model, or for too few readings.
+    """
+    if len(bins) < MIN_FITTED_BINS:
+        return None
     weight = bins.count[:, None] / noise_g**2
     motions = [guess.with_parameters(prior.n_parameters) for guess in guesses]
     fits = [fit for motion in motions if (fit := linearise(bins, weight, motion, prior)) is not None]

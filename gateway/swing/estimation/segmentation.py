@@ -12,7 +12,13 @@ from gateway.swing.estimate import SwingEstimate
 from gateway.swing.estimation.consistency import enforce_common_sensor_errors
 from gateway.swing.estimation.hoist_tracking import FittedInterval, track_backward, track_forward
 from gateway.swing.estimation.make_estimate import SELECTION_WIDENING, hoisting_intervals_s, make_estimate
-from gateway.swing.estimation.robust_fit import FitResult, fit_robust, fit_robust_from, inflate_uncertainty
+from gateway.swing.estimation.robust_fit import (
+    MIN_FITTED_BINS,
+    FitResult,
+    fit_robust,
+    fit_robust_from,
+    inflate_uncertainty,
+)
 from gateway.swing.fit.harmonics import find_harmonics
 from gateway.swing.fit.initial_guess import initial_motions
 from gateway.swing.fit.priors import Prior
@@ -44,7 +50,6 @@ OFFSET_SHARE = 0.5
 believed to tell offset from lean by the axial force were wrong by up to 0.8 degrees, with an offset known to 1.4."""
 MAX_BRIDGED_GAP_PERIODS = 0.5
 """An unfitted stretch this short cannot hide a larger angle than its neighbours show, unless it is forced for longer."""
-MIN_SEGMENT_BINS = 12
 
 
 @dataclass(slots=True)
@@ -79,7 +84,7 @@ class Segmenter:
     def _first(self, from_s: float) -> FittedInterval | None:
         to_s = min(from_s + MIN_STRETCH_PERIODS * self.period_s, self.to_s)
         window = self.bins.between(from_s, to_s)
-        if len(window) < MIN_SEGMENT_BINS:
+        if len(window) < MIN_FITTED_BINS:
             return None
         harmonics = find_harmonics(window, self.noise_g, self.prior.rig)
         guesses = initial_motions(harmonics, self.prior.rig, from_s, to_s + END_RESOLUTION_PERIODS * self.period_s)

@@ -129,6 +129,7 @@ def weighted_square(jacobian: Array, weight: Array) -> Array:
     return square
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a step to a motion that diverges is not taken
 def _linearise(
     bins: Bins, weight: Array, motion: PendulumMotion, sensor: SensorModel, prior: Prior, iteration: int
 ) -> SwingFit | None:
@@ -170,7 +171,6 @@ def _unknowns(motion: PendulumMotion, sensor: SensorModel) -> Array:
     return np.concatenate([first.view(np.float64), motion.parameters, sensor.errors])
 
 
-@np.errstate(over="ignore", invalid="ignore")  # a step to a motion that diverges is not taken
 def _cost(residual_g: Array, weight: Array, unknowns: Array, prior: Prior) -> float:
     deviation = (unknowns - prior.mean)[prior.free]
     residual = residual_g.ravel()
