@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from gateway.authorization.credential import Challenge
 from gateway.authorization.message_signature import Question
 from gateway.bus.authenticity import OLD, Authenticity, Doubt
-from gateway.bus.credentials import Credentials, load_credentials
+from gateway.bus.credentials import VARIABLE, Credentials, load_credentials
 from gateway.bus.session import BusError, open_session
 from gateway.bus.untrusted import gateway_of, make_question, parse_message, parse_status, read_attachment, send_question
 from gateway.calibration.store import ID_PATTERN
@@ -75,7 +75,7 @@ def open_client_session(
     tls = (credentials or load_credentials()).tls if is_encrypted(connect) else None
     if tls is None and is_encrypted(connect):
         raise InputError(
-            f"{connect} needs a certificate; name a folder that plumbline keys issue has made by --credentials"
+            f"{connect} needs a certificate; name a folder that plumbline keys issue has made by --credentials or {VARIABLE}"
         )
     return open_session("client", [connect], [], tls, connect_timeout_ms=timeout_ms)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from gateway.authorization.credential import TOKEN_NAME, Challenge, parse_token, prove_by_token, token_id
 from gateway.bus.known_gateways import NO_SIGNERS, RefuseKey, Signers
 from gateway.bus.session import TlsFiles
+from gateway.configuration.bus_section import TlsSection
 from gateway.configuration.loading import is_installed, load, load_installed
 from gateway.configuration.user_state import known_data_folders
 from gateway.errors import InputError, PlumblineError
@@ -72,13 +73,26 @@ def _usual_folders() -> Iterable[Path]:
     yield from known_data_folders()
 
 
+def gateway_credentials(tls: TlsSection) -> Credentials:
+    """Return the usual credentials, but with the certificate of a gateway of this machine where this user may read it."""
+    credentials = load_credentials()
+    credentials.tls = _readable(tls) or credentials.tls
+    return credentials
+
+
 def _installed_certificate() -> TlsFiles | None:
     """Return the certificate of this machine's gateway, with which it may be asked how it does, where this user may read it."""
     try:
-        tls = load_installed().bus.tls if is_installed() else None
+        return _readable(load_installed().bus.tls) if is_installed() else None
     except PlumblineError:
         return None
-    return None if tls is None or tls.ca is None else TlsFiles(tls.ca, tls.certificate, tls.key)
+
+
+def _readable(tls: TlsSection) -> TlsFiles | None:
+    """Return the certificate of a gateway; None where there is none, or this user may not read it."""
+    if tls.ca is None or not all(os.access(path, os.R_OK) for path in tls.files.values()):
+        return None
+    return TlsFiles(tls.ca, tls.certificate, tls.key)
 
 
 def _installed_authority() -> RefuseKey | None:

@@ -20,7 +20,7 @@ from gateway.pki.site_folder import Holder, utc_now
 from tests.gateway.pki.site import Site
 from tests.ports import unused_port
 from tests.system.bus_query import KEY, query, sign
-from tests.system.conftest import ROOT, RunningGateway, StartGateway
+from tests.system.conftest import ROOT, Plumbline, RunningGateway, StartGateway
 from tests.values import present
 from tests.waiting import PATIENCE_S, wait_until
 
@@ -32,9 +32,10 @@ class TlsSite:
 
     def __init__(self, folder: Path, start_gateway: StartGateway) -> None:
         self.keys = Site(folder / "keys")
+        self.certificate_toml = self.keys.gateway_toml()
         self.endpoint = f"tls/127.0.0.1:{unused_port()}"
         environment = {"PLUMBLINE_BUS__LISTEN": json.dumps([self.endpoint])}
-        self.gateway: RunningGateway = start_gateway(self.keys.gateway_toml(), environment=environment)
+        self.gateway: RunningGateway = start_gateway(self.certificate_toml, environment=environment)
         self.viewer = self.keys.issue("viewer", Holder.OPERATOR)
         wait_until(self._answers, "the gateway")
 
@@ -220,3 +221,25 @@ def _forge_through(endpoint: str, folders: dict[str, Path]) -> None:
     assert b"by eve" not in seen
     viewer.close()
     hostile.close()
+
+
+def test_doctor_asks_with_the_certificate_of_the_gateway_and_else_says_whose_it_needs(
+    site: TlsSite, tmp_path: Path, plumbline: Plumbline, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("PLUMBLINE_CREDENTIALS", raising=False)
+    settings = f'[gateway]\ndata_dir = "{site.gateway.data_dir}"\n[bus]\nlisten = ["{site.endpoint}"]\n[page]\nenabled = false\n'
+    config, elsewhere = tmp_path / "doctor.toml", tmp_path / "elsewhere.toml"
+    config.write_text(settings + site.certificate_toml)
+    elsewhere.write_text(settings + site.certificate_toml.replace("key.pem", "of-another-user.pem"))
+
+    asked, not_asked = (plumbline("doctor", "--config", path) for path in (config, elsewhere))
+    monkeypatch.setenv("PLUMBLINE_CREDENTIALS", str(site.viewer))
+    as_viewer = plumbline("doctor", "--config", elsewhere)
+
+    assert "ok   gateway      has been running" in asked.stdout
+    assert f"note gateway      runs with {site.gateway.data_dir}, and was not asked" in not_asked.stdout
+    assert "in PLUMBLINE_CREDENTIALS" in not_asked.stdout
+    assert "--credentials" not in not_asked.stdout
+    assert "ok   gateway      has been running" in as_viewer.stdout
+    for done in (asked, not_asked, as_viewer):
+        assert ("BAD" in done.stdout, done.returncode) == (False, 0), done.stdout

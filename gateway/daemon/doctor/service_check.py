@@ -1,14 +1,15 @@
 """The checks of `plumbline doctor` beside a gateway that runs: the gateway itself is asked over its bus."""
 
 from collections.abc import Iterator
+from getpass import getuser
 from typing import Any
 
 from gateway.bus.authenticity import Authenticity
 from gateway.bus.client import StatusAnswer, open_client_session, query_status
-from gateway.bus.credentials import load_credentials
+from gateway.bus.credentials import VARIABLE, gateway_credentials
 from gateway.configuration.model import Configuration
 from gateway.daemon.doctor import CheckResult
-from gateway.errors import PlumblineError
+from gateway.errors import InputError, PlumblineError
 from gateway.page.verdict import TRUSTED_CALIBRATIONS
 
 MAX_LOST_SHARE = 0.01
@@ -20,13 +21,20 @@ def examine_running(configuration: Configuration) -> Iterator[CheckResult]:
     folder, key = configuration.gateway.data_dir, configuration.gateway.key
     try:
         answer = query_gateway(configuration)
+    except InputError:
+        yield CheckResult(
+            "note",
+            "gateway",
+            f"runs with {folder}, and was not asked how it does: {getuser()} may not read the certificate of bus.tls; run doctor "
+            f"as the gateway's user, or name a folder that plumbline keys issue has made in {VARIABLE}",
+        )
+        return
     except PlumblineError as error:
-        yield CheckResult("bad", "gateway", f"does not answer, and {folder} is in use: {error}")
+        yield CheckResult("bad", "gateway", f"does not answer, though one runs with {folder}: {error}")
         return
     if answer is None:
-        yield CheckResult(
-            "bad", "gateway", f"{key} does not answer, and {folder} is in use: has the gateway another configuration?"
-        )
+        text = f"{key} does not answer, though one runs with {folder}: has the gateway another configuration?"
+        yield CheckResult("bad", "gateway", text)
         return
     if answer.doubt is not None:
         yield CheckResult("note", "signature", str(answer.doubt))
@@ -34,11 +42,14 @@ def examine_running(configuration: Configuration) -> Iterator[CheckResult]:
 
 
 def query_gateway(configuration: Configuration) -> StatusAnswer | None:
-    """Return the answer of the gateway of this machine; None: it does not answer. Raises `BusError`."""
-    key = configuration.gateway.key
+    """Return the answer of the gateway of this machine; None: it does not answer.
+
+    Raises `BusError`, and `InputError` where it asks for a certificate and this user has none.
+    """
+    key, credentials = configuration.gateway.key, gateway_credentials(configuration.bus.tls)
     for endpoint in configuration.bus.local_endpoints:
-        with open_client_session(endpoint) as session:
-            return query_status(session, key, Authenticity(load_credentials().signers)).get(key)
+        with open_client_session(endpoint, credentials) as session:
+            return query_status(session, key, Authenticity(credentials.signers)).get(key)
     return None
 
 
