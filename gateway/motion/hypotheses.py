@@ -70,19 +70,18 @@ WIND_LEVELS = (
 """Basis: leans of 0.2 degrees by a breeze; 5 to 10 m/s on a load of some m^2 per tonne; ground or snag that hold a load, by whose
 friction a rope may stand aslant by several degrees."""
 
-_NEVER = 1e-15
-"""Basis: a base floats or it does not. Evidence for the other, in some ten seconds, is what a wrong beginning needs to mend."""
 PIVOT_STARTS_1_S = np.array(
     [
-        [0.0, 1 / 100, 1 / 25, 1 / 100, _NEVER, 0.0],
-        [1 / 30, 0.0, 1 / 25, 1 / 50, _NEVER, 0.0],
-        [1 / 20, 1 / 100, 0.0, 1 / 6, 0.0, _NEVER],
-        [1.0, 1 / 20, 1.0, 0.0, 0.0, _NEVER],
-        [1e-4, 1e-4, 0.0, 0.0, 0.0, 1 / 25],
-        [0.0, 0.0, 1e-4, 0.0, 1 / 6, 0.0],
+        [0.0, 1 / 100, 1 / 25, 1 / 100, 0.0, 0.0],
+        [1 / 30, 0.0, 1 / 25, 1 / 50, 0.0, 0.0],
+        [1 / 20, 1 / 100, 0.0, 1 / 6, 0.0, 0.0],
+        [1.0, 1 / 20, 1.0, 0.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0, 0.0, 0.0, 1 / 25],
+        [0.0, 0.0, 0.0, 0.0, 1 / 6, 0.0],
     ]
 )
-"""How often a level (row) is followed by another. Basis: a crane at work moves twice a minute, for some seconds."""
+"""How often a level (row) is followed by another. Basis: a crane at work moves twice a minute, for some seconds; a base floats or
+it does not."""
 WIND_STARTS_1_S = np.array([[0.0, 1 / 90, 1 / 1500], [1 / 60, 0.0, 1 / 1500], [1 / 3, 1 / 20, 0.0]])
 """Basis: gusts of a minute; a load touches the ground, or leaves it, some times an hour."""
 RESTING, STEADY, CHANGING = range(3)
@@ -124,6 +123,19 @@ IS_FREE = ~IS_DRIVEN & ~IS_GUST & ~IS_HOISTING
 """The load swings freely or rests."""
 _WEIGHTS = np.array([_PIVOT_WEIGHTS[p] * _WIND_WEIGHTS[w] * _WINCH_WEIGHTS[h] for p, w, h in _ALL])
 INITIAL_WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
+FLOATING_SHARE = float(INITIAL_WEIGHTS[IS_FLOATING].sum())
+"""Probability of a floating base before the first reading."""
+_EXCLUDED = 1e-200
+"""Weight of a hypothesis of the other base: not zero, because its logarithm is taken."""
+
+
+def initial_weights(*, floats: bool) -> Array:
+    """Return the weights before the first reading of a base that floats, or of one that does not, shape (m,)."""
+    weight = np.where(floats == IS_FLOATING, INITIAL_WEIGHTS, _EXCLUDED)
+    normalised: Array = weight / weight.sum()
+    return normalised
+
+
 _KINDS = np.column_stack([IS_DRIVEN, IS_GUST & ~IS_DRIVEN, IS_HOISTING]).astype(float)
 
 

@@ -8,7 +8,6 @@ import numpy as np
 from gateway.motion.disturbances import HOIST_JERK_SIGMA_M_S2, STILL_ACCELERATION_M_S2
 from gateway.motion.hypotheses import (
     CHANGING,
-    INITIAL_WEIGHTS,
     IS_HOISTING,
     N_HYPOTHESES,
     PIVOT_LEVEL,
@@ -16,6 +15,7 @@ from gateway.motion.hypotheses import (
     WINCH_LEVEL,
     WIND_LEVEL,
     WIND_LEVELS,
+    initial_weights,
 )
 from gateway.motion.mixture import Mixture
 from gateway.motion.state_vector import (
@@ -96,8 +96,10 @@ def constants_of(rig: MountedHousing, mount_u_rad: float) -> Constants:
     )
 
 
-def initial_mixture(gravity_m_s2: float, constants: Constants, *, on_spreader: bool = False) -> Mixture:
-    """Return what is known before the first reading."""
+def initial_mixture(
+    gravity_m_s2: float, constants: Constants, *, on_spreader: bool = False, floats: bool = False
+) -> Mixture:
+    """Return what is known before the first reading; `floats`: of a crane on a floating base."""
     omega = math.sqrt(gravity_m_s2 / constants.length_m)
     state = np.zeros((N_HYPOTHESES, N_STATES))
     state[:, LN_LENGTH] = math.log(constants.length_m)
@@ -124,4 +126,4 @@ def initial_mixture(gravity_m_s2: float, constants: Constants, *, on_spreader: b
     for i in (0, 1):
         offset, mount = OFFSET.start + i, MOUNT.start + i
         covariance[:, offset, mount] = covariance[:, mount, offset] = constants.mount_u_rad**2
-    return Mixture(state, covariance, INITIAL_WEIGHTS)
+    return Mixture(state, covariance, initial_weights(floats=floats))

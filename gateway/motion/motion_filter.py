@@ -95,13 +95,20 @@ _DIAGONAL = np.arange(_N_OBSERVED)
 class MotionFilter:
     """Mean and covariance of the state under each hypothesis, and the hypotheses' weights."""
 
-    def __init__(self, model: RopeModel, constants: Constants, gyro: GyroPrior | None = None) -> None:
-        """`gyro`: what is known of the gyroscope, for whose states the model has room; None: there is none."""
+    def __init__(
+        self, model: RopeModel, constants: Constants, gyro: GyroPrior | None = None, *, floats: bool = False
+    ) -> None:
+        """`gyro`: what is known of the gyroscope, for whose states the model has room; None: there is none.
+
+        `floats`: the crane stands on a floating base.
+        """
         self.model = model
-        prior = initial_mixture(model.gravity_m_s2, constants, on_spreader=model.on_spreader)
+        prior = initial_mixture(model.gravity_m_s2, constants, on_spreader=model.on_spreader, floats=floats)
         self.prior = prior if gyro is None else with_gyro_states(prior, gyro)
         self.mixture = self.prior
         self._stated = StatedValues(self.prior)
+        self._least = np.minimum(prior.weight, SMALLEST_WEIGHT)
+        """Smallest weight of each hypothesis."""
         self._line: FastOscillation | None = None
         """A fast oscillation that is part of the state."""
         self._step_s = 1.0
@@ -243,7 +250,7 @@ class MotionFilter:
         likelihood = -0.5 * np.square(white) - np.log(root[:, _DIAGONAL, _DIAGONAL])
         likelihood[:, 3:] += 0.5 * np.log(noise[:, 3:])  # what is stated has no units of its own
         likelihood[:, :3] *= TEMPERING
-        weight, self.log_evidence = _weighed(np.log(self.mixture.weight) + likelihood.sum(axis=1))
+        weight, self.log_evidence = _weighed(np.log(self.mixture.weight) + likelihood.sum(axis=1), self._least)
         self.mixture = Mixture(x, covariance, weight)
         self.squared_innovation = float(squared[weight.argmax()])
         self._follow_misfit(residual_g2, expected_g2)
@@ -297,7 +304,7 @@ class MotionFilter:
         x = x + np.matvec(gain, white)
         self.model.keep_in_domain(x)
         log_density = -0.5 * squared - np.log(root[:, _DIAGONAL[:3], _DIAGONAL[:3]]).sum(axis=1)
-        weight, log_evidence = _weighed(np.log(self.mixture.weight) + TEMPERING * log_density)
+        weight, log_evidence = _weighed(np.log(self.mixture.weight) + TEMPERING * log_density, self._least)
         self.log_evidence += log_evidence
         self.mixture = Mixture(x, covariance - gain @ gain.transpose(0, 2, 1), weight)
         return smallest
@@ -381,12 +388,12 @@ def _advance(covariance: Array, transition: Array) -> None:
     covariance[:, N_MOVING:, :N_MOVING] = rows[:, :, N_MOVING:].transpose(0, 2, 1)
 
 
-def _weighed(log_weight: Array) -> tuple[Array, float]:
-    """Return the weights, which add up to 1, and the logarithm of what they were divided by."""
+def _weighed(log_weight: Array, least: Array) -> tuple[Array, float]:
+    """Return the weights, which add up to 1 and have a least, and the logarithm of what they were divided by."""
     largest = float(log_weight.max())
     weight = np.exp(log_weight - largest)
     total = float(weight.sum())
-    weight = np.maximum(weight / total, SMALLEST_WEIGHT)
+    weight = np.maximum(weight / total, least)
     return weight / weight.sum(), largest + math.log(total)
 
 

@@ -1,13 +1,14 @@
 """The motion of a live stream: blocks of samples in, an estimate at any time out; pure and deterministic.
 
 A bank of candidates takes every bin. Each is one structure of the crane: a housing that turns with the rope, or one on a spreader
-near the load, which does not. They start together; all bins of both count; while their evidence does not tell them apart the
-estimate holds both, and one that is excluded ends.
+near the load, which does not, on a base that stands or on one that floats. They start together; all bins of both count; while
+their evidence does not tell them apart the estimate holds both, and one that is excluded ends.
 """
 
 import math
 from collections import deque
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from gateway.motion.candidate import MotionCandidate
 from gateway.motion.estimate import MotionEstimate, PeakEstimate
 from gateway.motion.fast_oscillation import FastOscillationDetector
 from gateway.motion.gyro_reading import GyroPrior
+from gateway.motion.hypotheses import FLOATING_SHARE
 from gateway.motion.initial_state import constants_of
 from gateway.motion.motion_filter import MotionFilter
 from gateway.motion.rope_model import RopeModel
@@ -149,9 +151,10 @@ class MotionTracker:
                 candidate.filter.widen(GYRO_BIAS, u_rad_s)
 
     def _new_candidates(self) -> list[MotionCandidate]:
-        return [self._new_candidate(mounted_on) for mounted_on in self._rig.possible_structures]
+        structures = product(self._rig.possible_structures, (False, True))
+        return [self._new_candidate(mounted_on, floats=floats) for mounted_on, floats in structures]
 
-    def _new_candidate(self, mounted_on: MountedOn) -> MotionCandidate:
+    def _new_candidate(self, mounted_on: MountedOn, *, floats: bool) -> MotionCandidate:
         constants, on_spreader = self._constants, mounted_on == "spreader"
         if mounted_on == "converging_ropes":
             shift_m, u_m = CONVERGING * self._rig.length_m, CONVERGING_U * self._rig.length_m
@@ -164,8 +167,9 @@ class MotionTracker:
             on_spreader=on_spreader,
             n_states=N_STATES + (0 if self._gyro is None else N_GYRO_STATES),
         )
-        motion_filter = MotionFilter(model, constants, self._gyro)
+        motion_filter = MotionFilter(model, constants, self._gyro, floats=floats)
         candidate = MotionCandidate(motion_filter, self.bin_s, self._rig.small_swing_period_s, self._gyro, mounted_on)
+        candidate.evidence = math.log(FLOATING_SHARE if floats else 1 - FLOATING_SHARE)
         candidate.history = StepHistory() if self._keeps_steps else None
         return candidate
 

@@ -13,10 +13,12 @@ from gateway.motion.hypotheses import (
     DRIVEN,
     FLOATING,
     FLOATING_DRIVEN,
+    FLOATING_SHARE,
     HEAVE_SIGMA,
     HELD,
     INITIAL_WEIGHTS,
     IS_DRIVEN,
+    IS_FLOATING,
     IS_FREE,
     IS_GUST,
     IS_HOISTING,
@@ -30,6 +32,7 @@ from gateway.motion.hypotheses import (
     WIND_LEVEL,
     WIND_LEVELS,
     YIELDING,
+    initial_weights,
     probabilities,
     starts_1_s,
 )
@@ -142,7 +145,17 @@ def test_one_thing_changes_at_a_time_and_every_hypothesis_is_reached() -> None:
 
     assert (changes[follows] == 1).all()
     reached = np.linalg.matrix_power(follows.astype(float) + np.eye(N_HYPOTHESES), N_HYPOTHESES) > 0
-    assert reached.all()
+    np.testing.assert_array_equal(reached, IS_FLOATING[:, None] == IS_FLOATING)  # a base floats or it does not
+
+
+@pytest.mark.parametrize("floats", [False, True])
+def test_the_first_weights_are_those_of_one_base(floats: bool) -> None:
+    weight = initial_weights(floats=floats)
+
+    share = FLOATING_SHARE if floats else 1 - FLOATING_SHARE
+    of_base = floats == IS_FLOATING
+    np.testing.assert_allclose(weight[of_base], INITIAL_WEIGHTS[of_base] / share)
+    assert 0 < weight[~of_base].max() < 1e-100
 
 
 def test_hypotheses_are_the_combinations_of_levels_that_readings_can_tell_apart() -> None:

@@ -6,11 +6,21 @@ from typing import get_args
 import numpy as np
 import pytest
 
+from devices.simulated.demo import demo_crane
 from gateway.configuration.model import MountedOn
 from gateway.motion.motion_tracker import MotionTracker
 from gateway.numerics.array import Array
 from gateway.swing.rig import MountedHousing
-from tests.gateway.motion.conftest import Recording, follow, holds, new_tracker, normalised_errors, swing
+from tests.gateway.motion.conftest import (
+    GRAVITY_M_S2,
+    RATE_HZ,
+    Recording,
+    follow,
+    holds,
+    new_tracker,
+    normalised_errors,
+    swing,
+)
 from tests.values import present
 from tests.working_crane.real.recording import make
 
@@ -129,6 +139,25 @@ def test_base_that_never_rests_keeps_its_interval() -> None:
         held += [holds(recording, e) for e in late]
 
     assert np.mean(held) > 0.9
+
+
+@pytest.mark.slow
+def test_a_start_in_the_middle_of_a_hoist_is_not_taken_for_a_floating_base() -> None:
+    """The acceleration of a slow hoist looks like heave; the swing by the gusts after it is then no roll of a barge."""
+    from_s, to_s = 80.0, 132.0
+    time_s: Array = np.arange(from_s, to_s, 1 / RATE_HZ)
+    crane, same = (demo_crane(2, 12.0, 9.0, GRAVITY_M_S2) for _ in range(2))
+    force_g = crane.specific_force_m_s2(time_s) / GRAVITY_M_S2
+    force_g += 2e-4 * np.random.default_rng(2).normal(size=force_g.shape)
+    rig = MountedHousing(length_m=12.0, above_load_m=3.0, position_u_m=0.05, zero_g_offset_u_g=(3e-4, 3e-4, 3e-4))
+    recording = Recording(time_s, force_g, same.truth(time_s).rope_angle_rad, rig)
+
+    late = [e for e in follow(recording) if e.time_s > from_s + 7.0]
+
+    above_deg = [np.degrees(present(e.angle_rad) - recording.angle_rad.max()) for e in late]
+    assert max(above_deg) < 1.0
+    assert np.mean([holds(recording, e) for e in late]) > 0.7
+    assert late[-1].state != "driven"
 
 
 @pytest.mark.slow
