@@ -240,7 +240,7 @@ def motion_rows(motion: RecordingMotion) -> list[tuple[str, str]]:
     if (gyroscope := GYRO_TEXT[motion.uses_gyro]) is not None:
         rows.append(("", f"gyroscope {gyroscope}"))
     for phase in motion.phases[:MAX_SHOWN_PHASES]:
-        angle = "" if phase.largest is None else f", up to {_angle_text(phase.largest)}"
+        angle = "" if phase.largest is None else f", up to {_angle_text(motion, phase.largest)}"
         rows.append(("", f"{phase.from_s:.1f}-{phase.to_s:.1f} s {STATE_TEXT[phase.state]}{angle}"))
     if (others := len(motion.phases) - MAX_SHOWN_PHASES) > 0:
         rows.append(("", f"and {others} more phases; --json has all of them"))
@@ -253,15 +253,16 @@ def _largest_text(motion: RecordingMotion) -> str:
     moved = "the crane moved" if motion.crane_moved_at_largest else f"{STATE_TEXT[motion.state_at_largest]}"
     why = NOT_AS_STATED if motion.contradicts_rig else f"one drive lasts longer than {MAX_DRIVE_S:.0f} s"
     doubt = f"unreliable, because {why}: " if motion.is_doubted else ""
-    text = f"{doubt}largest angle {_angle_text(motion.largest)} at {motion.largest.time_s:.1f} s, {moved}"
+    text = f"{doubt}largest angle {_angle_text(motion, motion.largest)} at {motion.largest.time_s:.1f} s, {moved}"
     if motion.known_share > WHOLLY_KNOWN:
         return text
     return f"{text}; the angle is known {100 * motion.known_share:.0f} % of the time and may be larger in the rest"
 
 
-def _angle_text(largest: LargestAngle) -> str:
-    low, high = (degrees(end_rad) for end_rad in largest.coverage95_rad)
-    return f"{degrees(largest.angle_rad):.3f}° (95 % {low:.3f}° to {high:.3f}°)"
+def _angle_text(motion: RecordingMotion, largest: LargestAngle) -> str:
+    """Return an angle with its interval; without one where the motion is doubted, whose intervals do not hold."""
+    angle, low, high = (f"{degrees(each_rad):.3f}°" for each_rad in (largest.angle_rad, *largest.coverage95_rad))
+    return f"{angle}, uncertainty unknown" if motion.is_doubted else f"{angle} (95 % {low} to {high})"
 
 
 def motion_table(history: MotionHistory) -> str:

@@ -151,8 +151,10 @@ def test_the_motion_is_doubted_with_the_rig_that_it_rests_on(working: tuple[Sour
     )
 
     assert present(motion).is_doubted
-    (_, text), *_ = motion_rows(present(motion))
-    assert text.startswith("unreliable, because rig and sensor as stated do not explain the data: largest angle")
+    rows = motion_rows(present(motion))
+    assert rows[0][1].startswith("unreliable, because rig and sensor as stated do not explain the data: largest angle")
+    assert not any("95 %" in text for _, text in rows)
+    assert any("95 %" in text for _, text in motion_rows(replace(present(motion), contradicts_rig=False)))
 
 
 @pytest.mark.slow
