@@ -212,7 +212,9 @@ def test_a_repaired_segment_says_from_when_on_it_was_signed_afterwards(
     paths = record(start_ns + 60 * SECOND_NS, segments=1)
     found = verify(paths, folders=(folder,))
     assert problems(found) == []
-    assert any(text.startswith("was cut off") and "later than 2026-01-01T00:00:20" in text for text in found.files[0].remarks)
+    assert any(
+        text.startswith("was cut off") and "later than 2026-01-01T00:00:20" in text for text in found.files[0].remarks
+    )
 
 
 @pytest.mark.slow
