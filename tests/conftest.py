@@ -2,6 +2,7 @@
 
 import signal
 from collections.abc import Iterator
+from operator import itemgetter
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,18 @@ ARGUMENTS = [
 # How long an example takes says how busy the computer is.
 settings.register_profile("plumbline", deadline=None)
 settings.load_profile("plumbline")
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Spread the modules that wait for processes among those that compute: at the end, they would wait with idle cores."""
+    modules: dict[Path, list[pytest.Item]] = {}
+    for item in items:
+        modules.setdefault(item.path, []).append(item)
+    waiting = [module for path, module in modules.items() if "system" in path.parts]
+    computing = [module for path, module in modules.items() if "system" not in path.parts]
+    places = [(number / len(group), module) for group in (waiting, computing) for number, module in enumerate(group)]
+    items[:] = [item for _, module in sorted(places, key=itemgetter(0)) for item in module]
 
 
 @pytest.fixture(scope="session", autouse=True)
