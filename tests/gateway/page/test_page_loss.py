@@ -99,6 +99,17 @@ def test_an_angle_that_is_not_known_any_more_sounds(
     wait_for_tone(screen.page, LOST_HZ)
 
 
+def test_a_disturbance_that_lasts_sounds_as_loss_of_view(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser
+) -> None:
+    screen = Screen(browser, page.url)
+    screen.shows("OK", "circle")
+    turn_sound_on(screen.page)
+    gateway.scene.condition, gateway.scene.trusted = "disturbed", False
+    screen.shows("DISTURBED", "zigzag")
+    wait_for_tone(screen.page, LOST_HZ)
+
+
 def test_a_restart_of_the_gateway_does_not_end_the_tone_before_the_angle_is_known(
     gateway: FakeGateway, page: PageUnderTest, browser: Browser
 ) -> None:

@@ -157,6 +157,23 @@ def test_seen_from_above_the_limits_stay_and_the_angle_is_the_deciding_one(
         expect(screen.page.locator("#bullseye .beyond")).to_have_count(int(expected_deg > 6))
 
 
+MAJOR = """() => import('/bullseye.js').then(({Bullseye}) => {
+  const svg = document.createElementNS('http://www.w3.org/2000/svg', 'svg');
+  const state = {
+    page: {warn_deg: 3, trip_deg: 5, directions: {plus_x: '', minus_x: '', plus_y: '', minus_y: ''}},
+    topics: {swing: {azimuth_deg: 0, lean_deg: 4, lean_azimuth_deg: 0, minor_phi_max_deg: 0.1}, motion: {}},
+    verdict: {sound: true},
+  };
+  new Bullseye(svg).draw(state, {title: '', angleDeg: 10, halfDeg: 0.3, isBound: false});
+  return Number(svg.querySelector('ellipse').getAttribute('rx'));
+})"""
+
+
+def test_a_swing_about_a_lean_is_drawn_as_wide_as_it_is(page: PageUnderTest, browser: Browser) -> None:
+    """It reaches 10 degrees on one side of a lean of 4, and 2 on the other; the limit of 5 is at 98."""
+    assert Screen(browser, page.url).page.evaluate(MAJOR) == pytest.approx(98 * 6 / 5, rel=0.01)
+
+
 TREND = """() => import('/trend.js').then(({Trend}) => {
   const part = (name) => document.createElementNS('http://www.w3.org/2000/svg', name);
   const trend = new Trend(part('svg'), document.createElement('div'), document.createElement('div'));
