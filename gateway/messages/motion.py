@@ -71,12 +71,12 @@ class Motion(Message):
     phi_max_deg: Annotated[float | None, Field(description="largest angle of the last period")] = None
     phi_max_u_deg: Degrees | None = None
     predicted_phi_max_deg: Annotated[
-        float | None, Field(description="next maximum of the angle if the pivot keeps its present acceleration")
+        float | None, Field(description="largest angle of the next whole swing if the pivot keeps its acceleration")
     ] = None
     predicted_u_deg: Degrees | None = None
     time_to_peak_s: Seconds | None = None
     coasting_phi_max_deg: Annotated[
-        float | None, Field(description="next maximum of the angle if the pivot's acceleration ends now")
+        float | None, Field(description="the same if the acceleration of the pivot ends now")
     ] = None
     coasting_u_deg: Degrees | None = None
     coasting_time_to_peak_s: Seconds | None = None

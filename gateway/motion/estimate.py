@@ -60,9 +60,9 @@ class MotionEstimate:
     probabilities: tuple[float, ...] = ()
     """Of the hypotheses, in the order of `gateway.motion.hypotheses`."""
     next_peak: PeakEstimate | None = None
-    """The next maximum if the pivot keeps its present acceleration."""
+    """The largest angle of the next whole swing if the pivot keeps its present acceleration."""
     next_peak_if_coasting: PeakEstimate | None = None
-    """The next maximum if the pivot's acceleration ends now."""
+    """The same if the pivot's acceleration ends now."""
     last_peak: PeakEstimate | None = None
     """The largest angle of the last period."""
     amplitude_rad: float | None = None
