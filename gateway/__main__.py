@@ -1,7 +1,5 @@
 """`python -m gateway` is `plumbline`."""
 
-import sys
+from gateway.cli.main import run_program
 
-from gateway.cli.main import main
-
-sys.exit(main())
+run_program()

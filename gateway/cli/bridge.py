@@ -6,7 +6,6 @@ All bridges have the same options and the same life: one gateway, the settings, 
 import argparse
 import asyncio
 import logging
-import os
 import signal
 import sys
 from collections.abc import Callable, Coroutine
@@ -189,8 +188,7 @@ def _run_bridge(
     except BaseException:
         reader.close()
         raise
-    sys.stdout.flush()
-    os._exit(0)  # a thread of the bus that does not end would hold the process; there is nothing to save
+    return 0
 
 
 async def _until_signal(serving: Coroutine[None, None, None]) -> None:

@@ -4,15 +4,17 @@ import argparse
 import os
 import re
 import sys
+import traceback
 from collections.abc import Sequence
+from contextlib import suppress
 from itertools import pairwise
-from typing import Never
+from typing import Never, NoReturn
 
 from devices.errors import DeviceError
 from gateway import __version__
 from gateway.cli.command import Command, declared
 from gateway.cli.output import paint
-from gateway.errors import BAD_INPUT, PlumblineError, printable
+from gateway.errors import ANSWER_IS_NO, BAD_INPUT, PlumblineError, printable
 
 AXES_FROM_MINUS = re.compile(r"-[xyz],.+")
 """A value of --axes that `argparse` takes for an option."""
@@ -162,17 +164,39 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = parser(given[0] if given and given[0] in COMMANDS else None).parse_args(given)
     try:
         code: int = chosen.run(chosen)
+        if sys.stdout is not None:
+            sys.stdout.flush()
     except (PlumblineError, DeviceError) as error:
         code = error.exit_code if isinstance(error, PlumblineError) else BAD_INPUT
         return _refuse(chosen.command, str(error), code)
-    except BrokenPipeError:
-        sys.stderr.close()  # the reader of the output has ended
+    except BrokenPipeError:  # the reader of the output has ended
         return BAD_INPUT
     except OSError as error:
-        return _refuse(chosen.command, f"{error.filename}: {error.strerror}" if error.filename else str(error))
+        return _refuse(
+            chosen.command, f"{error.filename}: {error.strerror}" if error.filename else error.strerror or str(error)
+        )
     except KeyboardInterrupt:
         return 130
     return code
+
+
+def run_program() -> NoReturn:
+    """Run the command of this process, and end it as it stands.
+
+    Threads of the bus library outlive its session, and an interpreter that ends under them hangs or aborts.
+    """
+    code = ANSWER_IS_NO  # what an error that nobody expected ends with
+    try:
+        code = main()
+    except SystemExit as end:  # of the argument parser, which has printed why
+        code = end.code if isinstance(end.code, int) else BAD_INPUT
+    finally:
+        if sys.exception() is not None:
+            traceback.print_exc()
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError, AttributeError):  # the reader has ended, or there was none
+                stream.flush()
+        os._exit(code)
 
 
 def _refuse(command: str, why: str, code: int = BAD_INPUT) -> int:

@@ -84,7 +84,8 @@ def test_a_falling_phone_is_never_trusted(start_gateway: StartGateway) -> None:
 
 def test_a_recording_of_the_gateway_replays_to_the_same_numbers(start_gateway: StartGateway, tmp_path: Path) -> None:
     first = start_gateway("[device]\nblock_samples = 8\n", arguments=("--duration", "14"))
-    assert first.wait()[0] == 0
+    code, _, said = first.wait()
+    assert code == 0, said
     (path,) = first.recordings
     moved = tmp_path / "first.mcap"
     path.rename(moved)

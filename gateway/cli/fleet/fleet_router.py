@@ -2,12 +2,11 @@
 
 import argparse
 import json
-import os
 import signal
 import threading
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 from gateway.cli.bus_link import LOCAL_ENDPOINT
 from gateway.cli.command import command, option
@@ -90,7 +89,7 @@ def run_router(arguments: argparse.Namespace) -> int:
     return _serve(configuration, listen, encrypted=tls is not None)
 
 
-def _serve(configuration: dict[str, Any], endpoints: list[str], *, encrypted: bool) -> NoReturn:
+def _serve(configuration: dict[str, Any], endpoints: list[str], *, encrypted: bool) -> int:
     import zenoh
 
     from gateway.bus.router import LatestStates
@@ -119,9 +118,7 @@ def _serve(configuration: dict[str, Any], endpoints: list[str], *, encrypted: bo
     closing = threading.Thread(target=_close, args=(states, session), daemon=True)
     closing.start()
     closing.join(CLOSE_S)
-    os._exit(
-        0
-    )  # a link that does not close, or a thread of the library, would hold the process; there is nothing to save
+    return 0
 
 
 def _close(states: "LatestStates", session: "zenoh.Session") -> None:

@@ -84,9 +84,6 @@ def _run(arguments: argparse.Namespace, stopping: threading.Event, output: "Line
     code = _exit_code(gateway, failed, errors)
     if gateway.shutdown.stuck:
         errors.put(f"plumbline run: ended without {', '.join(gateway.shutdown.stuck)}, which did not stop in time")
-        for writer in (output, errors):
-            writer.finish(OUTPUT_S)
-        os._exit(code)  # the interpreter would wait for what these threads are stuck in
     return code
 
 

@@ -12,6 +12,7 @@ import pytest
 from gateway.cli.main import join_axes, main, parser
 from gateway.errors import BAD_INPUT
 from tests.command_lines import command_words
+from tests.waiting import PATIENCE_S
 
 
 def commands(node: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
@@ -62,6 +63,29 @@ def test_the_gateway_starts_without_the_modules_of_other_commands() -> None:
     loaded = subprocess.run([sys.executable, "-v", "-c", code], capture_output=True, text=True, check=True).stderr
     assert "import 'gateway.cli.machine.run'" in loaded
     assert "import 'gateway.cli.record'" not in loaded
+
+
+def test_a_thread_that_outlives_a_command_does_not_hold_the_program() -> None:
+    """A thread of the bus library can take an interpreter that ends with it, or keep it for ever."""
+    code = (
+        "import sys, threading; from gateway.cli.main import run_program; sys.argv[1:] = ['--version']; "
+        "threading.Thread(target=threading.Event().wait).start(); run_program()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=PATIENCE_S)
+    assert done.stdout.startswith("plumbline ")
+
+
+def test_output_that_cannot_be_written_is_an_error() -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "gateway", "config", "show"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+            timeout=PATIENCE_S,
+        )
+    assert (done.returncode, done.stderr) == (BAD_INPUT, "plumbline config: No space left on device\n")
 
 
 def test_an_error_of_usage_is_one_line_that_names_the_help(capsys: pytest.CaptureFixture[str]) -> None:
