@@ -9,6 +9,9 @@ const KEY = "F8";
 const COMPLAINT_MS = 8000;
 const UNAUTHORISED = 401;
 
+// Return the incidents of alarms that nobody has acknowledged.
+const waitingOf = (alarms) => alarms.filter((one) => one.incident && !one.acknowledged_by).map((one) => one.incident);
+
 // Return the alarms that stand: warnings and limits.
 export const standing = (alert) => (alert?.active ?? []).filter((one) => one.level === "warn" || one.level === "trip");
 
@@ -16,7 +19,10 @@ export class Acknowledger {
   constructor(person) {
     this.person = person;
     this.waiting = []; // incidents that stand and nobody has acknowledged
+    this.listed = []; // those in the list, ended ones too
     this.complaint = "";
+    this.allButton = document.getElementById("acknowledge-all");
+    this.allButton.addEventListener("click", () => this.acknowledge(this.listed));
     this.button = document.getElementById("acknowledge");
     this.button.addEventListener("click", () => this.acknowledge(this.waiting));
     document.addEventListener("keydown", (event) => {
@@ -28,11 +34,17 @@ export class Acknowledger {
 
   // Show the button while an alarm stands that nobody has acknowledged, and else who has.
   show(alarms) {
-    this.waiting = alarms.filter((one) => one.incident && !one.acknowledged_by).map((one) => one.incident);
+    this.waiting = waitingOf(alarms);
     this.button.hidden = this.waiting.length === 0;
     const done = alarms.find((one) => one.acknowledged_by);
     const by = done && this.waiting.length === 0 ? acknowledgedText(done) : "";
     setText("acknowledged", this.complaint || by);
+  }
+
+  // Offer to acknowledge several alarms of the list at once.
+  list(alarms) {
+    this.listed = waitingOf(alarms);
+    this.allButton.hidden = this.listed.length < 2;
   }
 
   async acknowledge(incidents) {

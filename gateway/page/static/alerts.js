@@ -21,6 +21,7 @@ export class AlertList {
     const time = timeOfDay(sinceNs);
     setText("alerts-title", text("alerts_of", {time}));
     setText("alerts-none", alerts.length === 0 ? text("no_alerts", {time}) : "");
+    this.acknowledger.list(alerts);
     const newestFirst = [...alerts].reverse();
     const rows = new Map(newestFirst.map((alert) => [keyOf(alert), this.rows.get(keyOf(alert)) ?? makeRow()]));
     const isNew = [...rows.keys()].join() !== [...this.rows.keys()].join();

@@ -1,7 +1,7 @@
 // The state of the measurement for the service engineer, as texts, each marked when it is bad. All texts are set as text, never as markup.
 
 import {ago, count, decimal, fixed, isKnown, NONE} from "./number.js";
-import {text} from "./texts.js";
+import {partName, text} from "./texts.js";
 import {timeWithZone} from "./time.js";
 
 export function setText(id, content) {
@@ -52,7 +52,13 @@ function showHealth(health) {
   setFact("rate", isKnown(health.measured_rate_hz) ? fixed(health.measured_rate_hz, 1, "Hz") : NONE);
   setFact("lost", `${count(health.lost)} (${decimal(lostShare, lostShare < 10 ? 2 : 0)} %)`, lostShare > 1);
   setFact("recording", recordingText(health), Boolean(health.recording_error) || !health.recording);
-  setFact("faults", faults ? `${count(faults)}: ${Object.keys(health.faults).join(", ")}` : text("none"));
+  setFact("faults", faults ? Object.entries(health.faults).map(faultText).join(", ") : text("none"));
+}
+
+// Return the name of a part that failed, or a device's own word for what went wrong, and how often.
+function faultText([name, n]) {
+  const part = /^(.*)_(?:failures|defects)$/.exec(name)?.[1];
+  return `${part ? partName(part) : name.replaceAll("_", " ")} ${count(n)}×`;
 }
 
 function recordingText(health) {

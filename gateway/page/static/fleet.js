@@ -10,6 +10,7 @@ import {timeWithZone} from "./time.js";
 import {setText} from "./facts.js";
 
 const REFRESH_MS = 250;
+const GONE = new Set(["GONE", "MISSING"]);
 const CALM = new Set(["OK", "UNKNOWN", "DISTURBED"]); // they ask for no action
 
 addSymbols();
@@ -76,13 +77,19 @@ function fill(card, gateway) {
   set(".state strong", text(`word_${gateway.word}`));
   set(".last", gateway.last_alarm === null ? "" : text("last_known", {words: text(`word_${gateway.last_alarm}`)}));
   set(".source", gateway.source);
-  set(".doubt", gateway.authenticated || gateway.word === "NOT AUTHENTICATED" ? "" : text("word_NOT AUTHENTICATED"));
+  set(".doubt", besides(gateway).filter((word) => word !== gateway.word).map((word) => text(`word_${word}`)).join(", "));
   fillName(card.querySelector(".name"), gateway);
   const value = bigNumber({sound: true}, {motion: gateway.motion, alert: {active: gateway.causes.alerts}}, {}); // a doubtful motion is not sent
   set(".why", cardSentence(gateway, value));
   set(".swing", angleText(value));
   set(".expected", value?.inS > 0 ? text("expected") : "");
   set(".age", gateway.seen_s === null ? text("fleet_never_seen") : ago(gateway.seen_s));
+}
+
+// Return what is wrong with a gateway beside the word of its card.
+function besides({authenticated, word, causes}) {
+  const isFaulty = causes.faulty_parts.length > 0 && !GONE.has(word);
+  return [...(authenticated ? [] : ["NOT AUTHENTICATED"]), ...(isFaulty ? ["FAULT"] : [])];
 }
 
 // The card links to the crane's own page where its address is known.

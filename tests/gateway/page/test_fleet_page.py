@@ -239,7 +239,22 @@ def test_a_card_says_that_the_sensor_is_silent(site: Site, serve: Callable[..., 
     expect(window.locator("#cards strong")).to_have_text(["OK"])
     scene.validity = "no_samples"
     expect(window.locator("#cards strong")).to_have_text(["VERALTET"])
-    expect(window.locator("#cards .why")).to_have_text(["Vom Sensor kommen keine Messwerte."])
+    expect(window.locator("#cards .why")).to_have_text(
+        re.compile(r"Vom Sensor kommen keine Messwerte\. Seit \d+ s keine neuen Daten\.")
+    )
+    window.close()
+
+
+def test_a_card_with_an_alarm_says_that_a_part_is_faulty(
+    site: Site, serve: Callable[..., str], browser: Browser
+) -> None:
+    scene = site.add("crane-1")
+    scene.level, scene.standing_faults = "trip", {"recording": "no space left on device"}
+    window = _open(browser, serve())
+    expect(window.locator("#cards strong")).to_have_text(["LIMIT"])
+    expect(window.locator("#cards .doubt")).to_have_text(["FAULT"])
+    scene.standing_faults = {}
+    expect(window.locator("#cards .doubt")).to_have_text([""])
     window.close()
 
 

@@ -208,6 +208,25 @@ def test_the_list_offers_a_button_for_an_alert_that_has_ended(
     window.context.close()
 
 
+def test_the_list_offers_to_acknowledge_all_that_have_ended_at_once(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser, services: Services
+) -> None:
+    scene = gateway.scene
+    window = _open(browser, page)
+    window.locator("#to-alerts").click()
+    for number in range(1, 4):
+        expect(window.locator("#acknowledge-all")).to_be_visible(visible=number > 2)
+        scene.incident, scene.level = f"b00t-{number}", "trip"
+        expect(window.locator("#alert-rows tr")).to_have_count(number)
+        scene.level = "normal"
+        expect(window.locator("#alert-rows tr.standing")).to_have_count(0)
+    window.locator("#acknowledge-all").click()
+    _enter(window)
+    wait_until(lambda: len(services.requests) == 3, "the requests")
+    assert {request.incident for request in services.requests} == {"b00t-1", "b00t-2", "b00t-3"}
+    window.context.close()
+
+
 def test_what_the_gateway_refuses_is_said(
     channel: PageChannel, gateway: FakeGateway, page: PageUnderTest, browser: Browser, services: Services
 ) -> None:
