@@ -108,6 +108,8 @@ class LoggedAlert:
     """None while it is active."""
     largest_deg: float | None
     """Largest angle since it began, best estimate: a peak that was only expected does not count. None: no angle was known."""
+    is_cut: bool
+    """It was not followed to its end, so that a larger angle may have come: the gateway ended, or its end was not stated."""
     limit_deg: float | None
     """The limit of the highest level."""
     acknowledged_by: str | None
@@ -173,6 +175,7 @@ class AlertLog:
             since_ns=first.active.since_ns,
             until_ns=period.end_ns,
             largest_deg=period.largest_deg,
+            is_cut=period.ended in ("gateway ended", "not recorded"),
             limit_deg=highest.limit_deg,
             acknowledged_by=by,
             acknowledged_ns=at_ns,

@@ -19,7 +19,7 @@ export class Acknowledger {
   constructor(person) {
     this.person = person;
     this.waiting = []; // incidents that stand and nobody has acknowledged
-    this.listed = []; // those in the list, ended ones too
+    this.listed = []; // those of them in the list that have ended
     this.complaint = "";
     this.allButton = document.getElementById("acknowledge-all");
     this.allButton.addEventListener("click", () => this.acknowledge(this.listed));
@@ -41,9 +41,9 @@ export class Acknowledger {
     setText("acknowledged", this.complaint || by);
   }
 
-  // Offer to acknowledge several alarms of the list at once.
+  // Offer to acknowledge several alarms that have ended at once.
   list(alarms) {
-    this.listed = waitingOf(alarms);
+    this.listed = waitingOf(alarms.filter((one) => one.until_ns !== null));
     this.allButton.hidden = this.listed.length < 2;
   }
 

@@ -38,7 +38,7 @@ export class AlertList {
       timeOfDay(alert.since_ns),
       alert.until_ns === null ? text("alert_standing") : timeOfDay(alert.until_ns),
       name,
-      degrees(alert.largest_deg),
+      `${alert.is_cut && isKnown(alert.largest_deg) ? "≥ " : ""}${degrees(alert.largest_deg)}`,
       isKnown(alert.limit_deg) ? degrees(alert.limit_deg) : "",
     ];
     cells.forEach((content, i) => {

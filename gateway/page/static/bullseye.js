@@ -3,6 +3,7 @@
 // ellipse is at the deciding angle from the vertical. A dot shows where the load is now. The crane's own words stand at the ends of the
 // axes.
 
+import {shownLean} from "./alarm.js";
 import {degrees, directionWords, isKnown} from "./number.js";
 import {addShape} from "./svg.js";
 import {text} from "./texts.js";
@@ -32,7 +33,7 @@ export class Bullseye {
 
   // `value` is the big number (peak.js); null: it is not known. A lean that decides is a cross alone, as every lean.
   draw(state, value) {
-    const {swing, motion} = state.topics;
+    const {motion} = state.topics, swing = {...state.topics.swing, lean_deg: shownLean(state.topics)};
     this.drawLimits(state.page);
     this.moving.replaceChildren();
     if (value !== null && !isLean(value)) this.drawAngle(value, swing);

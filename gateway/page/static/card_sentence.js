@@ -14,7 +14,6 @@ export function cardSentence({word, alive, causes, motion}, value) {
     case "FAULT": return text("fleet_fault", {parts: causes.faulty_parts.map(partName).join(", ")});
     case "BATTERY LOW": return text("note_battery");
     case "UNKNOWN": return causes.validity === "no_samples" ? text("reason_no_samples") : doubt(causes) ?? text("unknown");
-    case "STALE": return [sentence({word}, operatorState(alive, causes, motion), value), silence(causes)].join(" ").trim();
     case "DISTURBED": return doubt(causes) ?? text("disturbed");
     default: return sentence({word}, operatorState(alive, causes, motion), value);
   }
@@ -24,9 +23,6 @@ export function cardSentence({word, alive, causes, motion}, value) {
 function operatorState(alive, {alerts, validity, session, age_s: ageS}, motion) {
   return {gateway: alive, age_s: {oldest: ageS}, topics: {motion, alert: {active: alerts, validity}, calibration: {session: {phase: session}}}};
 }
-
-// Return for how long a sensor has been silent whose gateway goes on sending.
-const silence = ({validity, age_s: ageS}) => (validity === "no_samples" && ageS ? text("no_new_data", {seconds: Math.round(ageS)}) : "");
 
 // Return why the reading is doubted; null where the gates do not tell.
 function doubt({failed_gates: gates}) {

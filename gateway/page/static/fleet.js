@@ -83,7 +83,7 @@ function fill(card, gateway) {
   set(".why", cardSentence(gateway, value));
   set(".swing", angleText(value));
   set(".expected", value?.inS > 0 ? text("expected") : "");
-  set(".age", gateway.seen_s === null ? text("fleet_never_seen") : ago(gateway.seen_s));
+  set(".age", gateway.word === "STALE" ? "" : gateway.seen_s === null ? text("fleet_never_seen") : ago(gateway.seen_s));
 }
 
 // Return what is wrong with a gateway beside the word of its card.

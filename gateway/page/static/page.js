@@ -1,6 +1,7 @@
 // The page: shows what the server pushes, and whether it is up to date.
 
 import {Acknowledger, standing} from "./acknowledge.js";
+import {shownLean} from "./alarm.js";
 import {AlertList} from "./alerts.js";
 import {AlignScreen} from "./align.js";
 import {Bullseye} from "./bullseye.js";
@@ -197,7 +198,7 @@ function showReasons(verdict, {condition, motion, health}, value) {
 
 // The number is the one that decides; a small one is shown as its upper end alone.
 function showSwing(value, topics, verdict, waitedS) {
-  const {swing, motion} = topics;
+  const {motion} = topics;
   document.body.classList.toggle("doubtful", !verdict.sound);
   setText("angle-title", text(value?.title ?? "deciding_angle"));
   setText("bound", value?.isBound ? "≤ " : "");
@@ -205,7 +206,7 @@ function showSwing(value, topics, verdict, waitedS) {
   setText("interval", intervalText(value, (state.age_s.motion ?? 0) + waitedS, waitedS));
   document.body.dataset.sampleMs = isKnown(motion?.time_ns) ? (motion.time_ns / NS_PER_MS).toFixed(1) : "";
   gauge.draw(value?.limits ?? state.page, value, value?.limits.warn_deg === null ? null : motion?.angle_deg);
-  showTiles(swing, motion);
+  showTiles(topics);
 }
 
 function intervalText(value, ageS, waitedS) {
@@ -217,12 +218,16 @@ function intervalText(value, ageS, waitedS) {
   }
   const good = state.last_good;
   if (!good || !isKnown(good.phi_max_deg)) return text("never");
-  return text("was", {angle: degrees(good.phi_max_deg), ago: ago(good.age_s + waitedS)});
+  return text("was", {angle: degrees(good.phi_max_deg), ago: since(good.age_s + waitedS)});
 }
 
-function showTiles(swing, motion) {
+// Return for how long something is lost: it is not there now, however short that is.
+const since = (seconds) => (seconds < 2 ? text("seconds_ago", {count: 1}) : ago(seconds));
+
+function showTiles(topics) {
+  const {swing, motion} = topics;
   setText("present", degrees(motion?.angle_deg));
-  const leanDeg = motion?.lean_deg ?? swing?.lean_deg;
+  const leanDeg = shownLean({...topics, alert: state.topics.alert});
   const isDirected = isKnown(leanDeg) && leanDeg >= LEAN_SHOWN_DEG && leanDeg > LEAN_SIGNIFICANT * (motion?.lean_u_deg ?? Infinity);
   setText("lean", degrees(leanDeg));
   const direction = nearestDirection(swing?.lean_azimuth_deg, state.page.directions);

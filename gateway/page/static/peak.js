@@ -5,7 +5,7 @@ import {isKnown} from "./number.js";
 
 const NORMAL_975 = 1.959964;
 export const SOON_S = 0.05; // a peak that comes sooner is the present angle
-const NOISE_FACTOR = 3; // standard uncertainties: of a load at rest one peak in a hundred reaches them
+const ALIKE_DEG = 0.5; // a number further above the present angle is never shown as that
 
 // Return the next peak as alerts judge it (MotionEstimate.expected_peak): halfway between a pivot that keeps its acceleration and
 // one that coasts, at the time of the larger of both; null where it is not known.
@@ -24,8 +24,8 @@ export function comingPeak(motion) {
 }
 
 // Return the larger of the present angle and the coming peak, with half its 95 % interval and the time until then; null where the
-// present angle is not known. A peak that can be noise, or cannot be told from the present angle, is not expected: its time is 0, as
-// that of the present angle.
+// present angle is not known. A peak that cannot be told from the present angle, and is about as large, is not expected: its time
+// is 0, as that of the present angle.
 export function deciding(motion) {
   if (!isKnown(motion?.angle_deg) || !isKnown(motion.u_deg)) return null;
   const peak = comingPeak(motion);
@@ -33,7 +33,7 @@ export function deciding(motion) {
     return {angleDeg: motion.angle_deg, halfDeg: NORMAL_975 * motion.u_deg, inS: 0};
   }
   const halfDeg = NORMAL_975 * peak.uDeg;
-  const isExpected = peak.angleDeg > NOISE_FACTOR * peak.uDeg && peak.angleDeg - motion.angle_deg > halfDeg;
+  const isExpected = peak.angleDeg - motion.angle_deg > Math.min(halfDeg, ALIKE_DEG);
   return {angleDeg: peak.angleDeg, halfDeg, inS: isExpected ? peak.inS : 0};
 }
 

@@ -94,7 +94,9 @@ function whenBack(state) {
 
 function staleSentence(state) {
   if (!state.gateway) return text("gateway_gone");
-  if (state.topics.alert?.validity === "no_samples") return text("reason_no_samples");
-  const silentS = state.age_s.tilt ?? Math.max(...Object.values(state.age_s), 0); // others come once in seconds
-  return text("no_new_data", {seconds: Math.max(1, Math.round(silentS))});
+  const {tilt, oldest} = state.age_s, silentS = tilt ?? oldest;
+  const silence = (seconds) => text("no_new_data", {seconds: Math.max(1, Math.floor(seconds))});
+  if (state.topics.alert?.validity !== "no_samples") return silence(silentS ?? Math.max(...Object.values(state.age_s), 0));
+  const isTold = state.last_good || !isKnown(silentS); // the number says since when, or the sensor never spoke
+  return [text("reason_no_samples"), isTold ? "" : silence(silentS)].join(" ").trim();
 }

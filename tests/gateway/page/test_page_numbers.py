@@ -115,15 +115,15 @@ DECIDING = "motion => import('/peak.js').then(each => each.deciding(motion))"
 @pytest.mark.parametrize(
     ("present_deg", "peak_deg", "angle_deg", "is_expected"),
     [
-        (0.06, 0.14, 0.14, False),  # at rest: a peak of the noise
-        (0.02, 0.20, 0.20, False),
+        (0.06, 0.14, 0.14, False),  # they cannot be told apart
+        (0.02, 0.20, 0.20, True),
         (1.0, 0.19, 1.0, False),
         (0.06, 0.25, 0.25, True),
         (5.4, 5.5, 5.5, False),  # at the turning point
         (1.0, 5.5, 5.5, True),
     ],
 )
-def test_a_peak_is_expected_only_where_it_is_more_than_noise(
+def test_a_peak_is_expected_where_it_can_be_told_from_the_present_angle(
     page: PageUnderTest, browser: Browser, present_deg: float, peak_deg: float, angle_deg: float, is_expected: bool
 ) -> None:
     motion = {
@@ -135,6 +135,17 @@ def test_a_peak_is_expected_only_where_it_is_more_than_noise(
     }
     shown = Screen(browser, page.url).page.evaluate(DECIDING, motion)
     assert (shown["angleDeg"], shown["inS"] > 0) == (angle_deg, is_expected)
+
+
+def test_a_number_far_above_the_present_angle_is_never_shown_as_that(page: PageUnderTest, browser: Browser) -> None:
+    motion = {
+        "angle_deg": 0.2,
+        "u_deg": 0.3,
+        "predicted_phi_max_deg": 3.4,
+        "predicted_u_deg": 1.7,
+        "time_to_peak_s": 1.5,
+    }
+    assert Screen(browser, page.url).page.evaluate(DECIDING, motion)["inS"] == 1.5
 
 
 RADII = """() => [...document.querySelectorAll('#bullseye .limit, #bullseye circle.swing')]
