@@ -112,18 +112,27 @@ class IncidentRegister:
         return self._open.get(rule)
 
     def update(
-        self, rule: str, event: AlertEventKind, level: Level, reading: Reading | None, limit_rad: float, time_s: float
+        self,
+        rule: str,
+        event: AlertEventKind,
+        level: Level,
+        reading: Reading | None,
+        limit_rad: float,
+        time_s: float,
+        *,
+        is_disturbed: bool = False,
     ) -> tuple[AlertEventKind, Incident | None]:
         """Take the event of a rule and its reading; return the event as it is reported, and its incident.
 
-        A rule that returns to normal clears its incident, also from unknown. `limit_rad` is that of the present level.
+        A reading that is disturbed can raise an alert, and states no largest angle. A rule that returns to normal clears its
+        incident, also from unknown. `limit_rad` is that of the present level.
         """
         incident = self._open.get(rule)
         if event == "raised":
             incident = self._raise(rule, incident, reading, limit_rad, time_s)
         if incident is None:
             return event, None
-        incident.add(reading, time_s)
+        incident.add(None if is_disturbed else reading, time_s)
         if level == "normal":
             self._ended.append(self._open.pop(rule))
             return "cleared", incident

@@ -280,6 +280,7 @@ class Pipeline:
                 why_unknown=why,
                 time_s=now.log_time_ns / 1e9,
                 drift_alarm=self._drift.alarm,
+                is_disturbed=self._condition.verdict == "disturbed",
             )
         )
         yield from self._alert_messages(changes, self._heartbeat_limiter.is_due(now.log_time_ns), now)
