@@ -75,7 +75,7 @@ def describe(
     faults: FaultRegister,
 ) -> str:
     """Return the addresses of page, recording, bus and log, or the fault of what does not work."""
-    bus = ", ".join([*configuration.bus.listen, *configuration.bus.connect]) or "no endpoint"
+    bus = ", ".join([*configuration.bus.active_listeners, *configuration.bus.connect]) or "no endpoint"
     places = {
         "page": f"http://{configuration.page.listen}/" if configuration.page.enabled else "off (page.enabled)",
         "PIN": f"{configuration.gateway.data_dir / PIN_NAME}, to acknowledge alarms on the page",

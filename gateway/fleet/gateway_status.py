@@ -1,7 +1,7 @@
 """The status of one gateway, judged from its latest messages: a pure function."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from math import inf
 from typing import Literal
@@ -139,7 +139,9 @@ def gateway_status(
     key: str, evidence: PageEvidence, seen_s: float | None, now_utc: datetime, *, duplicate: bool
 ) -> GatewayStatus:
     """Judge one gateway. `duplicate`: two gateways use this name at the same time."""
-    judged = verdict(evidence)
+    judged = verdict(
+        evidence if evidence.gateway else replace(evidence, doubt=None)
+    )  # nobody is there to prove himself
     alert, health, calibration = evidence.get(Alert), evidence.get(Health), evidence.get(Calibration)
     state: FleetWord = judged.word
     reasons = judged.reasons

@@ -83,7 +83,14 @@ def _run(arguments: argparse.Namespace, stopping: threading.Event, output: "Line
         return _start_again(output, errors)
     code = _exit_code(gateway, failed, errors)
     if gateway.shutdown.stuck:
-        errors.put(f"plumbline run: ended without {', '.join(gateway.shutdown.stuck)}, which did not stop in time")
+        rest = (
+            "; nothing is lost: the next start compacts the last recording"
+            if gateway.shutdown.stuck == ["compaction"]
+            else ""
+        )
+        errors.put(
+            f"plumbline run: ended without {', '.join(gateway.shutdown.stuck)}, which did not stop in time{rest}"
+        )
     return code
 
 
