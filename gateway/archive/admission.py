@@ -170,7 +170,7 @@ def judge_files(files: Iterable[IndexedFile]) -> list[IndexedFile]:
 
     Of equal files the first name counts. Of several versions of a segment of one start of the gateway, signed by the same key or
     not signed, the best one counts: first by trust, then the whole segment before a cut or a trimmed one, then the longest.
-    What was deleted comes back under no name and in no other version.
+    What was deleted comes back under no name and in no other version, nor do the names of people in it.
     """
     files = list(files)
     reasons = {
@@ -178,6 +178,9 @@ def judge_files(files: Iterable[IndexedFile]) -> list[IndexedFile]:
         for each in files
         if each.row.status == "deleted"
         for name in (each.recording, segment_of(each))
+    }
+    nameless = {
+        name: each.row.nameless for each in files if each.row.nameless for name in (each.recording, segment_of(each))
     }
     by_content: dict[str, list[IndexedFile]] = defaultdict(list)
     for file in sorted(files, key=lambda each: each.row.path):
@@ -195,7 +198,12 @@ def judge_files(files: Iterable[IndexedFile]) -> list[IndexedFile]:
                 status = "deleted"
             elif place:
                 status = "copy"
-            row = replace(file.row, status=status, reason=file.row.reason if reason is None else reason)
+            row = replace(
+                file.row,
+                status=status,
+                reason=file.row.reason if reason is None else reason,
+                nameless=nameless.get(file.recording, nameless.get(segment_of(file), "")),
+            )
             judged.append(replace(file, row=row))
     return judged
 

@@ -15,14 +15,10 @@ from obstore.exceptions import BaseError
 
 from gateway.archive.admission import segment_of
 from gateway.archive.index import BATCH_FILES, Files, change_files
-from gateway.archive.rows import RECORDINGS, RESULTS, IndexedFile, schema_of
+from gateway.archive.rows import NAMES, RECORDINGS, RESULTS, IndexedFile, schema_of
 from gateway.archive.source import DELETED, RecordingSource, reason_of_store
 from gateway.archive.tables import MAX_ATTEMPTS, Archive, ArchiveError, row_places, select, sql_in
 from gateway.errors import InputError
-
-NAMES = {"calibrations": "record", RESULTS: "content"}
-"""Columns that may name people, by table. Definition: who calibrated is in the record, and answers may have texts of the
-gateway."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +58,7 @@ def delete(archive: Archive, source: RecordingSource, rule: DeletionRule, why: s
     Whatever ends it, it goes on where it was when it is repeated. Raises `ArchiveError` and `InputError`.
     """
     chosen = due(archive, rule)
+    archive.create()  # columns that an older table lacks
     fresh = [file for file in chosen if file.row.status != "deleted"]
     for begin in range(0, len(fresh), BATCH_FILES):
         _delete_rows(archive, fresh[begin : begin + BATCH_FILES], why)
@@ -108,12 +105,26 @@ def _delete_file(source: RecordingSource, path: str) -> None:
 
 
 def delete_names(archive: Archive, rule: DeletionRule, why: str) -> int:
-    """Empty the columns that may name people, of the rows of a rule; return the number of rows. Raises `ArchiveError`.
+    """Empty the columns that may name people, of the rows of a rule, for good; return the number of rows. Raises `ArchiveError`.
 
     Each transaction has `why`.
     """
-    recordings = [file.recording for file in due(archive, rule)]
-    return sum(_emptied(archive, recordings, why)) if recordings else 0
+    files = due(archive, rule)
+    recordings = {file.recording for file in files}
+    if not files:
+        return 0
+    archive.create()  # columns that an older table lacks
+
+    def marked(before: Files) -> Files:
+        return {
+            key: replace(file, row=replace(file.row, nameless=file.row.nameless or why))
+            if file.recording in recordings
+            else file
+            for key, file in before.items()
+        }
+
+    change_files(archive, {"/".join(file.gateway or ()) for file in files}, marked)
+    return sum(_emptied(archive, sorted(recordings), why))
 
 
 def _emptied(archive: Archive, recordings: list[str], why: str) -> Iterator[int]:

@@ -25,6 +25,7 @@ from gateway.archive.tables import (
     row_places,
     select,
     table_of,
+    without_names,
 )
 from gateway.recording.reading.timeline import ReportProgress, ignore_progress
 
@@ -94,7 +95,7 @@ def commit(archive: Archive, new: Sequence[NewFile]) -> list[IndexedFile]:
 
     def with_new(before: Files) -> Files:
         kept = {key: file for key, file in before.items() if key[0] != NO_GATEWAY or key[1] not in taken}
-        read = {key: _as_deleted(file, before.get(key)) for key, file in fresh.items()}
+        read = {key: _as_decided(file, before.get(key)) for key, file in fresh.items()}
         return _judged({**kept, **read})
 
     after = change_files(archive, {writer for writer, _ in fresh} | {NO_GATEWAY}, with_new, new)
@@ -126,11 +127,14 @@ def change_files(
     raise ArchiveError(f"{archive.place}: others are indexing the same gateways all the time; try again later")
 
 
-def _as_deleted(file: IndexedFile, before: IndexedFile | None) -> IndexedFile:
-    """Return a file that was read, as deleted where it was deleted under its name, and is here again."""
-    if before is None or before.row.status != "deleted":
+def _as_decided(file: IndexedFile, before: IndexedFile | None) -> IndexedFile:
+    """Return a file that was read, with what was deleted of it when it was known under its name before."""
+    if before is None:
         return file
-    return replace(file, row=replace(file.row, status="deleted", reason=before.row.reason))
+    kept = replace(file.row, nameless=before.row.nameless)
+    if before.row.status == "deleted":
+        kept = replace(kept, status="deleted", reason=before.row.reason)
+    return replace(file, row=kept)
 
 
 def _judged(files: Files) -> Files:
@@ -155,9 +159,14 @@ def _exchange_rows(archive: Archive, before: Files, after: Files, new: Sequence[
     if not touched:
         return
     writers = {_key(file)[0] for file in touched.values()}
+    nameless = {file.recording for file in after.values() if file.row.nameless}
     for name in TABLES:
         partitions = [partition_of(name, file) for file in touched.values()]
-        rows = pa.concat_tables([schema_of(name).empty_table(), *(each.tables[name] for each in written.values())])
+        parts = [
+            without_names(name, each.tables[name]) if one in nameless else each.tables[name]
+            for one, each in written.items()
+        ]
+        rows = pa.concat_tables([schema_of(name).empty_table(), *parts])
         archive.exchange(name, row_places(name, writers, list(touched), partitions), rows)
 
 

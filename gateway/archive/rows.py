@@ -187,6 +187,8 @@ class RecordingRow:
     is_trimmed: bool = False
     unreadable: int = 0
     """Messages and records that cannot be read."""
+    nameless: str | None = ""
+    """When, by whom and why the names of people were taken out of its rows; empty: they were not; None: of an older version."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,6 +251,9 @@ TABLES: dict[str, Table] = {
 RECORDINGS, RESULTS = "recordings", "results"
 """The table of the files, which is written last and decides what counts; the one of the results of tasks."""
 ALL_TABLES = {**TABLES, RECORDINGS: Table(RecordingRow), RESULTS: Table(ResultRow)}
+NAMES = {"calibrations": "record", RESULTS: "content"}
+"""Columns that may name people, by table. Definition: who calibrated is in the record, and answers may have texts of the
+gateway."""
 COMMON = {
     "site": pa.string(),
     "crane": pa.string(),

@@ -15,7 +15,7 @@ import pyarrow as pa
 from deltalake import CommitProperties, DeltaTable, Field, QueryBuilder, Transaction, WriterProperties, write_deltalake
 from deltalake.exceptions import CommitFailedError, DeltaError, TableNotFoundError
 
-from gateway.archive.rows import ALL_TABLES, RECORDINGS, RESULTS, IndexedFile, RecordingRow, schema_of
+from gateway.archive.rows import ALL_TABLES, NAMES, RECORDINGS, RESULTS, IndexedFile, RecordingRow, schema_of
 from gateway.archive.source import reason_of_store
 from gateway.errors import InputError
 
@@ -219,6 +219,16 @@ def table_of(name: str, rows: Sequence[Any], file: IndexedFile, wall_offset_ns: 
     return pa.table([_array(columns[field.name], field.type) for field in schema], schema=schema)
 
 
+def without_names(name: str, rows: pa.Table) -> pa.Table:
+    """Return rows of a table with its column that may name people empty."""
+    if name not in NAMES:
+        return rows
+    column = rows.schema.get_field_index(NAMES[name])
+    return rows.set_column(
+        column, rows.schema.field(column), pa.array([""] * len(rows), rows.schema.field(column).type)
+    )
+
+
 def _array(values: list[Any], kind: pa.DataType) -> pa.Array:
     if pa.types.is_timestamp(kind):
         values = [None if value is None else value // 1000 for value in values]
@@ -234,7 +244,9 @@ def recordings_table(files: Sequence[IndexedFile]) -> pa.Table:
 def indexed_file(row: dict[str, Any]) -> IndexedFile:
     """Return the file of a row of the table of recordings."""
     gateway = None if row["crane"] is None else (row["site"], row["crane"], row["sensor"])
-    own = {field.name: row[field.name] for field in fields(RecordingRow)}
+    own: dict[str, Any] = {
+        field.name: row.get(field.name) for field in fields(RecordingRow)
+    }  # an older table lacks columns
     own["end_utc"] = _ns(own["end_utc"])
     return IndexedFile(gateway, row["recording"], row["trust"], _ns(row["utc"]), RecordingRow(**own))
 

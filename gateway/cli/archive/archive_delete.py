@@ -53,7 +53,8 @@ def run_delete(arguments: argparse.Namespace) -> int:
     rule = DeletionRule(arguments.before, arguments.crane)
     if not arguments.yes:
         files = [file for file in due(archive, rule) if file.row.status != "deleted"]
-        show(_text(files, "would be deleted; nothing was, for want of --yes"), _as_json(files), arguments.json)
+        what = "would name nobody any more in the tables" if arguments.names else "would be deleted"
+        show(_text(files, f"{what}; nothing was done, for want of --yes"), _as_json(files), arguments.json)
         return 0
     why = f"deleted {datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ} by {arguments.by}: {arguments.because}"
     if arguments.names:

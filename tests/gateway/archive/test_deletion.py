@@ -77,7 +77,7 @@ def test_a_segment_of_which_a_version_goes_on_after_the_day_stays(clean: Path) -
 def test_without_yes_nothing_is_deleted(crane: SmallCrane, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = content(tmp_path / "table")
     assert delete(crane) == 0
-    assert "2 recordings (0.1 MB) would be deleted; nothing was, for want of --yes" in capsys.readouterr().out
+    assert "2 recordings (0.1 MB) would be deleted; nothing was done, for want of --yes" in capsys.readouterr().out
     assert content(tmp_path / "table") == before
     assert len(crane.files) == 4
 
@@ -132,3 +132,26 @@ def test_names_go_from_the_tables_and_the_recordings_stay(crane: SmallCrane, tmp
     assert len(crane.files) == 4
     last = DeltaTable(str(table / "calibrations")).history(1)[0]
     assert last["why"].endswith("by ann: kept for a day"), json.dumps(last)
+
+
+@pytest.mark.slow
+def test_names_do_not_come_back_with_a_recording_that_is_read_again(crane: SmallCrane, tmp_path: Path) -> None:
+    """Another key is known, and another copy counts: both read files again."""
+    source, table = crane.folder.parent, tmp_path / "table"
+    assert delete(crane, "--names", "--yes") == 0
+    for path in crane.files:
+        path.rename(path.with_name(f"moved-{path.name}"))
+    other_key = tmp_path / "keys.txt"
+    other_key.write_text("")
+    indexed(source, table, other_key)
+    records = select(table, "SELECT utc::DATE::VARCHAR, record <> '' FROM calibrations GROUP BY ALL ORDER BY 1")
+    assert records == [("2026-01-01", False), (NEXT_DAY, True)]
+    assert select(table, "SELECT count(*) FROM all_recordings WHERE nameless <> ''") == [(4,)]
+
+
+@pytest.mark.slow
+def test_without_yes_no_name_goes(crane: SmallCrane, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = content(tmp_path / "table")
+    assert delete(crane, "--names") == 0
+    assert "would name nobody any more" in capsys.readouterr().out
+    assert content(tmp_path / "table") == before
