@@ -8,29 +8,23 @@ limits of the ADXL357.
 
 import math
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
+from devices.block import DeviceInfo
 from devices.clock import Clock
 from devices.errors import TransferError
 from devices.i2c.accelerometer_chip import (
     AccelerometerChip,
-    ChipKind,
-    ChipProperties,
     FifoLevel,
-    Identity,
     ImplausibleStatusError,
     SampleRun,
     SelfTest,
     Setting,
-    known_range,
-    nearest_rate,
 )
 from devices.i2c.adxl355_fifo import ENTRY_BYTES, FIFO_ENTRIES, decode_counts, split_entries
 from devices.i2c.bus import I2cPart
+from devices.i2c.chips import ADXL355_KIND, ChipKind, Identity
 from devices.saturation import code_limits
-
-IDENTITY = Identity("ADXL355", (0x1D, 0x53), 0x00, b"\xad\x1d\xed")
-"""Rev. D, "Register map": DEVID_AD, DEVID_MST, PARTID. Also that of an ADXL357 (Rev. C, PARTID 0xED)."""
 
 REVID, STATUS, TEMP2, FIFO_DATA = 0x03, 0x04, 0x06, 0x11
 FILTER, RANGE, POWER_CTL, SELF_TEST, RESET = 0x28, 0x2C, 0x2D, 0x2E, 0x2F
@@ -40,9 +34,8 @@ RANGE_HIGH_SPEED = 0x80
 """The default of the other bits of the RANGE register: I2C high-speed mode allowed."""
 OVERRUN, NVM_BUSY, STATUS_UNUSED = 0x04, 0x10, 0xE0
 
-RATES_HZ = tuple(4000.0 / (1 << k) for k in range(11))
-"""Output data rates by their code in the FILTER register. Basis: data sheet."""
-RATE_CODES = {rate_hz: code for code, rate_hz in enumerate(RATES_HZ)}
+RATE_CODES = {rate_hz: code for code, rate_hz in enumerate(ADXL355_KIND.rates_hz)}
+"""Definition: codes of the FILTER register (data sheet)."""
 MAX_READ_SAMPLES = 16
 """Samples of a block at most. Basis: half of the FIFO, so that a late read loses none."""
 ENTRIES_MARGIN = 3
@@ -105,32 +98,30 @@ def noise_g(odr_hz: float, noise_g_per_root_hz: float = ADXL355.noise_g_per_root
 
 
 class Adxl355(AccelerometerChip):
-    """An ADXL355; with `ADXL357` an ADXL357, which has the same registers and the same identity."""
+    """An ADXL355, or an ADXL357, which has the same registers and the same identity."""
 
-    def __init__(self, odr_hz: float = 125.0, range_g: float = 2, variant: Variant = ADXL355) -> None:
-        """Raises `ValueError` for a rate or a range that the part does not have."""
-        name = "ADXL355" if variant is ADXL355 else "ADXL357"
-        rate_hz = nearest_rate(name, RATE_CODES, odr_hz)
-        full_scale_g = known_range(name, variant.units_per_g, range_g)
-        range_code = list(variant.units_per_g).index(full_scale_g) + 1
-        self.kind = name.lower()
-        self.identities = (IDENTITY,)
-        self.properties = ChipProperties(
+    def __init__(self, kind: ChipKind, rate_hz: float, range_g: int) -> None:
+        variant = ADXL355 if kind is ADXL355_KIND else ADXL357
+        self.kind = kind
+        self.info = DeviceInfo(
+            kind=kind.kind,
+            device_id=kind.kind,
+            unit="counts",
             odr_hz=rate_hz,
-            units_per_g=variant.units_per_g[full_scale_g],
-            full_scale_g=float(full_scale_g),
+            units_per_g=variant.units_per_g[range_g],
+            full_scale_g=float(range_g),
             noise_g=noise_g(rate_hz, variant.noise_g_per_root_hz),
             zero_g_offset_g=variant.zero_g_offset_g,
             zero_g_offset_g_per_k=variant.zero_g_offset_g_per_k,
             scale_factor_per_k=SCALE_FACTOR_PER_K,
             bandwidth_hz=rate_hz / 4,
-            saturation_counts=code_limits(20),
-            longest_block=MAX_READ_SAMPLES,
         )
+        self.saturation_counts = code_limits(20)
+        self.longest_block = MAX_READ_SAMPLES
         self.self_test = variant.self_test
         self.configuration = (
             Setting(POWER_CTL, "POWER_CTL", STANDBY),
-            Setting(RANGE, "RANGE", RANGE_HIGH_SPEED | range_code),
+            Setting(RANGE, "RANGE", RANGE_HIGH_SPEED | kind.ranges_g.index(range_g) + 1),
             Setting(FILTER, "FILTER", RATE_CODES[rate_hz]),
             Setting(SELF_TEST, "SELF_TEST", 0),
             Setting(POWER_CTL, "POWER_CTL", MEASURE),
@@ -180,24 +171,3 @@ class Adxl355(AccelerometerChip):
             if part.read(TEMP2, 1)[0] == high:  # so the two bytes belong together
                 return temperature_c((high & 0x0F) << 8 | low, self._temperature_25_c)
         return None
-
-
-ADXL355_KIND = ChipKind(
-    part="ADXL355",
-    description="Analog Devices ADXL355 over I2C.",
-    make=Adxl355,
-    identities=(IDENTITY,),
-    address_text="0x1D, or 0x53 with the ASEL pin high",
-    rates_hz=RATES_HZ,
-    rates_text="4000 Hz halved up to ten times",
-    usual_rate_hz=125.0,
-    ranges_g=tuple(ADXL355.units_per_g),
-)
-"""Basis: of its usual rate a choice, the one next to the 100 Hz of the other chips."""
-ADXL357_KIND = replace(
-    ADXL355_KIND,
-    part="ADXL357",
-    description="Analog Devices ADXL357 over I2C: the ADXL355 with larger ranges.",
-    make=lambda odr_hz, range_g: Adxl355(odr_hz, range_g, ADXL357),
-    ranges_g=tuple(ADXL357.units_per_g),
-)

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from devices.errors import ConfigurationReadBackError, DeviceError, IdentityError, TransferError
-from devices.i2c.adxl355 import RATES_HZ, noise_g, temperature_c
+from devices.i2c.adxl355 import noise_g, temperature_c
+from devices.i2c.chips import ADXL355_KIND
 from tests.devices.i2c.adxl355_rig import POWER_CTL, RANGE, STATUS, Rig, telling_time
 
 # Opening
@@ -36,7 +37,7 @@ def test_open_identifies_resets_configures_reads_back_and_starts_the_part(rig: C
     assert made.opened_bus == 1
 
 
-@pytest.mark.parametrize(("odr_hz", "code"), list(zip(RATES_HZ, range(11), strict=True)))
+@pytest.mark.parametrize(("odr_hz", "code"), list(zip(ADXL355_KIND.rates_hz, range(11), strict=True)))
 def test_every_rate_has_its_code(rig: Callable[..., Rig], odr_hz: float, code: int) -> None:
     made = rig(odr_hz=odr_hz)
     made.open()
