@@ -4,11 +4,18 @@ Registers and tables by the data sheets ADXL354/ADXL355 Rev. D and ADXL356/ADXL3
 descriptions". Registers, rates, scale and temperature agree with Linux, adxl355_core.c (which rounds the scale), those of the
 ADXL357 with the driver in .NET IoT. Not confirmed by a second source: noise, zero-g offset and temperature coefficients, the
 limits of the ADXL357.
+
+The FIFO holds 96 entries of 3 bytes, one per axis in the order x y z: 20 bits of two's complement, left-justified and big-endian.
+The two lowest bits of an entry mark an x entry and an empty FIFO.
 """
 
 import math
+import re
 from contextlib import suppress
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from devices.block import DeviceInfo
 from devices.clock import Clock
@@ -21,7 +28,6 @@ from devices.i2c.accelerometer_chip import (
     SelfTest,
     Setting,
 )
-from devices.i2c.adxl355_fifo import ENTRY_BYTES, FIFO_ENTRIES, decode_counts, split_entries
 from devices.i2c.bus import I2cPart
 from devices.i2c.chips import ADXL355_KIND, ChipKind, Identity
 from devices.saturation import code_limits
@@ -82,6 +88,17 @@ ADXL357 = Variant({10: 51200.0, 20: 25600.0, 40: 12800.0}, 75e-6, 0.375, 0.75e-3
 SCALE_FACTOR_PER_K = 1e-4
 """Data sheets: 0.01 % per kelvin."""
 
+ENTRY_BYTES, SAMPLE_BYTES = 3, 9
+"""Definition: an entry has an axis of 20 bits, a sample three of them (data sheet)."""
+FIFO_ENTRIES = 96
+"""Data sheet: 96 entries, 32 samples."""
+MARKS = bytes(b"oxee"[byte & 3] for byte in range(256))
+"""Kind of an entry by its third byte: x, another axis, empty."""
+EMPTY = ord("e")
+ALIGNED = b"xoo" * FIFO_ENTRIES
+SEGMENTS = re.compile(rb"(?P<whole>(?:xoo)+)|(?P<tail>xo?\Z)|(?P<broken>[xo]o*)")
+"""Complete samples; an incomplete sample at the end; entries of a sample that lacks others."""
+
 
 def temperature_c(raw: int, at_25_c: int = ADXL355.temperature_25_c) -> float:
     """Return degrees Celsius for a 12-bit reading: -9.05 per degree from the nominal reading at 25 °C."""
@@ -95,6 +112,36 @@ def noise_g(odr_hz: float, noise_g_per_root_hz: float = ADXL355.noise_g_per_root
     pi/2 times that (a first-order filter); the upper value is used.
     """
     return noise_g_per_root_hz * math.sqrt(math.pi / 2 * odr_hz / 4)
+
+
+def split_entries(entries: bytes) -> tuple[list[SampleRun], bytes]:
+    """Return the complete samples, and the entries of an incomplete last sample.
+
+    Empty entries are removed; a sample that lacks entries is skipped up to the next x entry.
+    """
+    marks = entries[2::ENTRY_BYTES].translate(MARKS)
+    if ALIGNED.startswith(marks) and len(entries) % SAMPLE_BYTES == 0:
+        return [SampleRun(decode_counts(entries))] if entries else [], b""
+    filled = b"".join(entries[3 * i : 3 * i + 3] for i, mark in enumerate(marks) if mark != EMPTY)
+    runs, tail, lost = [], b"", 0
+    for stretch in SEGMENTS.finditer(filled[2::ENTRY_BYTES].translate(MARKS)):
+        part = filled[3 * stretch.start() : 3 * stretch.end()]
+        if stretch["whole"]:
+            runs.append(SampleRun(decode_counts(part), lost))
+            lost = 0
+        elif stretch["tail"]:
+            tail = part
+        else:
+            lost += 1
+    return ([*runs, SampleRun(decode_counts(b""), lost)] if lost else runs), tail
+
+
+def decode_counts(entries: bytes) -> NDArray[np.int32]:
+    """Return the counts of complete samples, shape (n, 3), from 9 n bytes."""
+    words = np.zeros((len(entries) // ENTRY_BYTES, 4), dtype=np.uint8)
+    words[:, :3] = np.frombuffer(entries, dtype=np.uint8).reshape(-1, ENTRY_BYTES)
+    counts: NDArray[np.int32] = words.view(">i4").astype(np.int32).reshape(-1, 3) >> 12
+    return counts
 
 
 class Adxl355(AccelerometerChip):
@@ -158,7 +205,7 @@ class Adxl355(AccelerometerChip):
         """Read axis entries; an incomplete last sample is kept for the next call."""
         burst = part.read(FIFO_DATA, ENTRY_BYTES * size, consuming=True)
         runs, self._tail = split_entries(self._tail + burst)
-        return [SampleRun(decode_counts(run.entries), run.lost) for run in runs]
+        return runs
 
     def forget_partial(self) -> None:
         """Discard the entries of an incomplete sample."""
