@@ -13,10 +13,9 @@ from gateway.calibration.acceptance import Acceptance
 from gateway.calibration.calibration_fit import CalibrationFit
 from gateway.calibration.input_files import FileReadings
 from gateway.calibration.methods.norm_fit import FRAME_U_DEG
-from gateway.calibration.methods.six_position import PLACEMENT_U_DEG
+from gateway.calibration.pose import PLACEMENT_U_DEG, NominalSensitivity
+from gateway.calibration.pose_finder import NORM_TOLERANCE, READINGS_PER_POSE
 from gateway.calibration.pose_procedure import make_procedure
-from gateway.calibration.poses.pose import NominalSensitivity
-from gateway.calibration.poses.pose_finder import NORM_TOLERANCE, READINGS_PER_POSE
 from gateway.calibration.record import CalibrationRecord, NotDeterminedError
 from gateway.errors import InputError
 from gateway.numerics.array import Array

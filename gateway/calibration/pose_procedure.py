@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gateway.calibration.calibration_fit import CalibrationFit
-from gateway.calibration.methods.experiment_design import MAX_CONDITION_NUMBER, condition_number, next_direction
+from gateway.calibration.calibration_fit import MAX_CONDITION_NUMBER, CalibrationFit
+from gateway.calibration.methods.experiment_design import condition_number, next_direction
 from gateway.calibration.methods.norm_fit import FRAME_U_DEG, N_PARAMETERS, fit_norm
-from gateway.calibration.methods.six_position import PLACEMENT_U_DEG, fit_six_positions, missing_faces
-from gateway.calibration.poses.pose import (
+from gateway.calibration.methods.six_position import fit_six_positions, missing_faces
+from gateway.calibration.pose import (
     FACE_DIRECTIONS,
     FACES,
+    PLACEMENT_U_DEG,
     Face,
     NominalSensitivity,
     Pose,
@@ -23,7 +24,7 @@ from gateway.calibration.poses.pose import (
     find_face,
     without_tilted_poses,
 )
-from gateway.calibration.poses.pose_finder import PoseFinder
+from gateway.calibration.pose_finder import PoseFinder
 from gateway.calibration.record import CalibrationError, CalibrationRecord, PoseMethod
 from gateway.messages.header import Reason, ReasonCode
 from gateway.numerics.array import Array

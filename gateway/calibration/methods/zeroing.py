@@ -18,14 +18,12 @@ from gateway.calibration.calibration_fit import (
     total_covariance,
     uncertainty_budget,
 )
-from gateway.calibration.poses.pose import RawReadings, temperature_range
-from gateway.calibration.poses.windows import Rest, StillnessGate, WindowSplitter
+from gateway.calibration.pose import RawReadings, temperature_range
 from gateway.calibration.record import ZEROING, CalibrationError, CalibrationRecord, NotDeterminedError
 from gateway.calibration.thermal_model import thermal_model
+from gateway.calibration.windows import MIN_UNBROKEN_REST_S, Rest, StillnessGate, WindowSplitter
 from gateway.numerics.array import Array
 
-MIN_UNBROKEN_REST_S = 30.0
-"""Shortest rest without a break, s: two swings of a 50 m rope. Basis: two swings of a 50 m rope (14 s each)."""
 MIN_STILL_SHARE = 0.95
 """Least share of still windows. Basis: a slammed door moves the load in one window of a minute."""
 MAX_MEAN_CHANGE_G = 0.002

@@ -21,7 +21,7 @@ from gateway.calibration.drift.change import change_between
 from gateway.calibration.input_files import FileReadings
 from gateway.calibration.methods.six_position import fit_six_positions
 from gateway.calibration.methods.zeroing import zero_in_place
-from gateway.calibration.poses.pose import FACE_DIRECTIONS, Pose, RawReadings
+from gateway.calibration.pose import FACE_DIRECTIONS, Pose, RawReadings
 from gateway.calibration.record import CalibrationError, CalibrationRecord, NotDeterminedError
 from gateway.calibration.thermal_model import thermal_model
 from gateway.errors import InputError

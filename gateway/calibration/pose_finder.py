@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from gateway.calibration.poses.pose import NominalSensitivity, Pose, RawReadings, find_face, temperature_range
-from gateway.calibration.poses.windows import STILL_RATIO, Rest, StillnessGate, Window, WindowSplitter
+from gateway.calibration.pose import NominalSensitivity, Pose, RawReadings, find_face, temperature_range
+from gateway.calibration.windows import STILL_RATIO, Rest, StillnessGate, Window, WindowSplitter
 from gateway.messages.header import Reason
 from gateway.numerics.array import Array
 
