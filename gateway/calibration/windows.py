@@ -20,8 +20,6 @@ second to turn a housing, and lost readings leave shorter gaps."""
 MAX_KEPT_WINDOWS = 400
 """Number of windows whose scatter is kept: 100 s. Basis: a choice; 100 s, in which any session has a rest, and a bound of the
 memory."""
-MIN_UNBROKEN_REST_S = 30.0
-"""Shortest rest without a break in which zeroing finds the vertical, s. Basis: two swings of a 50 m rope (14 s each)."""
 QUIET_QUANTILE = 0.2
 """Quantile of the windows' scatter that is taken for the sensor's noise. Basis: one window in five is at rest in every
 session."""

@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, Any, Literal
 from devices.axes_map import AxesMap
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.acceptance import judge
-from gateway.calibration.pose import NominalSensitivity
+from gateway.calibration.pose import MIN_UNBROKEN_REST_S, NominalSensitivity
 from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
-from gateway.calibration.windows import MIN_UNBROKEN_REST_S
 from gateway.errors import PlumblineError
 from gateway.recalibration.commands import CommandHandler, CommandResult, answer_fetch
 from gateway.recalibration.interlock import LoadInterlock, RecentSamples

@@ -18,10 +18,10 @@ from gateway.calibration.calibration_fit import (
     total_covariance,
     uncertainty_budget,
 )
-from gateway.calibration.pose import RawReadings, temperature_range
+from gateway.calibration.pose import MIN_UNBROKEN_REST_S, RawReadings, temperature_range
 from gateway.calibration.record import ZEROING, CalibrationError, CalibrationRecord, NotDeterminedError
 from gateway.calibration.thermal_model import thermal_model
-from gateway.calibration.windows import MIN_UNBROKEN_REST_S, Rest, StillnessGate, WindowSplitter
+from gateway.calibration.windows import Rest, StillnessGate, WindowSplitter
 from gateway.numerics.array import Array
 
 MIN_STILL_SHARE = 0.95
