@@ -6,7 +6,7 @@ from datetime import datetime
 
 import numpy as np
 
-from gateway.calibration.drift.change import change_from_reference, reading_error_g
+from gateway.calibration.drift.change import change_between, reading_error_g
 from gateway.calibration.drift.trend import FORECAST_STEPS, HORIZON_DAYS, Trend, fit_measurements
 from gateway.calibration.record import ROTATION, THERMAL, CalibrationError, CalibrationRecord, PoseMethod, created_at
 from gateway.numerics.array import Array
@@ -101,7 +101,7 @@ def analyse_drift(
         raise CalibrationError(
             f"a drift needs two calibrations at least; of {len(records)} records, {len(measuring)} measured offset and scale"
         )
-    changes = [change_from_reference(measuring[0], record) for record in measuring]
+    changes = [change_between(measuring[0], record, is_reference=True) for record in measuring]
     first = created_at(measuring[0])
     day = np.array([days_between(first, created_at(record)) for record in measuring])
     x, y, z = (
