@@ -139,17 +139,15 @@ def decode_samples(data: bytes, shift: int = 0) -> list[SampleRun]:
     return split_runs(counts, ~(words == -1).all(axis=1))
 
 
-def split_runs(
-    counts: NDArray[np.int32], usable: NDArray[np.bool_], gyro_counts: NDArray[np.int32] | None = None
-) -> list[SampleRun]:
+def split_runs(counts: NDArray[np.int32], usable: NDArray[np.bool_]) -> list[SampleRun]:
     """Return the runs of usable samples, shape (n, 3), with the number of unusable ones before each."""
     if usable.all():
-        return [SampleRun(counts, 0, gyro_counts)] if len(counts) else []
+        return [SampleRun(counts)] if len(counts) else []
     edges = [0, *(np.flatnonzero(np.diff(usable)) + 1).tolist(), len(counts)]
     runs, lost = [], 0
     for first, end in pairwise(edges):
         if usable[first]:
-            runs.append(SampleRun(counts[first:end], lost, None if gyro_counts is None else gyro_counts[first:end]))
+            runs.append(SampleRun(counts[first:end], lost))
             lost = 0
         else:
             lost = end - first
