@@ -14,8 +14,16 @@ from devices.node_numbering import SampleSequence
 from devices.sample_clock import RADIO_MISFIT_DELAY_S, SampleClock
 from devices.sample_loss import lost_in_pause
 from devices.saturation import mark_saturated
-from devices.serial.aspp_frames import MIN_PACKET_BYTES, AsppDecoder, AsppPacket
-from devices.serial.aspp_payloads import CALIBRATED, Diagnostic, Sweeps, read_diagnostic, read_sweeps
+from devices.serial.aspp_frames import (
+    CALIBRATED,
+    MIN_PACKET_BYTES,
+    AsppDecoder,
+    AsppPacket,
+    Diagnostic,
+    Sweeps,
+    read_diagnostic,
+    read_sweeps,
+)
 from devices.serial_port import SerialPort
 from devices.serial_sensor import HeardNodes, SerialSensor, check_settings
 
