@@ -30,13 +30,13 @@ from gateway.messages.header import Reason, ReasonCode
 from gateway.numerics.array import Array
 
 MAX_POSES = 200
-"""Largest number of poses of one session, which bounds memory and the time of the fit. Basis: a choice; ten times a usual
-session, and a bound of memory and of the time of the fit."""
+"""Largest number of poses of one session. Basis: a choice; ten times a usual session, and a bound of memory and of the time of
+the fit."""
 
 Poses = tuple[Pose, ...]
 MIN_DIFFERENCE_G = 0.25
-"""Least difference between the readings of two poses of a norm fit, g: 15 degrees. Basis: a choice; 15 degrees, which a hand
-makes without a tool; closer poses tell the fit little new."""
+"""Least difference between the readings of two poses of a norm fit, g. Basis: a choice; 15 degrees, which a hand makes without a
+tool; closer poses tell the fit little new."""
 NORM_FIT_POSES = N_PARAMETERS + 3
 """Number of poses that the norm fit asks for. Basis: three more than unknowns, so that the fit is checked."""
 

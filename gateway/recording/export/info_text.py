@@ -17,9 +17,9 @@ LABEL_WIDTH = 15
 MAX_LIST_LINES = 20
 """Most lines of a list, of which `--json` has all entries; trips are always listed. Basis: a choice; a screen of a terminal."""
 CONFIGURATION_LOG, AUDIT = "plumbline.configuration", "audit "
+"""Name and beginning of the lines of the log that are entries of the configuration's audit."""
 BY_GATEWAY = ("confirmed", "rolled back")
 """What the gateway does with a change that a person has made."""
-"""Name and beginning of the lines of the log that are entries of the configuration's audit."""
 LOG_LEVEL_WORDS = {3: "warning", 4: "error", 5: "fatal"}
 
 
