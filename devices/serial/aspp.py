@@ -184,7 +184,8 @@ class AsppPart:
         usable: NDArray[np.bool_] = np.asarray(np.isfinite(raw_g).all(axis=1))
         diagnostic = self._present_diagnostic(read_ns)
         self._lost += lost
-        for first, end in pairwise(_run_edges(usable)):
+        edges = [0, *(np.flatnonzero(np.diff(usable)) + 1).tolist(), len(usable)]  # of the runs of equal values
+        for first, end in pairwise(edges):
             if not usable[first]:
                 self._invalid += end - first
                 continue
@@ -208,8 +209,3 @@ class AsppPart:
         received_ns, diagnostic = self._diagnostic
         stale = read_ns - received_ns > DIAGNOSTIC_INTERVALS * diagnostic.interval_s * 1e9
         return None if stale else diagnostic
-
-
-def _run_edges(usable: NDArray[np.bool_]) -> list[int]:
-    """Return the edges of the runs of equal values."""
-    return [0, *(np.flatnonzero(np.diff(usable)) + 1).tolist(), len(usable)]

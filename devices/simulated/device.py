@@ -177,11 +177,8 @@ class SimulatedCrane:
         self._ready.extend(self._simulate(opened_ns))
         return (due_ns - self._clock.now_ns()) / 1e9
 
-    def _simulate(self, opened_ns: int) -> list[SampleBlock]:
-        """Return the blocks after those that are ready."""
-        return list(self._new_blocks(opened_ns))
-
-    def _new_blocks(self, opened_ns: int) -> Iterator[SampleBlock]:
+    def _simulate(self, opened_ns: int) -> Iterator[SampleBlock]:
+        """Yield the blocks after those that are ready."""
         first_index = self._next + len(self._ready) * self._block_samples
         index = first_index + np.arange(self._blocks_at_once * self._block_samples)
         time_ns = opened_ns + np.rint(index * self._period_ns).astype(np.int64)

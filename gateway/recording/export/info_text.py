@@ -240,13 +240,9 @@ def _configuration_text(line: LogLine) -> str | None:
         text = f"change by {entry['by']} {what} by the gateway" if what in BY_GATEWAY else f"{what} by {entry['by']}"
         reason = entry["reason"] or entry.get("proposed_reason", "")
         text += f" ({reason})" if reason else ""
-        return ": ".join([text, *(["; ".join(entry["changes"])] if entry.get("changes") else []), *_why(entry)])
+        return ": ".join(filter(None, [text, "; ".join(entry.get("changes") or []), entry.get("why")]))
     except (ValueError, LookupError, TypeError, AttributeError):
         return None
-
-
-def _why(entry: dict[str, str]) -> list[str]:
-    return [entry["why"]] if entry.get("why") else []
 
 
 def _section(title: str, lines: Sequence[str], count: int | None = None) -> Iterator[str]:
