@@ -208,7 +208,7 @@ def test_a_coefficient_is_learned_at_rest_along_the_rope_and_offered(
     learned = make(ThermalCalibration(fit, "counts", (), found.range_c, ()))
     correction = correction_for(device("counts", 1000.0), AXES, learned)
     at_c = np.array([12.0, 26.0])
-    reference_c = present(correction.thermal).model.reference_c
+    reference_c = present(correction.thermal).reference_c
     raw = (np.array([[0, 0, 1 - 3.6e-3 * (each - reference_c)] for each in at_c])) @ np.linalg.inv(
         parent.correction_matrix
     ).T + parent.offset
