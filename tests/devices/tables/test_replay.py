@@ -16,7 +16,7 @@ from devices.tables.layout import NATIVE, TableLayout
 from devices.tables.native import read_table
 from devices.tables.replay import Replay, table_info
 from tests.clocks import START_NS, SleeplessClock
-from tests.devices.tables.table_lines import PHONE, REAL, SIX_POSITION
+from tests.devices.tables.table_lines import REAL, SIX_POSITION
 from tests.values import present
 
 INFO = DeviceInfo(kind="replay", device_id="recording-test", unit="g", odr_hz=50, units_per_g=1)
@@ -256,21 +256,6 @@ def test_real_six_position_session_in_counts() -> None:
     assert [block.raw.dtype for block in blocks] == [np.int32] * 6
     upward = [int(np.abs(block.raw.mean(axis=0)).argmax()) for block in blocks]
     assert upward == [0, 0, 1, 1, 2, 2]
-
-
-@pytest.mark.parametrize(
-    ("name", "samples", "peak_g"), [("phone_at_rest.txt", 200, 1.01), ("phone_falling.txt", 400, 18.9)]
-)
-def test_real_phone(name: str, samples: int, peak_g: float) -> None:
-    device = replay_table(REAL / name, PHONE, speed=0)
-    info = device.open()
-    assert info.odr_hz == pytest.approx(198.5, abs=0.5)
-    blocks = play(device)
-    raw = np.concatenate([block.raw for block in blocks])
-    assert len(raw) == samples
-    assert sum(block.lost + block.invalid for block in blocks) == 0
-    assert np.linalg.norm(raw, axis=1).max() / 9.80665 == pytest.approx(peak_g, abs=0.02)
-    assert (np.diff(np.concatenate([block.time_ns for block in blocks])) > 0).all()
 
 
 def test_counts_need_a_sensitivity() -> None:
