@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from devices.clock import Clock
+
 
 def interpolate_channels(
     times_ns: NDArray[np.int64], values: NDArray[np.float64], instants_ns: NDArray[np.int64]
@@ -34,14 +36,16 @@ class Instants:
 
 
 class ChannelCycles:
-    """Collects cycles, each with one reading of every channel, and interpolates between them."""
+    """Paces and collects cycles, each with one reading of every channel, and interpolates between them."""
 
-    def __init__(self, period_ns: int) -> None:
-        self._period_ns = period_ns
+    def __init__(self, odr_hz: float, clock: Clock) -> None:
+        self._period_ns = round(1e9 / odr_hz)
+        self._clock = clock
         self.restart()
 
     def restart(self) -> None:
-        """Forget all cycles and instants."""
+        """Forget all cycles and instants; the first cycle begins now."""
+        self._due_ns = self._clock.now_ns()
         self._times_ns: list[list[int]] = []
         self._values: list[list[float]] = []
         self._saturated: list[bool] = []
@@ -51,6 +55,15 @@ class ChannelCycles:
     def __len__(self) -> int:
         """Return the number of cycles that wait."""
         return len(self._times_ns)
+
+    def await_next(self) -> int:
+        """Wait until the next cycle begins, at a multiple of the period; return how many the host was too late for."""
+        now_ns = self._clock.now_ns()
+        late = max(0, (now_ns - self._due_ns) // self._period_ns)
+        self._due_ns += late * self._period_ns
+        self._clock.sleep_s((self._due_ns - now_ns) / 1e9)
+        self._due_ns += self._period_ns
+        return late
 
     def add(self, times_ns: list[int], values: list[float], *, is_saturated: bool) -> None:
         """Add a cycle: when each channel was read, and its reading."""

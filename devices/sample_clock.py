@@ -23,7 +23,7 @@ N_BUCKETS = 32
 """The window consists of this many spans of time, each with its least delayed observation. Basis: a choice; two seconds each, in
 which at least one read is prompt."""
 NOMINAL_RATE_U = 0.05 / 3**0.5
-"""Relative standard uncertainty of a nominal rate: within 5 %, uniform distribution. Basis: within 5 %, uniformly distributed."""
+"""Relative standard uncertainty of a nominal rate. Basis: within 5 %, uniformly distributed."""
 RESTART_RATE_U = 1e-3
 """Least relative standard uncertainty of a measured rate that is kept over a restart. Basis: a choice; a rate changes by less
 with the temperature after a restart."""

@@ -133,11 +133,6 @@ class SerialPort:
             return self._path.name
         return self._usb.name.replace(":", "-")
 
-    @property
-    def adapter(self) -> str | None:
-        """The USB adapter of the open port, as the configuration can name it; None where the port has none."""
-        return None if self._usb is None else self._usb.name
-
     def open(self, timeout_s: float) -> None:
         """Open the port exclusively and discard earlier bytes; a read waits at most `timeout_s`."""
         self.close()

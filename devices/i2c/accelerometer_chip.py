@@ -4,8 +4,7 @@
 faults.
 """
 
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple, Protocol
@@ -13,24 +12,13 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from devices.block import DeviceInfo
 from devices.clock import Clock
 from devices.i2c.bus import I2cPart
+from devices.i2c.chips import ChipKind, Identity
 
-MAX_LISTED_RATES = 16
-"""Rates that an error lists one by one. Basis: a choice; one line of a terminal."""
 SAMPLE_BYTES = 6
 """Definition: three axes of 16 bits."""
-
-
-@dataclass(frozen=True, slots=True)
-class Identity:
-    """What a part has in its identity registers."""
-
-    name: str
-    addresses: tuple[int, ...]
-    """The usual one first."""
-    register: int
-    value: bytes
 
 
 class Setting(NamedTuple):
@@ -39,34 +27,6 @@ class Setting(NamedTuple):
     register: int
     name: str
     value: int
-
-
-@dataclass(frozen=True, slots=True)
-class GyroProperties:
-    """Nominal properties of the gyroscope in a chip; see `devices.block.DeviceInfo`."""
-
-    rad_s_per_count: float
-    noise_rad_s: float
-    bias_rad_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class ChipProperties:
-    """Nominal properties of a chip at its rate and range; see `devices.block.DeviceInfo`."""
-
-    odr_hz: float
-    units_per_g: float
-    full_scale_g: float
-    noise_g: float
-    zero_g_offset_g: float
-    zero_g_offset_g_per_k: float
-    scale_factor_per_k: float
-    bandwidth_hz: float | None
-    saturation_counts: tuple[int, int]
-    """Lowest and highest reading: one at or beyond them is at the end of the range, and its true value may be larger."""
-    longest_block: int
-    """Largest number of samples that a read waits for: half of the FIFO, so that the rest remains free for a late host."""
-    gyro: GyroProperties | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,10 +93,13 @@ class AccelerometerChip(Protocol):
     A class that inherits from it has no revision, no reset and no temperature, and reads whole samples, unless it says otherwise.
     """
 
-    kind: str
-    """As the configuration names it."""
-    identities: tuple[Identity, ...]
-    properties: ChipProperties
+    kind: ChipKind
+    info: DeviceInfo
+    """Nominal properties at the rate and range; identity and details are added where a part is opened."""
+    saturation_counts: tuple[int, int]
+    """Lowest and highest reading: one at or beyond them is at the end of the range, and its true value may be larger."""
+    longest_block: int
+    """Largest number of samples that a read waits for: half of the FIFO, so that the rest remains free for a late host."""
     self_test: SelfTest | None
     configuration: tuple[Setting, ...]
     """In the order of writing; the last one starts the chip. A register that occurs twice must keep its last value."""
@@ -166,51 +129,6 @@ class AccelerometerChip(Protocol):
         return None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ChipKind:
-    """A kind of chip: its identities, and what a configuration may choose."""
-
-    part: str
-    """As its maker writes it."""
-    description: str
-    make: Callable[[float, float], AccelerometerChip]
-    identities: tuple[Identity, ...]
-    address_text: str
-    rates_hz: tuple[float, ...]
-    rates_text: str
-    usual_rate_hz: float = 100.0
-    ranges_g: tuple[int, ...]
-    """The usual one first."""
-    has_gyro: bool = False
-
-    @property
-    def kind(self) -> str:
-        """As a configuration names it."""
-        return self.part.lower().replace("-", "")
-
-    def __call__(self, odr_hz: float, range_g: float) -> AccelerometerChip:
-        """Return a chip at a rate and a range. Raises `ValueError` for one that it does not have."""
-        return self.make(odr_hz, range_g)
-
-
-def nearest_rate(name: str, rates_hz: Mapping[float, int], odr_hz: float) -> float:
-    """Return the rate of a chip that equals `odr_hz` within 0.1 %. Raises `ValueError` with all rates if there is none."""
-    rate_hz = min(rates_hz, key=lambda rate_hz: abs(rate_hz - odr_hz))
-    if not math.isclose(rate_hz, odr_hz, rel_tol=1e-3):
-        few = len(rates_hz) <= MAX_LISTED_RATES
-        known = "it has " + ", ".join(f"{rate:g}" for rate in rates_hz) if few else f"nearest is {rate_hz:g}"
-        raise ValueError(f"the {name} has no output data rate of {odr_hz:g} Hz; {known}")
-    return rate_hz
-
-
-def known_range(name: str, ranges_g: Mapping[int, object], range_g: float) -> int:
-    """Return the range as a whole number. Raises `ValueError` with all ranges if the chip does not have it."""
-    if range_g not in ranges_g:
-        *others, last = (str(known) for known in ranges_g)
-        raise ValueError(f"the {name} has no range of {range_g:g} g; it has {', '.join(others)} and {last}")
-    return int(range_g)
-
-
 def decode_samples(data: bytes, shift: int = 0) -> list[SampleRun]:
     """Return the samples of 6 n bytes: x, y, z in two's complement, little-endian, `shift` unused bits on the right.
 
@@ -221,17 +139,15 @@ def decode_samples(data: bytes, shift: int = 0) -> list[SampleRun]:
     return split_runs(counts, ~(words == -1).all(axis=1))
 
 
-def split_runs(
-    counts: NDArray[np.int32], usable: NDArray[np.bool_], gyro_counts: NDArray[np.int32] | None = None
-) -> list[SampleRun]:
+def split_runs(counts: NDArray[np.int32], usable: NDArray[np.bool_]) -> list[SampleRun]:
     """Return the runs of usable samples, shape (n, 3), with the number of unusable ones before each."""
     if usable.all():
-        return [SampleRun(counts, 0, gyro_counts)] if len(counts) else []
+        return [SampleRun(counts)] if len(counts) else []
     edges = [0, *(np.flatnonzero(np.diff(usable)) + 1).tolist(), len(counts)]
     runs, lost = [], 0
     for first, end in pairwise(edges):
         if usable[first]:
-            runs.append(SampleRun(counts[first:end], lost, None if gyro_counts is None else gyro_counts[first:end]))
+            runs.append(SampleRun(counts[first:end], lost))
             lost = 0
         else:
             lost = end - first

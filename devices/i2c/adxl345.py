@@ -7,27 +7,21 @@ the limits of the self-test (a warning only), noise, zero-g offset and temperatu
 
 import math
 
+from devices.block import DeviceInfo
 from devices.clock import Clock
 from devices.i2c.accelerometer_chip import (
     SAMPLE_BYTES,
     AccelerometerChip,
-    ChipKind,
-    ChipProperties,
     FifoLevel,
-    Identity,
     ImplausibleStatusError,
     SampleRun,
     SelfTest,
     Setting,
     decode_samples,
-    known_range,
-    nearest_rate,
 )
 from devices.i2c.bus import I2cPart
+from devices.i2c.chips import ADXL345_KIND, ChipKind
 from devices.saturation import code_limits
-
-IDENTITY = Identity("ADXL345", (0x53, 0x1D), 0x00, b"\xe5")
-"""Rev. G, register 0x00, DEVID; pin ALT ADDRESS."""
 
 OFSX = 0x1E
 BW_RATE, POWER_CTL, INT_SOURCE, DATA_FORMAT = 0x2C, 0x2D, 0x30, 0x31
@@ -46,10 +40,8 @@ SELF_TEST_LIMITS_G = ((0.2, 4.43), (-4.43, -0.2), (0.3, 5.75))
 """Bits and limits of DATA_FORMAT. At 2.5 V the limits are 0.2 to 2.1 g, and 0.3 to 3.4 g along z; at 3.6 V the upper ones are
 2.11 times, along z 1.69 times as large (Tables 1 and 14). Basis: data sheet."""
 
-RATE_CODES = {3200.0 / (1 << (15 - code)): code for code in range(0xD, 0x5, -1)}
-"""Codes of the rates from 800 Hz, the fastest for an I2C bus of 400 kHz (section "I2C"), to 6.25 Hz. Basis: data sheet."""
-RANGE_CODES = {2: 0, 4: 1, 8: 2, 16: 3}
-"""Codes of the ranges in g (data sheet, DATA_FORMAT)."""
+RATE_CODES = {rate_hz: 0xD - place for place, rate_hz in enumerate(ADXL345_KIND.rates_hz)}
+"""Definition: codes of BW_RATE (data sheet)."""
 UNITS_PER_G = 256.0
 """Scale in full resolution, at any range (data sheet, Table 1)."""
 NOISE_LSB = 1.1
@@ -61,24 +53,24 @@ ZERO_G_OFFSET_G, ZERO_G_OFFSET_G_PER_K, SCALE_FACTOR_PER_K = 0.25, 1.2e-3, 1e-4
 class Adxl345(AccelerometerChip):
     """An ADXL345. It has neither a reset nor a temperature sensor, so every register that matters is written."""
 
-    def __init__(self, odr_hz: float = 100.0, range_g: float = 2) -> None:
-        """Raises `ValueError` for a rate or a range that the part does not have over I2C."""
-        rate_hz = nearest_rate("ADXL345", RATE_CODES, odr_hz)
-        full_scale_g = known_range("ADXL345", RANGE_CODES, range_g)
-        self.kind = "adxl345"
-        self.identities = (IDENTITY,)
-        self.properties = ChipProperties(
+    def __init__(self, kind: ChipKind, rate_hz: float, range_g: int) -> None:
+        range_code = kind.ranges_g.index(range_g)
+        self.kind = kind
+        self.info = DeviceInfo(
+            kind=kind.kind,
+            device_id=kind.kind,
+            unit="counts",
             odr_hz=rate_hz,
             units_per_g=UNITS_PER_G,
-            full_scale_g=float(full_scale_g),
+            full_scale_g=float(range_g),
             noise_g=NOISE_LSB / UNITS_PER_G * math.sqrt(rate_hz / 100),
             zero_g_offset_g=ZERO_G_OFFSET_G,
             zero_g_offset_g_per_k=ZERO_G_OFFSET_G_PER_K,
             scale_factor_per_k=SCALE_FACTOR_PER_K,
             bandwidth_hz=None,  # half of the rate
-            saturation_counts=code_limits(10 + RANGE_CODES[full_scale_g]),
-            longest_block=FIFO_SAMPLES // 2,
         )
+        self.saturation_counts = code_limits(10 + range_code)
+        self.longest_block = FIFO_SAMPLES // 2
         self.self_test = SelfTest(
             DATA_FORMAT,
             SELF_TEST_FORCE,
@@ -91,7 +83,7 @@ class Adxl345(AccelerometerChip):
             Setting(POWER_CTL, "POWER_CTL", STANDBY),
             *(Setting(OFSX + axis, f"OFS{'XYZ'[axis]}", 0) for axis in range(3)),
             Setting(BW_RATE, "BW_RATE", RATE_CODES[rate_hz]),
-            Setting(DATA_FORMAT, "DATA_FORMAT", FULL_RES | RANGE_CODES[full_scale_g]),
+            Setting(DATA_FORMAT, "DATA_FORMAT", FULL_RES | range_code),
             Setting(FIFO_CTL, "FIFO_CTL", BYPASS),  # empties the FIFO
             Setting(FIFO_CTL, "FIFO_CTL", STREAM),
             Setting(POWER_CTL, "POWER_CTL", MEASURE),
@@ -119,15 +111,3 @@ class Adxl345(AccelerometerChip):
         They are separate transfers, because the I2C controller of a Pi allows one read in each.
         """
         return decode_samples(b"".join(part.read(DATAX0, SAMPLE_BYTES, consuming=True) for _ in range(size)))
-
-
-ADXL345_KIND = ChipKind(
-    part="ADXL345",
-    description="Analog Devices ADXL345 over I2C.",
-    make=Adxl345,
-    identities=(IDENTITY,),
-    address_text="0x53, or 0x1D with the ALT ADDRESS pin high",
-    rates_hz=tuple(RATE_CODES),
-    rates_text="800 Hz halved up to seven times",
-    ranges_g=tuple(RANGE_CODES),
-)

@@ -4,33 +4,33 @@ Registers and tables by the data sheets ADXL354/ADXL355 Rev. D and ADXL356/ADXL3
 descriptions". Registers, rates, scale and temperature agree with Linux, adxl355_core.c (which rounds the scale), those of the
 ADXL357 with the driver in .NET IoT. Not confirmed by a second source: noise, zero-g offset and temperature coefficients, the
 limits of the ADXL357.
+
+The FIFO holds 96 entries of 3 bytes, one per axis in the order x y z: 20 bits of two's complement, left-justified and big-endian.
+The two lowest bits of an entry mark an x entry and an empty FIFO.
 """
 
 import math
+import re
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+from devices.block import DeviceInfo
 from devices.clock import Clock
 from devices.errors import TransferError
 from devices.i2c.accelerometer_chip import (
     AccelerometerChip,
-    ChipKind,
-    ChipProperties,
     FifoLevel,
-    Identity,
     ImplausibleStatusError,
     SampleRun,
     SelfTest,
     Setting,
-    known_range,
-    nearest_rate,
 )
-from devices.i2c.adxl355_fifo import ENTRY_BYTES, FIFO_ENTRIES, decode_counts, split_entries
 from devices.i2c.bus import I2cPart
+from devices.i2c.chips import ADXL355_KIND, ChipKind, Identity
 from devices.saturation import code_limits
-
-IDENTITY = Identity("ADXL355", (0x1D, 0x53), 0x00, b"\xad\x1d\xed")
-"""Rev. D, "Register map": DEVID_AD, DEVID_MST, PARTID. Also that of an ADXL357 (Rev. C, PARTID 0xED)."""
 
 REVID, STATUS, TEMP2, FIFO_DATA = 0x03, 0x04, 0x06, 0x11
 FILTER, RANGE, POWER_CTL, SELF_TEST, RESET = 0x28, 0x2C, 0x2D, 0x2E, 0x2F
@@ -40,9 +40,8 @@ RANGE_HIGH_SPEED = 0x80
 """The default of the other bits of the RANGE register: I2C high-speed mode allowed."""
 OVERRUN, NVM_BUSY, STATUS_UNUSED = 0x04, 0x10, 0xE0
 
-RATES_HZ = tuple(4000.0 / (1 << k) for k in range(11))
-"""Output data rates by their code in the FILTER register. Basis: data sheet."""
-RATE_CODES = {rate_hz: code for code, rate_hz in enumerate(RATES_HZ)}
+RATE_CODES = {rate_hz: code for code, rate_hz in enumerate(ADXL355_KIND.rates_hz)}
+"""Definition: codes of the FILTER register (data sheet)."""
 MAX_READ_SAMPLES = 16
 """Samples of a block at most. Basis: half of the FIFO, so that a late read loses none."""
 ENTRIES_MARGIN = 3
@@ -89,6 +88,17 @@ ADXL357 = Variant({10: 51200.0, 20: 25600.0, 40: 12800.0}, 75e-6, 0.375, 0.75e-3
 SCALE_FACTOR_PER_K = 1e-4
 """Data sheets: 0.01 % per kelvin."""
 
+ENTRY_BYTES, SAMPLE_BYTES = 3, 9
+"""Definition: an entry has an axis of 20 bits, a sample three of them (data sheet)."""
+FIFO_ENTRIES = 96
+"""Data sheet: 96 entries, 32 samples."""
+MARKS = bytes(b"oxee"[byte & 3] for byte in range(256))
+"""Kind of an entry by its third byte: x, another axis, empty."""
+EMPTY = ord("e")
+ALIGNED = b"xoo" * FIFO_ENTRIES
+SEGMENTS = re.compile(rb"(?P<whole>(?:xoo)+)|(?P<tail>xo?\Z)|(?P<broken>[xo]o*)")
+"""Complete samples; an incomplete sample at the end; entries of a sample that lacks others."""
+
 
 def temperature_c(raw: int, at_25_c: int = ADXL355.temperature_25_c) -> float:
     """Return degrees Celsius for a 12-bit reading: -9.05 per degree from the nominal reading at 25 °C."""
@@ -104,33 +114,61 @@ def noise_g(odr_hz: float, noise_g_per_root_hz: float = ADXL355.noise_g_per_root
     return noise_g_per_root_hz * math.sqrt(math.pi / 2 * odr_hz / 4)
 
 
-class Adxl355(AccelerometerChip):
-    """An ADXL355; with `ADXL357` an ADXL357, which has the same registers and the same identity."""
+def split_entries(entries: bytes) -> tuple[list[SampleRun], bytes]:
+    """Return the complete samples, and the entries of an incomplete last sample.
 
-    def __init__(self, odr_hz: float = 125.0, range_g: float = 2, variant: Variant = ADXL355) -> None:
-        """Raises `ValueError` for a rate or a range that the part does not have."""
-        name = "ADXL355" if variant is ADXL355 else "ADXL357"
-        rate_hz = nearest_rate(name, RATE_CODES, odr_hz)
-        full_scale_g = known_range(name, variant.units_per_g, range_g)
-        range_code = list(variant.units_per_g).index(full_scale_g) + 1
-        self.kind = name.lower()
-        self.identities = (IDENTITY,)
-        self.properties = ChipProperties(
+    Empty entries are removed; a sample that lacks entries is skipped up to the next x entry.
+    """
+    marks = entries[2::ENTRY_BYTES].translate(MARKS)
+    if ALIGNED.startswith(marks) and len(entries) % SAMPLE_BYTES == 0:
+        return [SampleRun(decode_counts(entries))] if entries else [], b""
+    filled = b"".join(entries[3 * i : 3 * i + 3] for i, mark in enumerate(marks) if mark != EMPTY)
+    runs, tail, lost = [], b"", 0
+    for stretch in SEGMENTS.finditer(filled[2::ENTRY_BYTES].translate(MARKS)):
+        part = filled[3 * stretch.start() : 3 * stretch.end()]
+        if stretch["whole"]:
+            runs.append(SampleRun(decode_counts(part), lost))
+            lost = 0
+        elif stretch["tail"]:
+            tail = part
+        else:
+            lost += 1
+    return ([*runs, SampleRun(decode_counts(b""), lost)] if lost else runs), tail
+
+
+def decode_counts(entries: bytes) -> NDArray[np.int32]:
+    """Return the counts of complete samples, shape (n, 3), from 9 n bytes."""
+    words = np.zeros((len(entries) // ENTRY_BYTES, 4), dtype=np.uint8)
+    words[:, :3] = np.frombuffer(entries, dtype=np.uint8).reshape(-1, ENTRY_BYTES)
+    counts: NDArray[np.int32] = words.view(">i4").astype(np.int32).reshape(-1, 3) >> 12
+    return counts
+
+
+class Adxl355(AccelerometerChip):
+    """An ADXL355, or an ADXL357, which has the same registers and the same identity."""
+
+    def __init__(self, kind: ChipKind, rate_hz: float, range_g: int) -> None:
+        variant = ADXL355 if kind is ADXL355_KIND else ADXL357
+        self.kind = kind
+        self.info = DeviceInfo(
+            kind=kind.kind,
+            device_id=kind.kind,
+            unit="counts",
             odr_hz=rate_hz,
-            units_per_g=variant.units_per_g[full_scale_g],
-            full_scale_g=float(full_scale_g),
+            units_per_g=variant.units_per_g[range_g],
+            full_scale_g=float(range_g),
             noise_g=noise_g(rate_hz, variant.noise_g_per_root_hz),
             zero_g_offset_g=variant.zero_g_offset_g,
             zero_g_offset_g_per_k=variant.zero_g_offset_g_per_k,
             scale_factor_per_k=SCALE_FACTOR_PER_K,
             bandwidth_hz=rate_hz / 4,
-            saturation_counts=code_limits(20),
-            longest_block=MAX_READ_SAMPLES,
         )
+        self.saturation_counts = code_limits(20)
+        self.longest_block = MAX_READ_SAMPLES
         self.self_test = variant.self_test
         self.configuration = (
             Setting(POWER_CTL, "POWER_CTL", STANDBY),
-            Setting(RANGE, "RANGE", RANGE_HIGH_SPEED | range_code),
+            Setting(RANGE, "RANGE", RANGE_HIGH_SPEED | kind.ranges_g.index(range_g) + 1),
             Setting(FILTER, "FILTER", RATE_CODES[rate_hz]),
             Setting(SELF_TEST, "SELF_TEST", 0),
             Setting(POWER_CTL, "POWER_CTL", MEASURE),
@@ -167,7 +205,7 @@ class Adxl355(AccelerometerChip):
         """Read axis entries; an incomplete last sample is kept for the next call."""
         burst = part.read(FIFO_DATA, ENTRY_BYTES * size, consuming=True)
         runs, self._tail = split_entries(self._tail + burst)
-        return [SampleRun(decode_counts(run.entries), run.lost) for run in runs]
+        return runs
 
     def forget_partial(self) -> None:
         """Discard the entries of an incomplete sample."""
@@ -180,24 +218,3 @@ class Adxl355(AccelerometerChip):
             if part.read(TEMP2, 1)[0] == high:  # so the two bytes belong together
                 return temperature_c((high & 0x0F) << 8 | low, self._temperature_25_c)
         return None
-
-
-ADXL355_KIND = ChipKind(
-    part="ADXL355",
-    description="Analog Devices ADXL355 over I2C.",
-    make=Adxl355,
-    identities=(IDENTITY,),
-    address_text="0x1D, or 0x53 with the ASEL pin high",
-    rates_hz=RATES_HZ,
-    rates_text="4000 Hz halved up to ten times",
-    usual_rate_hz=125.0,
-    ranges_g=tuple(ADXL355.units_per_g),
-)
-"""Basis: of its usual rate a choice, the one next to the 100 Hz of the other chips."""
-ADXL357_KIND = replace(
-    ADXL355_KIND,
-    part="ADXL357",
-    description="Analog Devices ADXL357 over I2C: the ADXL355 with larger ranges.",
-    make=lambda odr_hz, range_g: Adxl355(odr_hz, range_g, ADXL357),
-    ranges_g=tuple(ADXL357.units_per_g),
-)

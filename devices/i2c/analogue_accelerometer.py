@@ -93,8 +93,7 @@ class AnalogueAccelerometer:
         self._sensor = sensor
         self._bus, self._address = bus, address
         self._odr_hz = odr_hz
-        self._period_ns = round(1e9 / odr_hz)
-        self._cycles = ChannelCycles(self._period_ns)
+        self._cycles = ChannelCycles(odr_hz, clock)
         self._block_samples = block_samples
         self._serial = serial
         self._clock = clock
@@ -155,16 +154,11 @@ class AnalogueAccelerometer:
 
     def _reset_state(self) -> None:
         self._cycles.restart()
-        self._cycle_ns = self._clock.now_ns()
         self._bad_cycles = self._invalid = 0
 
     def _convert_cycle(self) -> None:
         """Convert all inputs once, at the next multiple of the period."""
-        now_ns = self._clock.now_ns()
-        late = max(0, (now_ns - self._cycle_ns) // self._period_ns)
-        self._cycle_ns += late * self._period_ns
-        self._clock.sleep_s((self._cycle_ns - now_ns) / 1e9)
-        self._cycle_ns += self._period_ns
+        self._cycles.await_next()
         try:
             cycle = [ads1115.convert(self._part, self._clock, channel) for channel in range(ads1115.N_INPUTS)]
         except ConfigurationReadBackError:

@@ -1,4 +1,4 @@
-"""One part on an I2C bus, through Linux i2c-dev.
+"""The parts on an I2C bus, through Linux i2c-dev: transfers with one of them, its identity, and the search for all of them.
 
 All transfers use `i2c_rdwr`: a register read of any length is one ioctl with a write and a read joined by a repeated start.
 SMBus block reads are limited to 32 bytes.
@@ -6,8 +6,9 @@ SMBus block reads are limited to 32 bytes.
 
 import errno
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import Protocol
 
 from smbus2 import SMBus, i2c_msg
@@ -18,8 +19,10 @@ from devices.errors import (
     DeviceAccessError,
     DeviceError,
     DeviceNotFoundError,
+    IdentityError,
     TransferError,
 )
+from devices.i2c.chips import IDENTITIES, Identity
 
 MAX_ATTEMPTS = 3
 """Basis: a choice; single disturbances pass, and a part that does not answer is told soon."""
@@ -138,3 +141,51 @@ class I2cPart:
                 self._clock.sleep_s(RETRY_PAUSE_S)
             else:
                 return
+
+
+def identify(part: I2cPart, *expected: Identity) -> Identity:
+    """Return which of several identities with one register the part has.
+
+    Raises `IdentityError`, which names the part that is found, and `TransferError`.
+    """
+    found = part.read(expected[0].register, len(expected[0].value))
+    for identity in expected:
+        if found == identity.value:
+            return identity
+    other = find_identity(part)
+    names = " or ".join(f"{known.name} ({known.value.hex(' ').upper()})" for known in expected)
+    raise IdentityError(
+        f"{part}: identity reads {found.hex(' ').upper()}, expected is an {names};"
+        f" this is {'another part' if other is None else f'an {other.name}'}, name its kind or the right address"
+    )
+
+
+def find_identity(part: I2cPart) -> Identity | None:
+    """Return the identity of whatever part is there; None for an unknown one. Raises `TransferError`."""
+    possible = (identity for identity in IDENTITIES.values() if part.address in identity.addresses)
+    return next((known for known in possible if part.read(known.register, len(known.value)) == known.value), None)
+
+
+@dataclass(frozen=True, slots=True)
+class FoundPart:
+    """A part that acknowledges an address."""
+
+    address: int
+    identity: Identity | None
+    """None: not a known one."""
+    error: str | None = None
+    """Why its identity could not be read."""
+
+
+def probe_bus(bus: int, clock: Clock, open_bus: BusOpener = SMBus) -> Iterator[FoundPart]:
+    """Yield every part that answers; only identity registers are read. Raises `DeviceNotFoundError`, `DeviceAccessError`."""
+    for address in sorted({address for identity in IDENTITIES.values() for address in identity.addresses}):
+        part = I2cPart(bus, address, clock, open_bus)
+        part.open()
+        try:
+            yield FoundPart(address, find_identity(part))
+        except TransferError as error:
+            if set(part.faults) != {"i2c_no_acknowledge"}:
+                yield FoundPart(address, None, str(error))
+        finally:
+            part.close()

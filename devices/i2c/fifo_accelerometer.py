@@ -5,6 +5,7 @@ Such a part has neither a serial number nor a readable clock; `devices.sample_cl
 
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 from smbus2 import SMBus
 
@@ -19,8 +20,7 @@ from devices.i2c.accelerometer_chip import (
     LostAlignmentError,
     SampleRun,
 )
-from devices.i2c.bus import BusOpener, I2cPart
-from devices.i2c.chips import identify
+from devices.i2c.bus import BusOpener, I2cPart, identify
 from devices.sample_clock import SampleClock
 from devices.saturation import mark_saturated
 
@@ -53,14 +53,13 @@ class FifoAccelerometer:
         open_bus: BusOpener = SMBus,
     ) -> None:
         """`block_samples`: usual length of a block; `serial`: a label, for the part has no number. Raises `ValueError`."""
-        longest = chip.properties.longest_block
         if block_samples < 1:
-            raise ValueError(f"a block of {block_samples} samples is impossible; give 1 to {longest}")
+            raise ValueError(f"a block of {block_samples} samples is impossible; give 1 to {chip.longest_block}")
         self._chip = chip
         self._bus = bus
         self._address = address
-        self._odr_hz = chip.properties.odr_hz
-        self._block_samples = min(block_samples, longest)
+        self._odr_hz = chip.info.odr_hz
+        self._block_samples = min(block_samples, chip.longest_block)
         self._serial = serial
         self._clock = clock
         self._part = I2cPart(bus, address, clock, open_bus)
@@ -78,7 +77,7 @@ class FifoAccelerometer:
         """
         self._part.open()
         try:
-            revision = self._chip.revision(self._part, identify(self._part, *self._chip.identities))
+            revision = self._chip.revision(self._part, identify(self._part, *self._chip.kind.identities))
             self._chip.reset(self._part, self._clock)
             for setting in self._chip.configuration:
                 self._part.write_checked(setting.register, setting.value, setting.name)
@@ -120,32 +119,15 @@ class FifoAccelerometer:
         self._last_received_ns = self._check_due_ns = self._clock.now_ns()
 
     def _info(self, revision: str) -> DeviceInfo:
-        kind, properties = self._chip.kind, self._chip.properties
-        gyro = properties.gyro
+        info = self._chip.info
         place = f"i2c{self._bus}-{self._address:02x}"
         number = self._serial or "-".join(filter(None, (revision, place)))
         details = {"bus": f"/dev/i2c-{self._bus}", "address": f"{self._address:#04x}"}
         if revision:
             details["revision"] = f"0x{revision}"
-        if properties.bandwidth_hz is not None:
-            details["bandwidth_hz"] = f"{properties.bandwidth_hz:g}"
-        return DeviceInfo(
-            kind=kind,
-            device_id=f"{kind}-{number}",
-            unit="counts",
-            odr_hz=properties.odr_hz,
-            units_per_g=properties.units_per_g,
-            full_scale_g=properties.full_scale_g,
-            noise_g=properties.noise_g,
-            zero_g_offset_g=properties.zero_g_offset_g,
-            bandwidth_hz=properties.bandwidth_hz,
-            zero_g_offset_g_per_k=properties.zero_g_offset_g_per_k,
-            scale_factor_per_k=properties.scale_factor_per_k,
-            gyro_rad_s_per_count=None if gyro is None else gyro.rad_s_per_count,
-            gyro_noise_rad_s=None if gyro is None else gyro.noise_rad_s,
-            gyro_bias_rad_s=None if gyro is None else gyro.bias_rad_s,
-            details=details,
-        )
+        if info.bandwidth_hz is not None:
+            details["bandwidth_hz"] = f"{info.bandwidth_hz:g}"
+        return replace(info, device_id=f"{info.kind}-{number}", details=details)
 
     def _receive(self) -> None:
         """Wait up to half a second for a block of samples, and read the samples that are there."""
@@ -237,7 +219,7 @@ class FifoAccelerometer:
                     self._temperature_c,
                     lost,
                     gyro_counts=run.gyro_counts,
-                    saturated=mark_saturated(run.raw, *self._chip.properties.saturation_counts),
+                    saturated=mark_saturated(run.raw, *self._chip.saturation_counts),
                 )
                 self._last_ns, self._lost, self._lost_at_least = int(time_ns[-1]), 0, None
 

@@ -7,28 +7,22 @@ Not confirmed by a second source: noise, zero-g offset and temperature coefficie
 
 import math
 
+from devices.block import DeviceInfo
 from devices.clock import Clock
 from devices.errors import TransferError
 from devices.i2c.accelerometer_chip import (
     SAMPLE_BYTES,
     AccelerometerChip,
-    ChipKind,
-    ChipProperties,
     FifoLevel,
-    Identity,
     ImplausibleStatusError,
     SampleRun,
     SelfTest,
     Setting,
     decode_samples,
-    known_range,
-    nearest_rate,
 )
 from devices.i2c.bus import I2cPart
+from devices.i2c.chips import LIS2DW12_KIND, ChipKind
 from devices.saturation import code_limits
-
-IDENTITY = Identity("LIS2DW12", (0x18, 0x19), 0x0F, b"\x44")
-"""Rev. 8, section 8.3, WHO_AM_I; pin SA0."""
 
 OUT_T_L, CTRL1, CTRL2, CTRL3, CTRL6 = 0x0D, 0x20, 0x21, 0x22, 0x25
 OUT_X_L, FIFO_CTRL, FIFO_SAMPLES = 0x28, 0x2E, 0x2F
@@ -47,10 +41,8 @@ SELF_TEST_FORCE = 0x40
 SELF_TEST_LIMITS_G = ((0.07, 1.5),) * 3
 """Bits and limits of CTRL3, at 50 Hz and 4 g (Table 3). Basis: data sheet."""
 
-RATE_CODES = {1600.0: 9, 800.0: 8, 400.0: 7, 200.0: 6, 100.0: 5, 50.0: 4, 25.0: 3, 12.5: 2}
-"""Section 8.4, CTRL1, in high-performance mode. Basis: data sheet."""
-RANGE_CODES = {2: 0, 4: 1, 8: 2, 16: 3}
-"""Codes of the ranges in g (data sheet, section 8)."""
+RATE_CODES = {rate_hz: 9 - place for place, rate_hz in enumerate(LIS2DW12_KIND.rates_hz)}
+"""Definition: codes of CTRL1 (data sheet, section 8.4)."""
 UNITS_PER_G = {2: 4096.0, 4: 2048.0, 8: 1024.0, 16: 512.0}
 """14 bits over the range; Table 3 rounds them to 0.244, 0.488, 0.976 and 1.952 mg per digit."""
 NOISE_G_PER_ROOT_HZ = 90e-6
@@ -64,24 +56,23 @@ UNITS_PER_KELVIN = 256.0
 class Lis2dw12(AccelerometerChip):
     """A LIS2DW12 in high-performance mode with low noise."""
 
-    def __init__(self, odr_hz: float = 100.0, range_g: float = 2) -> None:
-        """Raises `ValueError` for a rate or a range that the part does not have."""
-        rate_hz = nearest_rate("LIS2DW12", RATE_CODES, odr_hz)
-        full_scale_g = known_range("LIS2DW12", RANGE_CODES, range_g)
-        self.kind = "lis2dw12"
-        self.identities = (IDENTITY,)
-        self.properties = ChipProperties(
+    def __init__(self, kind: ChipKind, rate_hz: float, range_g: int) -> None:
+        self.kind = kind
+        self.info = DeviceInfo(
+            kind=kind.kind,
+            device_id=kind.kind,
+            unit="counts",
             odr_hz=rate_hz,
-            units_per_g=UNITS_PER_G[full_scale_g],
-            full_scale_g=float(full_scale_g),
+            units_per_g=UNITS_PER_G[range_g],
+            full_scale_g=float(range_g),
             noise_g=NOISE_G_PER_ROOT_HZ * math.sqrt(rate_hz / 2),
             zero_g_offset_g=ZERO_G_OFFSET_G,
             zero_g_offset_g_per_k=ZERO_G_OFFSET_G_PER_K,
             scale_factor_per_k=SCALE_FACTOR_PER_K,
             bandwidth_hz=None,  # half of the rate
-            saturation_counts=code_limits(14),
-            longest_block=FIFO_SIZE // 2,
         )
+        self.saturation_counts = code_limits(14)
+        self.longest_block = FIFO_SIZE // 2
         self.self_test = SelfTest(
             CTRL3,
             SELF_TEST_FORCE,
@@ -94,7 +85,7 @@ class Lis2dw12(AccelerometerChip):
             Setting(CTRL1, "CTRL1", POWER_DOWN),
             Setting(CTRL2, "CTRL2", BLOCK_DATA_UPDATE | AUTO_INCREMENT),
             Setting(CTRL3, "CTRL3", 0),
-            Setting(CTRL6, "CTRL6", RANGE_CODES[full_scale_g] << 4 | LOW_NOISE),
+            Setting(CTRL6, "CTRL6", kind.ranges_g.index(range_g) << 4 | LOW_NOISE),
             Setting(FIFO_CTRL, "FIFO_CTRL", BYPASS),  # empties the FIFO
             Setting(FIFO_CTRL, "FIFO_CTRL", CONTINUOUS),
             Setting(CTRL1, "CTRL1", RATE_CODES[rate_hz] << 4 | HIGH_PERFORMANCE),
@@ -128,15 +119,3 @@ class Lis2dw12(AccelerometerChip):
     def temperature_c(self, part: I2cPart) -> float | None:
         """Return the temperature."""
         return 25.0 + int.from_bytes(part.read(OUT_T_L, 2), "little", signed=True) / UNITS_PER_KELVIN
-
-
-LIS2DW12_KIND = ChipKind(
-    part="LIS2DW12",
-    description="STMicroelectronics LIS2DW12 over I2C.",
-    make=Lis2dw12,
-    identities=(IDENTITY,),
-    address_text="0x18, or 0x19 with the SA0 pin high",
-    rates_hz=tuple(RATE_CODES),
-    rates_text="1600 Hz halved up to seven times",
-    ranges_g=tuple(RANGE_CODES),
-)

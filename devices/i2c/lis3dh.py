@@ -8,27 +8,21 @@ second source: the rate of 1344 Hz, noise, zero-g offset and temperature coeffic
 
 import math
 
+from devices.block import DeviceInfo
 from devices.clock import Clock
 from devices.i2c.accelerometer_chip import (
     SAMPLE_BYTES,
     AccelerometerChip,
-    ChipKind,
-    ChipProperties,
     FifoLevel,
-    Identity,
     ImplausibleStatusError,
     SampleRun,
     SelfTest,
     Setting,
     decode_samples,
-    known_range,
-    nearest_rate,
 )
 from devices.i2c.bus import I2cPart
+from devices.i2c.chips import LIS3DH_KIND, ChipKind
 from devices.saturation import code_limits
-
-IDENTITY = Identity("LIS3DH", (0x18, 0x19), 0x0F, b"\x33")
-"""Rev. 2, section 8.6, WHO_AM_I; pin SA0."""
 
 AUTO_INCREMENT = 0x80
 CTRL_REG1, CTRL_REG2, CTRL_REG4, CTRL_REG5 = 0x20, 0x21, 0x23, 0x24
@@ -49,10 +43,8 @@ SELF_TEST_FORCE = 0x02
 SELF_TEST_LIMITS_G = ((0.068, 1.44),) * 3
 """Bits and limits of CTRL_REG4, at 50 Hz and 2 g. 17 to 360 digits of 4 mg (Table 4). Basis: data sheet."""
 
-RATE_CODES = {1344.0: 9, 400.0: 7, 200.0: 6, 100.0: 5, 50.0: 4, 25.0: 3, 10.0: 2, 1.0: 1}
+RATE_CODES = dict(zip(LIS3DH_KIND.rates_hz, (9, 7, 6, 5, 4, 3, 2, 1), strict=True))
 """Table 31, in high-resolution mode."""
-RANGE_CODES = {2: 0, 4: 1, 8: 2, 16: 3}
-"""Codes of the ranges in g (data sheet, section 8)."""
 UNITS_PER_G = {2: 1000.0, 4: 500.0, 8: 250.0, 16: 1000.0 / 12}
 """Table 4: 1, 2, 4 and 12 mg per digit in high-resolution mode."""
 SATURATION_COUNTS = dict.fromkeys((2, 4, 8), code_limits(12)) | {16: (-1333, 1333)}
@@ -66,32 +58,31 @@ ZERO_G_OFFSET_G, ZERO_G_OFFSET_G_PER_K, SCALE_FACTOR_PER_K = 0.04, 0.5e-3, 1e-4
 class Lis3dh(AccelerometerChip):
     """A LIS3DH in high-resolution mode. Its temperature sensor has no absolute zero (section 3.7), so none is delivered."""
 
-    def __init__(self, odr_hz: float = 100.0, range_g: float = 2) -> None:
-        """Raises `ValueError` for a rate or a range that the part does not have."""
-        rate_hz = nearest_rate("LIS3DH", RATE_CODES, odr_hz)
-        full_scale_g = known_range("LIS3DH", RANGE_CODES, range_g)
+    def __init__(self, kind: ChipKind, rate_hz: float, range_g: int) -> None:
         bandwidth_hz = rate_hz / 9  # Table 12
-        self.kind = "lis3dh"
-        self.identities = (IDENTITY,)
-        self.properties = ChipProperties(
+        self.kind = kind
+        self.info = DeviceInfo(
+            kind=kind.kind,
+            device_id=kind.kind,
+            unit="counts",
             odr_hz=rate_hz,
-            units_per_g=UNITS_PER_G[full_scale_g],
-            full_scale_g=float(full_scale_g),
+            units_per_g=UNITS_PER_G[range_g],
+            full_scale_g=float(range_g),
             noise_g=NOISE_G_PER_ROOT_HZ * math.sqrt(math.pi / 2 * bandwidth_hz),
             zero_g_offset_g=ZERO_G_OFFSET_G,
             zero_g_offset_g_per_k=ZERO_G_OFFSET_G_PER_K,
             scale_factor_per_k=SCALE_FACTOR_PER_K,
             bandwidth_hz=bandwidth_hz,
-            saturation_counts=SATURATION_COUNTS[full_scale_g],
-            longest_block=FIFO_SAMPLES // 2,
         )
+        self.saturation_counts = SATURATION_COUNTS[range_g]
+        self.longest_block = FIFO_SAMPLES // 2
         self.self_test = SelfTest(
             CTRL_REG4, SELF_TEST_FORCE, lambda _: SELF_TEST_LIMITS_G, odr_hz=50.0, range_g=2, either_sign=True
         )
         self.configuration = (
             Setting(CTRL_REG1, "CTRL_REG1", POWER_DOWN),
             Setting(CTRL_REG2, "CTRL_REG2", 0),  # no high-pass filter
-            Setting(CTRL_REG4, "CTRL_REG4", BLOCK_DATA_UPDATE | RANGE_CODES[full_scale_g] << 4 | HIGH_RESOLUTION),
+            Setting(CTRL_REG4, "CTRL_REG4", BLOCK_DATA_UPDATE | kind.ranges_g.index(range_g) << 4 | HIGH_RESOLUTION),
             Setting(CTRL_REG5, "CTRL_REG5", FIFO_ENABLED),
             Setting(FIFO_CTRL_REG, "FIFO_CTRL_REG", BYPASS),  # empties the FIFO
             Setting(FIFO_CTRL_REG, "FIFO_CTRL_REG", STREAM),
@@ -122,15 +113,3 @@ class Lis3dh(AccelerometerChip):
         """Read samples in one burst: after OUT_Z_H the address returns to OUT_X_L (section 5.1.5)."""
         data = part.read(OUT_X_L | AUTO_INCREMENT, SAMPLE_BYTES * size, consuming=True)
         return decode_samples(data, UNUSED_BITS)
-
-
-LIS3DH_KIND = ChipKind(
-    part="LIS3DH",
-    description="STMicroelectronics LIS3DH over I2C.",
-    make=Lis3dh,
-    identities=(IDENTITY,),
-    address_text="0x18, or 0x19 with the SA0 pin high",
-    rates_hz=tuple(RATE_CODES),
-    rates_text="1, 10, 25, 50, 100, 200, 400 or 1344 Hz",
-    ranges_g=tuple(RANGE_CODES),
-)

@@ -7,37 +7,25 @@ temperature coefficients, and the size of the MPU-6500's FIFO.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
+from devices.block import DeviceInfo
 from devices.clock import Clock
 from devices.i2c.accelerometer_chip import (
     AccelerometerChip,
     AxisLimits,
-    ChipKind,
-    ChipProperties,
     FifoLevel,
-    GyroProperties,
-    Identity,
     ImplausibleStatusError,
     LostAlignmentError,
     SampleRun,
     SelfTest,
     Setting,
-    known_range,
-    nearest_rate,
 )
 from devices.i2c.bus import I2cPart
+from devices.i2c.chips import MPU9250_KIND, ChipKind, Identity
 from devices.saturation import code_limits
-
-IDENTITIES = (
-    Identity("MPU-9250", (0x68, 0x69), 0x75, b"\x71"),  # RM-MPU-9250A-00 Rev. 1.6, section 4.38, WHOAMI; pin AD0
-    Identity("MPU-9255", (0x68, 0x69), 0x75, b"\x73"),  # RM-MPU-9255 Rev. 1.0, WHOAMI
-    Identity("MPU-6500", (0x68, 0x69), 0x75, b"\x70"),  # the accelerometer and gyroscope of the MPU-9250
-)
-MPU6050_IDENTITY = Identity("MPU-6050", (0x68, 0x69), 0x75, b"\x68")
-"""RM-MPU-6000A-00 Rev. 4.2, section 4.32, WHO_AM_I."""
 
 SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG, ACCEL_CONFIG_2, FIFO_EN = 0x19, 0x1A, 0x1B, 0x1C, 0x1D, 0x23
 INT_ENABLE, INT_STATUS, TEMP_OUT_H = 0x38, 0x3A, 0x41
@@ -52,9 +40,6 @@ FIFO_OVERFLOW = 0x10
 SAMPLE_BYTES = 14
 """Definition: three axes of force, temperature and three rates of 16 bits."""
 
-RATE_CODES = {1000.0 / (1 + divider): divider for divider in range(256)}
-RANGE_CODES = {2: 0, 4: 1, 8: 2, 16: 3}
-"""Codes of the ranges in g (register map). Definition: ACCEL_CONFIG."""
 UNITS_PER_G_2 = 16384.0
 """At a range of 2 g. Definition: 16 bits over the range."""
 RAD_S_PER_UNIT = math.radians(250.0) / 32768
@@ -90,8 +75,6 @@ def _limits_by_code(code: int) -> tuple[float, float]:
 class MpuVariant:
     """The figures in which the generations differ."""
 
-    name: str
-    identities: tuple[Identity, ...]
     fifo_bytes: int
     has_accel_config_2: bool
     bandwidths_hz: tuple[float, ...]
@@ -109,8 +92,6 @@ class MpuVariant:
 
 
 MPU9250 = MpuVariant(
-    name="MPU-9250",
-    identities=IDENTITIES,
     fifo_bytes=512,
     has_accel_config_2=True,
     bandwidths_hz=(218.1, 99.0, 44.8, 21.2, 10.2, 5.05),
@@ -126,8 +107,6 @@ MPU9250 = MpuVariant(
 )
 """Data sheet PS-MPU-9250A-01, Tables 1 and 2."""
 MPU6050 = MpuVariant(
-    name="MPU-6050",
-    identities=(MPU6050_IDENTITY,),
     fifo_bytes=1024,
     has_accel_config_2=False,
     bandwidths_hz=(184.0, 94.0, 44.0, 21.0, 10.0, 5.0),
@@ -145,33 +124,31 @@ MPU6050 = MpuVariant(
 
 
 class Mpu9250(AccelerometerChip):
-    """An MPU-9250, MPU-9255 or MPU-6500; with `MPU6050` an MPU-6050."""
+    """An MPU-9250, MPU-9255, MPU-6500 or MPU-6050."""
 
-    def __init__(self, odr_hz: float = 100.0, range_g: float = 2, variant: MpuVariant = MPU9250) -> None:
-        """Raises `ValueError` for a rate or a range that the part does not have."""
-        rate_hz = nearest_rate(variant.name, RATE_CODES, odr_hz)
-        full_scale_g = known_range(variant.name, RANGE_CODES, range_g)
+    def __init__(self, kind: ChipKind, rate_hz: float, range_g: int) -> None:
+        variant = MPU9250 if kind is MPU9250_KIND else MPU6050
         filter_code, bandwidth_hz = _lowpass(variant, rate_hz)
         gyro_bandwidth_hz = variant.gyro_bandwidths_hz[filter_code - 1]
-        self.kind = variant.name.lower().replace("-", "")
-        self.identities = variant.identities
-        self.properties = ChipProperties(
+        self.kind = kind
+        self.info = DeviceInfo(
+            kind=kind.kind,
+            device_id=kind.kind,
+            unit="counts",
             odr_hz=rate_hz,
-            units_per_g=UNITS_PER_G_2 / (full_scale_g // 2),
-            full_scale_g=float(full_scale_g),
+            units_per_g=UNITS_PER_G_2 / (range_g // 2),
+            full_scale_g=float(range_g),
             noise_g=variant.noise_g_per_root_hz * math.sqrt(math.pi / 2 * bandwidth_hz),
             zero_g_offset_g=variant.zero_g_offset_g,
             zero_g_offset_g_per_k=variant.zero_g_offset_g_per_k,
             scale_factor_per_k=variant.scale_factor_per_k,
             bandwidth_hz=bandwidth_hz,
-            saturation_counts=code_limits(16),
-            longest_block=variant.fifo_bytes // SAMPLE_BYTES // 2,
-            gyro=GyroProperties(
-                RAD_S_PER_UNIT,
-                noise_rad_s=variant.gyro_noise_rad_s_per_root_hz * math.sqrt(math.pi / 2 * gyro_bandwidth_hz),
-                bias_rad_s=variant.gyro_bias_rad_s,
-            ),
+            gyro_rad_s_per_count=RAD_S_PER_UNIT,
+            gyro_noise_rad_s=variant.gyro_noise_rad_s_per_root_hz * math.sqrt(math.pi / 2 * gyro_bandwidth_hz),
+            gyro_bias_rad_s=variant.gyro_bias_rad_s,
         )
+        self.saturation_counts = code_limits(16)
+        self.longest_block = variant.fifo_bytes // SAMPLE_BYTES // 2
         second = (Setting(ACCEL_CONFIG_2, "ACCEL_CONFIG_2", filter_code),) if variant.has_accel_config_2 else ()
         has_test = variant.has_accel_config_2  # that of the MPU-6050 has another formula
         self.self_test = (
@@ -182,10 +159,10 @@ class Mpu9250(AccelerometerChip):
         self.configuration = (
             Setting(PWR_MGMT_1, "PWR_MGMT_1", BEST_CLOCK),
             Setting(PWR_MGMT_2, "PWR_MGMT_2", 0),
-            Setting(SMPLRT_DIV, "SMPLRT_DIV", RATE_CODES[rate_hz]),
+            Setting(SMPLRT_DIV, "SMPLRT_DIV", kind.rates_hz.index(rate_hz)),
             Setting(CONFIG, "CONFIG", filter_code),
             Setting(GYRO_CONFIG, "GYRO_CONFIG", 0),
-            Setting(ACCEL_CONFIG, "ACCEL_CONFIG", RANGE_CODES[full_scale_g] << 3),
+            Setting(ACCEL_CONFIG, "ACCEL_CONFIG", kind.ranges_g.index(range_g) << 3),
             *second,
             Setting(INT_ENABLE, "INT_ENABLE", FIFO_OVERFLOW),
             Setting(FIFO_EN, "FIFO_EN", ALL_TO_FIFO),
@@ -247,23 +224,3 @@ def _lowpass(variant: MpuVariant, rate_hz: float) -> tuple[int, float]:
     """Return code and bandwidth of the widest low-pass filter below half of the rate, or of the narrowest one."""
     fitting = (pair for pair in enumerate(variant.bandwidths_hz, start=1) if pair[1] < rate_hz / 2)
     return next(fitting, (len(variant.bandwidths_hz), variant.bandwidths_hz[-1]))
-
-
-MPU9250_KIND = ChipKind(
-    part="MPU-9250",
-    description="InvenSense MPU-9250, MPU-9255 or MPU-6500 over I2C.",
-    make=Mpu9250,
-    identities=IDENTITIES,
-    address_text="0x68, or 0x69 with the AD0 pin high",
-    rates_hz=tuple(RATE_CODES),
-    rates_text="1000 Hz divided by 1 to 256",
-    ranges_g=tuple(RANGE_CODES),
-    has_gyro=True,
-)
-MPU6050_KIND = replace(
-    MPU9250_KIND,
-    part="MPU-6050",
-    description="InvenSense MPU-6050 over I2C.",
-    make=lambda odr_hz, range_g: Mpu9250(odr_hz, range_g, MPU6050),
-    identities=(MPU6050_IDENTITY,),
-)

@@ -58,7 +58,7 @@ class IioAccelerometer:
         """Find the device, set and read back rate and range, and switch its buffer on. Raises `DeviceError`."""
         self.close()
         device = find_iio_device(self._root, self._name)
-        rate_hz = device.set_number(_rate_attribute(device), self._odr_hz, "device.odr_hz")
+        rate_hz = device.set_number(device.rate_attribute, self._odr_hz, "device.odr_hz")
         buffer = IioBuffer(device, self._root / "dev" / device.number, self._trigger)
         has_monotonic_time = _set_monotonic_clock(device)
         try:
@@ -139,7 +139,7 @@ class IioAccelerometer:
     def _sample_times(self, table: Mapping[str, NDArray[np.int64]], now_ns: int) -> NDArray[np.int64] | None:
         """Return the gateway times of the samples; None where the bytes are out of step."""
         if not self._has_times:
-            if (now_ns - self._last_read_ns) * self._odr_hz / 1e9 > self._buffer_samples:
+            if (now_ns - self._last_read_ns) * self._odr_hz / 1e9 > self._device.read_number("buffer/length"):
                 self._faults["overrun"] += 1  # the kernel drops samples without a word
                 self._sample_clock.restart()
             return self._sample_clock.stamp(len(table[ACCELERATION[0]]), now_ns)
@@ -148,10 +148,6 @@ class IioAccelerometer:
         ascending = bool(np.all(np.diff(time_ns, prepend=before_ns) > 0))
         plausible = int(time_ns[0]) > now_ns + MIN_LATENESS_NS and int(time_ns[-1]) < now_ns + MAX_LATENESS_NS
         return time_ns if ascending and plausible else None
-
-    @property
-    def _buffer_samples(self) -> float:
-        return self._device.read_number("buffer/length")
 
     def _make_blocks(self, table: Mapping[str, NDArray[np.int64]], time_ns: NDArray[np.int64]) -> Iterator[SampleBlock]:
         """Return blocks; after lost samples a new block begins."""
@@ -175,11 +171,6 @@ class IioAccelerometer:
                 saturated=mark_saturated(raw[begin:end], *self._limits),
             )
         self._last_ns = int(time_ns[-1])
-
-
-def _rate_attribute(device: IioAttributes) -> str:
-    names = ("in_accel_sampling_frequency", "sampling_frequency")
-    return next((name for name in names if device.has(name)), names[1])
 
 
 def _set_monotonic_clock(device: IioAttributes) -> bool:

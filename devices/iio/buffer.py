@@ -110,11 +110,8 @@ class IioBuffer:
             raise DeviceError(f"{device.folder}/scan_elements: {error}") from error
 
     def _element(self, name: str) -> tuple[int, ScanType]:
-        text = self._device.read(f"scan_elements/{name}_type")
-        try:
-            return int(self._device.read_number(f"scan_elements/{name}_index")), ScanType.parse(text)
-        except ValueError as error:
-            raise DeviceError(f"{self._device.folder}/scan_elements/{name}_type: {error}") from error
+        type_ = self._device.read_type(f"scan_elements/{name}_type")
+        return int(self._device.read_number(f"scan_elements/{name}_index")), type_
 
 
 GONE_ADVICE = "the sensor has gone, or its driver was unloaded"

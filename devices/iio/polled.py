@@ -14,7 +14,7 @@ from devices.channel_cycles import ChannelCycles
 from devices.clock import Clock
 from devices.device import MAX_READ_NS
 from devices.errors import DeviceError
-from devices.iio.sysfs import TEMPERATURE_PERIOD_NS, IioAttributes, ScanType, find_iio_device
+from devices.iio.sysfs import TEMPERATURE_PERIOD_NS, IioAttributes, find_iio_device
 from devices.saturation import mark_saturated
 
 MAX_POLLED_HZ = 200.0
@@ -44,10 +44,9 @@ class PolledIioAccelerometer:
             )
         self._name, self._serial, self._root = name, serial, root
         self._odr_hz, self._range_g = odr_hz, range_g
-        self._period_ns = round(1e9 / odr_hz)
         self._block_samples = block_samples
         self._clock = clock
-        self._cycles = ChannelCycles(self._period_ns)
+        self._cycles = ChannelCycles(odr_hz, clock)
         self._faults: Counter[str] = Counter()
         self._reset_state()
 
@@ -99,16 +98,12 @@ class PolledIioAccelerometer:
     def _reset_state(self) -> None:
         self._cycles.restart()
         self._temperature_c: float | None = None
-        self._cycle_ns = self._temperature_due_ns = self._clock.now_ns()
+        self._temperature_due_ns = self._clock.now_ns()
 
     def _read_cycle(self) -> None:
         """Read all axes once, at the next multiple of the period."""
         now_ns = self._clock.now_ns()
-        late = max(0, (now_ns - self._cycle_ns) // self._period_ns)
-        self._faults["late"] += late
-        self._cycle_ns += late * self._period_ns
-        self._clock.sleep_s((self._cycle_ns - now_ns) / 1e9)
-        self._cycle_ns += self._period_ns
+        self._faults["late"] += self._cycles.await_next()
         times_ns, values = [], []
         for axis in "xyz":
             begin_ns = self._clock.now_ns()
@@ -124,26 +119,18 @@ class PolledIioAccelerometer:
 def _limits(device: IioAttributes) -> tuple[int, int] | None:
     """Return the lowest and the highest reading; None where the device does not state its number of bits."""
     attribute = "scan_elements/in_accel_x_type"
-    if not device.has(attribute):
-        return None
-    try:
-        return ScanType.parse(device.read(attribute)).limits
-    except ValueError as error:
-        raise DeviceError(f"{device.folder / attribute}: {error}") from error
+    return device.read_type(attribute).limits if device.has(attribute) else None
 
 
 def _set_own_rate(device: IioAttributes, least_hz: float) -> float | None:
     """Return the rate of the part, raised where it is slower than it has to be; None where it has none."""
-    names = ("in_accel_sampling_frequency", "sampling_frequency")
-    attribute = next((name for name in names if device.has(name)), None)
-    if attribute is None:
+    attribute = device.rate_attribute
+    if not device.has(attribute):
         return None
     rate_hz = device.read_number(attribute)
     if rate_hz >= least_hz:
         return rate_hz
-    available = f"{attribute}_available"
-    rates_hz = [float(text) for text in device.read(available).split()] if device.has(available) else []
-    fitting = [each for each in rates_hz if each >= least_hz]
+    fitting = [each for each in device.available(attribute) if each >= least_hz]
     if not fitting:
         raise DeviceError(
             f"{device.folder / attribute}: {rate_hz:g} Hz, too slow for device.odr_hz; it needs {least_hz:g}"

@@ -87,6 +87,25 @@ class IioAttributes:
         except ValueError as error:
             raise TransferError(f"{self.folder / attribute}: {text!r} is no number") from error
 
+    def read_type(self, attribute: str) -> "ScanType":
+        """Return an attribute that is the type of an element. Raises as `read`, and `DeviceError` where it is none."""
+        text = self.read(attribute)
+        try:
+            return ScanType.parse(text)
+        except ValueError as error:
+            raise DeviceError(f"{self.folder / attribute}: {error}") from error
+
+    def available(self, attribute: str) -> list[float]:
+        """Return the numbers to which an attribute can be set, none where the device does not state them. Raises as `read`."""
+        name = f"{attribute}_available"
+        return [float(text) for text in self.read(name).split()] if self.has(name) else []
+
+    @property
+    def rate_attribute(self) -> str:
+        """The attribute of the sample rate: that of the accelerometer, or of the whole device."""
+        own = "in_accel_sampling_frequency"
+        return own if self.has(own) else "sampling_frequency"
+
     def write(self, attribute: str, value: object) -> None:
         """Write an attribute. Raises `DeviceAccessError`, `DeviceNotFoundError`, `DeviceError`."""
         path = self.folder / attribute
@@ -139,8 +158,7 @@ class IioAttributes:
         """Set the finest scale that reaches a range; `largest_count`: the largest reading. Raises `DeviceError`."""
         attribute, scale = self.scale("accel", "x")
         reach_g_per_scale = largest_count / STANDARD_GRAVITY_M_S2
-        available = f"{attribute}_available"
-        scales = [float(text) for text in self.read(available).split()] if self.has(available) else [scale]
+        scales = self.available(attribute) or [scale]
         fitting = [each for each in scales if each * reach_g_per_scale >= RANGE_SHARE * range_g]
         if not fitting:
             reached = ", ".join(f"{each * reach_g_per_scale:.3g}" for each in scales)

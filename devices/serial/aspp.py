@@ -14,8 +14,16 @@ from devices.node_numbering import SampleSequence
 from devices.sample_clock import RADIO_MISFIT_DELAY_S, SampleClock
 from devices.sample_loss import lost_in_pause
 from devices.saturation import mark_saturated
-from devices.serial.aspp_frames import MIN_PACKET_BYTES, AsppDecoder, AsppPacket
-from devices.serial.aspp_payloads import CALIBRATED, Diagnostic, Sweeps, read_diagnostic, read_sweeps
+from devices.serial.aspp_frames import (
+    CALIBRATED,
+    MIN_PACKET_BYTES,
+    AsppDecoder,
+    AsppPacket,
+    Diagnostic,
+    Sweeps,
+    read_diagnostic,
+    read_sweeps,
+)
 from devices.serial_port import SerialPort
 from devices.serial_sensor import HeardNodes, SerialSensor, check_settings
 
@@ -176,7 +184,8 @@ class AsppPart:
         usable: NDArray[np.bool_] = np.asarray(np.isfinite(raw_g).all(axis=1))
         diagnostic = self._present_diagnostic(read_ns)
         self._lost += lost
-        for first, end in pairwise(_run_edges(usable)):
+        edges = [0, *(np.flatnonzero(np.diff(usable)) + 1).tolist(), len(usable)]  # of the runs of equal values
+        for first, end in pairwise(edges):
             if not usable[first]:
                 self._invalid += end - first
                 continue
@@ -200,8 +209,3 @@ class AsppPart:
         received_ns, diagnostic = self._diagnostic
         stale = read_ns - received_ns > DIAGNOSTIC_INTERVALS * diagnostic.interval_s * 1e9
         return None if stale else diagnostic
-
-
-def _run_edges(usable: NDArray[np.bool_]) -> list[int]:
-    """Return the edges of the runs of equal values."""
-    return [0, *(np.flatnonzero(np.diff(usable)) + 1).tolist(), len(usable)]

@@ -1,4 +1,8 @@
-"""The simulated crane as a device, in real time."""
+"""The simulated crane as a device, in real time, and its rigger.
+
+The rigger takes the housing off the rope, turns it to the faces that a recalibration asks for, and lays it down. A housing that
+lies on a bench shows gravity alone. It is laid down a tenth of a degree beside the face, as against a square.
+"""
 
 import logging
 from collections import Counter, deque
@@ -26,9 +30,9 @@ from devices.simulated.accelerometer import (
 )
 from devices.simulated.crane import Crane, GroundTruth
 from devices.simulated.demo import demo_crane
-from devices.simulated.rigger import Rigger
 
 log = logging.getLogger("plumbline.device")
+Array = NDArray[np.float64]
 MAX_LAG_S: Final = 1.0
 """After a longer delay (the host was suspended or overloaded) the device skips to the present, like a FIFO that overflows. Basis:
 a choice; some FIFOs, and no jump by a busy core."""
@@ -40,6 +44,16 @@ REST_S: Final = 90.0
 that zeroing needs (30 s)."""
 AHEAD_S: Final = 0.25
 """Readings are computed for this long at once, for any length of the blocks. Basis: numpy's cost is per call."""
+TURN_S = 2.0
+"""Time in which the housing is turned to another face. Basis: a choice; what a person takes."""
+PLACEMENT_RAD = np.radians(0.08)
+"""Standard deviation of the attitude in which the housing is laid down, about each axis across the vertical. Basis: a choice; a
+machined housing on a table, within the 0.1 degrees of `MAX_TYPE_A_G`."""
+SHAKE_G = 0.05
+"""Standard deviation of the readings by the hand that turns the housing. Basis: twice the limit of a still window, so that it
+counts as motion."""
+UPRIGHT = np.array([0.0, 0.0, 1.0])
+"""Definition: a unit vector."""
 
 
 class SimulatedCrane:
@@ -85,7 +99,7 @@ class SimulatedCrane:
         self._newest_ns: int | None = None
         self._crane_start_ns = 0
         self._rigger: Rigger | None = None
-        self._orders: deque[NDArray[np.float64] | None] = deque()
+        self._orders: deque[Array | None] = deque()
         """Directions to turn the housing to; None: hang it back on the rope."""
 
     def open(self) -> DeviceInfo:
@@ -163,11 +177,8 @@ class SimulatedCrane:
         self._ready.extend(self._simulate(opened_ns))
         return (due_ns - self._clock.now_ns()) / 1e9
 
-    def _simulate(self, opened_ns: int) -> list[SampleBlock]:
-        """Return the blocks after those that are ready."""
-        return list(self._new_blocks(opened_ns))
-
-    def _new_blocks(self, opened_ns: int) -> Iterator[SampleBlock]:
+    def _simulate(self, opened_ns: int) -> Iterator[SampleBlock]:
+        """Yield the blocks after those that are ready."""
         first_index = self._next + len(self._ready) * self._block_samples
         index = first_index + np.arange(self._blocks_at_once * self._block_samples)
         time_ns = opened_ns + np.rint(index * self._period_ns).astype(np.int64)
@@ -182,7 +193,7 @@ class SimulatedCrane:
             yield SampleBlock(time_ns[block], raw[block], block_c, self._lost, saturated=saturated[block])
             self._lost = 0
 
-    def _specific_force_g(self, time_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+    def _specific_force_g(self, time_ns: NDArray[np.int64]) -> Array:
         """Return the specific force at the housing, on the rope or in the rigger's hands."""
         while self._orders:
             self._obey(self._orders.popleft(), int(time_ns[0]))
@@ -191,7 +202,7 @@ class SimulatedCrane:
             return self._rigger.specific_force_g(time_s)
         return self.crane.specific_force_m_s2(time_s) / self.crane.gravity_m_s2
 
-    def _obey(self, up: NDArray[np.float64] | None, now_ns: int) -> None:
+    def _obey(self, up: Array | None, now_ns: int) -> None:
         if up is not None:
             self._rigger = self._rigger or Rigger(self._rigger_random)
             self._rigger.turn(up, (now_ns - self._crane_start_ns) / 1e9)
@@ -222,3 +233,38 @@ class SimulatedCrane:
     def _shift_own_time(self, absent_ns: int) -> None:
         """Shift the crane's own time by all but the last part of a long absence, which need not be simulated."""
         self._crane_start_ns += max(0, absent_ns - round(MAX_CATCH_UP_S * 1e9))
+
+
+class Rigger:
+    """Holds the attitude of the housing, as the direction that points up in its own axes."""
+
+    def __init__(self, random: np.random.Generator) -> None:
+        self._random = random
+        self._from, self._to, self._start_s = UPRIGHT, UPRIGHT, -TURN_S
+
+    def turn(self, up: Array, time_s: float) -> None:
+        """Begin to turn the housing at a time, so that a direction (3,), a unit vector, points up."""
+        self._from = self._up(np.array([time_s]))[0]
+        self._to = _unit(up + np.cross(self._random.normal(0.0, PLACEMENT_RAD, 3), up))
+        self._start_s = time_s
+
+    def specific_force_g(self, time_s: Array) -> Array:
+        """Return the specific force in the housing's axes, shape (n, 3), at times (n,) after the last turn."""
+        turning = (time_s < self._start_s + TURN_S)[:, None]
+        return self._up(time_s) + SHAKE_G * turning * self._random.standard_normal((len(time_s), 3))
+
+    def _up(self, time_s: Array) -> Array:
+        """Return the direction that points up, shape (n, 3), on the great circle between the two faces."""
+        across = self._to - np.dot(self._to, self._from) * self._from
+        if np.linalg.norm(across) < 1e-6:  # the same face, or the opposite one by way of any other
+            across = np.cross(self._from, np.roll(np.eye(3)[np.argmax(np.abs(self._from))], 1))
+        angle_rad = np.arccos(np.clip(np.dot(self._to, self._from), -1.0, 1.0))
+        share = np.clip((time_s - self._start_s) / TURN_S, 0.0, 1.0)
+        turned_rad = (angle_rad * share * share * (3 - 2 * share))[:, None]
+        up: Array = np.cos(turned_rad) * self._from + np.sin(turned_rad) * _unit(across)
+        return up
+
+
+def _unit(vector: Array) -> Array:
+    result: Array = vector / np.linalg.norm(vector)
+    return result

@@ -7,93 +7,69 @@ from dataclasses import dataclass
 from devices.tables.layout import TableUnit
 
 AXES = ("x", "y", "z")
-ACCELERATION_WORDS = (
-    "acc",
-    "accel",
-    "accelerometer",
-    "acceleration",
-    "accelerazione",
-    "aceleracion",
-    "aceleración",
-    "accélération",
-    "beschleunigung",
-    "versnelling",
-    "przyspieszenie",
-    "加速度",
-    "a",
-    "f",
-    "force",
+ACCELERATION_WORDS = frozenset(
+    [
+        "acc",
+        "accel",
+        "accelerometer",
+        "acceleration",
+        "accelerazione",
+        "aceleracion",
+        "aceleración",
+        "accélération",
+        "beschleunigung",
+        "versnelling",
+        "przyspieszenie",
+        "加速度",
+        "a",
+        "f",
+        "force",
+    ]
 )
-NEUTRAL_WORDS = (
-    "axis",
-    "achse",
-    "axe",
-    "eje",
-    "value",
-    "data",
-    "sensor",
-    "imu",
-    "u",
-    "raw",
-    "uncalibrated",
-    "total",
-    "with",
+NEUTRAL_WORDS = frozenset(
+    ["axis", "achse", "axe", "eje", "value", "data", "sensor", "imu", "u", "raw", "uncalibrated", "total", "with"]
 )
 """Words of a triple that say nothing of its quantity."""
-WITHOUT_GRAVITY_WORDS = ("linear", "lin", "linacc", "user", "useracceleration", "linearacceleration", "motion")
+WITHOUT_GRAVITY_WORDS = frozenset(
+    ["linear", "lin", "linacc", "user", "useracceleration", "linearacceleration", "motion"]
+)
 """Words of columns from which an application has removed gravity: without it nothing states where down is."""
 RECORD_GRAVITY = (
     "record the acceleration with gravity: in phyphox 'Acceleration (with g)', "
     "in Sensor Logger 'Accelerometer Uncalibrated'"
 )
-RATE_WORDS = (
-    "gyr",
-    "gyro",
-    "gyroscope",
-    "gyroskop",
-    "gyroscoop",
-    "giroscopio",
-    "w",
-    "omega",
-    "rotation",
-    "angular",
-    "g",
+RATE_WORDS = frozenset(
+    ["gyr", "gyro", "gyroscope", "gyroskop", "gyroscoop", "giroscopio", "w", "omega", "rotation", "angular", "g"]
 )
-OTHER_WORDS = (
-    *RATE_WORDS[:-1],
-    "mag",
-    "magnet",
-    "magnetometer",
-    "b",
-    "gravity",
-    "schwere",
-    "q",
-    "quat",
-    "euler",
-    "angle",
+OTHER_WORDS = (RATE_WORDS - {"g"}) | frozenset(
+    ["mag", "magnet", "magnetometer", "b", "gravity", "schwere", "q", "quat", "euler", "angle"]
 )
 """Words of triples that are no acceleration."""
-TIME_WORDS = (
-    "time",
-    "t",
-    "timestamp",
-    "elapsed",
-    "seconds",
-    "zeit",
-    "temps",
-    "tiempo",
-    "tempo",
-    "tijd",
-    "tid",
-    "czas",
-    "时间",
-    "時間",
-    "date",
-    "datetime",
-    "clock",
+TIME_WORDS = frozenset(
+    [
+        "time",
+        "t",
+        "timestamp",
+        "elapsed",
+        "seconds",
+        "zeit",
+        "temps",
+        "tiempo",
+        "tempo",
+        "tijd",
+        "tid",
+        "czas",
+        "时间",
+        "時間",
+        "date",
+        "datetime",
+        "clock",
+    ]
 )
-COUNTER_WORDS = ("sample", "samples", "index", "counter", "count", "n", "frame", "seq", "sequence", "number", "row")
-TEMPERATURE_WORDS = ("temperature", "temp", "temperatur", "température", "temperatura")
+COUNTER_WORDS = frozenset(
+    ["sample", "samples", "index", "counter", "count", "n", "frame", "seq", "sequence", "number", "row"]
+)
+TEMPERATURE_WORDS = frozenset(["temperature", "temp", "temperatur", "température", "temperatura"])
 
 UNITS: dict[str, TableUnit] = {
     "g": "g",
@@ -159,7 +135,7 @@ def parse_name(text: str) -> ColumnName:
     words = [word for word in re.split(r"[\W_]+", name.lower()) if word]
     if not unit and len(words) > 1:
         words, unit = _unit_at_end(words)
-    if words and words[-1][-1] in AXES and words[-1][:-1] in (*ACCELERATION_WORDS, *RATE_WORDS, "u", "m"):
+    if words and words[-1][-1] in AXES and words[-1][:-1] in ACCELERATION_WORDS | RATE_WORDS | {"u", "m"}:
         words[-1:] = [words[-1][:-1], words[-1][-1]]  # ax -> a x
     return ColumnName(text, tuple(words), unit)
 
@@ -190,27 +166,27 @@ def find_triples(names: Sequence[str]) -> list[AxisColumns]:
 
 def is_acceleration(triple: AxisColumns) -> bool:
     """Return whether the names state an acceleration with gravity, or nothing."""
-    if set(triple.words) & {*OTHER_WORDS, *WITHOUT_GRAVITY_WORDS} or triple.unit in RATE_UNITS_DPS:
+    if (OTHER_WORDS | WITHOUT_GRAVITY_WORDS).intersection(triple.words) or triple.unit in RATE_UNITS_DPS:
         return False
-    stated = {word.rstrip("0123456789") for word in triple.words} - {*NEUTRAL_WORDS, ""}
-    return not stated or bool(stated & set(ACCELERATION_WORDS)) or triple.unit in UNITS
+    stated = {word.rstrip("0123456789") for word in triple.words} - NEUTRAL_WORDS - {""}
+    return not stated or bool(stated & ACCELERATION_WORDS) or triple.unit in UNITS
 
 
 def is_without_gravity(triple: AxisColumns) -> bool:
     """Return whether the names state an acceleration from which gravity was removed."""
-    return bool(set(triple.words) & set(WITHOUT_GRAVITY_WORDS)) and not set(triple.words) & set(RATE_WORDS)
+    return bool(WITHOUT_GRAVITY_WORDS.intersection(triple.words)) and RATE_WORDS.isdisjoint(triple.words)
 
 
 def is_rate(triple: AxisColumns) -> bool:
     """Return whether the names state angular rates in a known unit."""
-    return bool(set(triple.words) & set(RATE_WORDS)) and triple.unit in RATE_UNITS_DPS
+    return bool(RATE_WORDS.intersection(triple.words)) and triple.unit in RATE_UNITS_DPS
 
 
 def find_time(names: Sequence[str]) -> int | None:
     """Return the place of the column of the time; of several that of the one whose name states seconds, or the first."""
     found = [(place, parse_name(text)) for place, text in enumerate(names)]
     times = [
-        (place, name) for place, name in found if set(name.words) & set(TIME_WORDS) or name.unit in TIME_UNITS_PER_S
+        (place, name) for place, name in found if TIME_WORDS.intersection(name.words) or name.unit in TIME_UNITS_PER_S
     ]
     seconds = [place for place, name in times if name.unit in ("s", "sec") or set(name.words) & {"seconds", "elapsed"}]
     return next(iter([*seconds, *(place for place, _ in times)]), None)
@@ -220,11 +196,11 @@ def find_temperature(names: Sequence[str]) -> int | None:
     """Return the place of the column of the temperature in degrees Celsius."""
     found = ((place, parse_name(text)) for place, text in enumerate(names))
     return next(
-        (place for place, name in found if set(name.words) & set(TEMPERATURE_WORDS) and name.unit in ("", "c", "°c")),
+        (place for place, name in found if TEMPERATURE_WORDS.intersection(name.words) and name.unit in ("", "c", "°c")),
         None,
     )
 
 
 def is_counter(text: str) -> bool:
     """Return whether a name states a sample counter."""
-    return bool(set(parse_name(text).words) & set(COUNTER_WORDS))
+    return bool(COUNTER_WORDS.intersection(parse_name(text).words))

@@ -90,8 +90,6 @@ class ForeignRecording:
     recording: Recording
     """Readings in g where the unit is one of specific force, otherwise in `unit`."""
     unit: TableUnit
-    unit_is_stated: bool
-    """The user or the header states the unit; otherwise the size of the numbers does."""
     findings: tuple[str, ...]
     """What was found of columns and units and not stated by the user, as sentences without the file."""
 
@@ -157,7 +155,7 @@ def read_foreign_table(path: Path, options: TableOptions, ranges: Sequence[UnitR
     recording = replace(recording, raw=recording.raw * (1.0, float(not options.is_planar), 1.0))
     unit = stated or find_unit(path, recording.raw, ranges)
     findings = _findings(names, axes, options, time, unit, recording.raw)
-    return ForeignRecording(_in_unit_and_axes(recording, unit, options.axes), unit, stated is not None, findings)
+    return ForeignRecording(_in_unit_and_axes(recording, unit, options.axes), unit, findings)
 
 
 def _in_unit_and_axes(recording: Recording, unit: TableUnit, axes: AxesMap) -> Recording:

@@ -8,9 +8,7 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
-from devices.errors import RecordingError
+from devices.block import RawUnit
 from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2
 from devices.regular_file import open_regular
 
@@ -49,10 +47,10 @@ class TableLayout:
     """The columns of a text table and their unit."""
 
     axes: tuple[Column, Column, Column]
-    unit: TableUnit | None = None
-    """Unit of the axis columns; without it a recording is refused."""
+    unit: RawUnit = "g"
+    """Counts are whole numbers; any others are taken as they are."""
     time: Column | None = None
-    """Time or sample counter; None: the rows are consecutive samples at `rate_hz`."""
+    """Time or sample counter; None: the rows are consecutive samples at `rate_hz`, which is then given."""
     rate_hz: float | None = None
     """Value of one second in the time column if that is not in seconds (a sample counter, milliseconds); the sample rate if
     there is no time column."""
@@ -66,36 +64,15 @@ class TableLayout:
     decimal: Literal[".", ","] = "."
     time_is_text: bool = False
     """The time column has dates with times (ISO 8601) or times of day in place of numbers."""
-    units_per_g: float | None = None
-    """Nominal sensitivity of counts."""
-    housing_frame: bool = False
-    """The readings are calibrated specific force in the housing frame."""
 
 
 NATIVE = TableLayout(
     time="time_s",
     axes=("ax_g", "ay_g", "az_g"),
-    unit="g",
     temperature_c="temperature_c",
     gyro_dps=("gx_dps", "gy_dps", "gz_dps"),
-    housing_frame=True,
 )
 """`time_s,ax_g,ay_g,az_g[,temperature_c][,gx_dps,gy_dps,gz_dps]`."""
-
-
-def check_layout(path: Path, layout: TableLayout) -> None:
-    """Raise `RecordingError` for a layout that describes no table."""
-    if layout.unit is None:
-        raise RecordingError(f'{path}: the unit of its axis columns is not given; say "g", "m/s2" or "counts"')
-    if layout.rate_hz is None and layout.time is None:
-        raise RecordingError(f"{path}: neither a time column nor a sample rate is given; name one of them")
-    if layout.rate_hz is not None and not 0 < layout.rate_hz < np.inf:
-        raise RecordingError(f"{path}: a rate of {layout.rate_hz} Hz is impossible; give one above 0")
-    needed = required_columns(layout)
-    if len({type(column) for column in needed}) > 1:
-        raise RecordingError(f"{path}: columns are given by name and by number; use one or the other")
-    if any(isinstance(column, int) and column < 1 for column in needed):
-        raise RecordingError(f"{path}: a column number below 1 is given; the first column is number 1")
 
 
 def required_columns(layout: TableLayout) -> tuple[Column, ...]:

@@ -20,10 +20,8 @@ from devices.recording import Recording, SampleRows, recording_from_rows
 from devices.regular_file import open_regular
 from devices.tables.layout import (
     NATIVE,
-    UNITS_PER_G,
     Column,
     TableLayout,
-    check_layout,
     plain_row,
     required_columns,
     seconds_of,
@@ -79,7 +77,6 @@ class _ReadRows:
 def read_table(path: Path | str, layout: TableLayout = NATIVE) -> Recording:
     """Read a recording. Raises `RecordingError`, which names the file, the place and the remedy."""
     path = Path(path)
-    check_layout(path, layout)
     try:
         _check_text(path)
         with TextIOWrapper(open_regular(path), encoding="utf-8-sig", errors="replace") as file:
@@ -89,7 +86,7 @@ def read_table(path: Path | str, layout: TableLayout = NATIVE) -> Recording:
         raise RecordingError(_access_text(path, error)) from error
     rows = _to_sample_rows(layout, columns, read)
     try:
-        return recording_from_rows(rows, "g" if layout.unit in UNITS_PER_G else "counts", read.blank, read.truncated)
+        return recording_from_rows(rows, layout.unit, read.blank, read.truncated)
     except ValueError as error:
         raise RecordingError(f"{path}: {error}") from error
 
@@ -254,7 +251,7 @@ def _parse_numbers(entries: list[str], required: int, layout: TableLayout) -> li
 
 
 def _to_sample_rows(layout: TableLayout, columns: _Columns, read: _ReadRows) -> SampleRows:
-    """Convert to seconds and to g or counts; impossible times and readings become NaN."""
+    """Convert to seconds; impossible times and readings become NaN."""
     place = np.concatenate(read.places)
     values = np.concatenate(read.values)
     rate_hz = layout.rate_hz or 1.0
@@ -270,7 +267,7 @@ def _to_sample_rows(layout: TableLayout, columns: _Columns, read: _ReadRows) -> 
         place=place,
         count=read.count,
         time_s=np.where(np.abs(time) < TIME_LIMIT_S * rate_hz, time, np.nan) / rate_hz,
-        raw=raw / UNITS_PER_G.get(layout.unit or "g", 1.0),
+        raw=raw,
         temperature_c=None if columns.temperature is None else values[:, columns.temperature],
         gyro_dps=None if columns.gyro is None else layout.gyro_scale * values[:, columns.gyro : columns.gyro + 3],
     )

@@ -15,7 +15,7 @@ from gateway.calibration.alignment.turn_advice import (
 )
 from gateway.calibration.alignment.turn_assistant import TurnMonitor
 from gateway.calibration.input_files import FileReadings
-from gateway.calibration.poses.pose import quantisation_u
+from gateway.calibration.pose import quantisation_u
 from gateway.calibration.record import FigureSeries, NotDeterminedError, RecordFigure
 from gateway.certificate.bench_report import ReportTable, render_bench_report
 from gateway.documents.format import format_fixed, format_short

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from devices.regular_file import open_regular
 from gateway.bench.rotation_turn import TurnReadings
 from gateway.bench.single_parameter import DisplacementPairs
-from gateway.calibration.poses.pose_finder import NORM_TOLERANCE
+from gateway.calibration.pose_finder import NORM_TOLERANCE
 from gateway.errors import InputError
 from gateway.file_input import reason_of
 from gateway.numerics.array import Array

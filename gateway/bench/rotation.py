@@ -11,7 +11,7 @@ import numpy as np
 
 from gateway.bench.rotation_turn import IN_PLANE, AxisSine, TurnFit, TurnReadings, fit_turn
 from gateway.calibration.calibration_fit import CalibrationFit, Contribution, FitWarning, WarningKind, assemble_fit
-from gateway.calibration.poses.pose import Pose
+from gateway.calibration.pose import Pose
 from gateway.calibration.record import ROTATION, NotDeterminedError
 from gateway.numerics.array import Array
 from gateway.numerics.stats import robust_sigma

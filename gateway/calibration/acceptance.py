@@ -1,19 +1,21 @@
 """Acceptance of a fit: whether it may come into force, is a plausible successor of its parent, and the record that it becomes."""
 
 import re
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from gateway.calibration.calibration_fit import CalibrationFit, WarningKind
+from gateway.calibration.calibration_fit import K_OUTLIER, MAX_CONDITION_NUMBER, CalibrationFit, FitWarning, WarningKind
 from gateway.calibration.drift.change import SensorChange, sensor_change
-from gateway.calibration.methods.experiment_design import MAX_CONDITION_NUMBER
-from gateway.calibration.methods.six_position import find_changed_readings
+from gateway.calibration.pose import FACES, PLACEMENT_U_DEG
 from gateway.calibration.record import CalibrationRecord, PoseMethod, content_hash
 from gateway.calibration.thermal_model import correction_at, holds_at_c
 from gateway.numerics.array import Array
 
+RecordPoses = tuple[Mapping[str, Any], ...]
+"""Poses as a calibration record stores them."""
 MIN_EIGENVALUE = -1e-6
 """Least eigenvalue of a scaled covariance that is zero within rounding errors. Basis: a choice; far above rounding (1e-15), far
 below a variance that matters."""
@@ -78,6 +80,38 @@ def change_since(fit: CalibrationFit, parent: CalibrationRecord) -> SensorChange
         later_sensitivity=np.asarray(np.linalg.inv(fit.correction_matrix), dtype=np.float64),
         later_offset=np.array(fit.offset, dtype=np.float64),
     )
+
+
+def find_changed_readings(new: RecordPoses, old: RecordPoses) -> list[FitWarning]:
+    """Return the readings that changed between two sessions by more than two placements explain, the common drift removed.
+
+    Within one session two opposite faces share their residual; the comparison with an earlier session shows which one is wrong.
+    """
+    before, after = _means_by_face(old), _means_by_face(new)
+    faces = [face for face in FACES if face in before and face in after]
+    if len(faces) < len(FACES):
+        return []
+    readings = np.array([after[face] for face in faces])
+    change = readings - np.array([before[face] for face in faces])
+    scale = np.ptp(readings, axis=0) / 2
+    change_g = (change - np.median(change, axis=0)) / scale
+    limit_g = K_OUTLIER * np.sqrt(2) * np.sin(np.radians(PLACEMENT_U_DEG))
+    return [
+        FitWarning(
+            WarningKind.OUTLIER,
+            f"U_{'xyz'[axis]} with {faces[place]} up moved by {change_g[place, axis] * 1000:+.1f} mg, the others did not",
+        )
+        for place, axis in np.argwhere(np.abs(change_g) > limit_g)
+    ]
+
+
+def _means_by_face(poses: RecordPoses) -> dict[str, Array]:
+    """Return the mean of the used poses of each face."""
+    groups: dict[str, list[Any]] = {}
+    for pose in poses:
+        if pose.get("used") and pose.get("face"):
+            groups.setdefault(pose["face"], []).append(pose["mean"])
+    return {face: np.mean(means, axis=0) for face, means in groups.items()}
 
 
 def _refusals(fit: CalibrationFit) -> list[str]:

@@ -5,18 +5,15 @@ text output of `plumbline calibrate`: poses, offsets, scale factors, misalignmen
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from gateway.calibration.acceptance import Acceptance
 from gateway.calibration.calibration_fit import CalibrationFit
 from gateway.calibration.input_files import FileReadings
-from gateway.calibration.methods.norm_fit import FRAME_U_DEG
-from gateway.calibration.methods.six_position import PLACEMENT_U_DEG
+from gateway.calibration.pose import NominalSensitivity
+from gateway.calibration.pose_finder import NORM_TOLERANCE, READINGS_PER_POSE
 from gateway.calibration.pose_procedure import make_procedure
-from gateway.calibration.poses.pose import NominalSensitivity
-from gateway.calibration.poses.pose_finder import NORM_TOLERANCE, READINGS_PER_POSE
 from gateway.calibration.record import CalibrationRecord, NotDeterminedError
 from gateway.errors import InputError
 from gateway.numerics.array import Array
@@ -90,43 +87,23 @@ def _estimate_from_extremes(means: Array, units_per_g: float | None) -> NominalS
     return NominalSensitivity(scale, (x, y, z))
 
 
-@dataclass(frozen=True, slots=True)
-class CalibrateOptions:
-    """Options of an offline calibration."""
+def calibrate_files(
+    files: Sequence[FileReadings],
+    method: str,
+    units_per_g: float | None = None,
+    parent: CalibrationRecord | None = None,
+    **stated_u_deg: float,
+) -> tuple[CalibrationFit, tuple[str, ...]]:
+    """Find the poses in the files, each of which contains a session or one pose; return their fit and notes.
 
-    method: str
-    units_per_g: float | None = None
-    placement_u_deg: float = PLACEMENT_U_DEG
-    frame_u_deg: float = FRAME_U_DEG
-    parent: CalibrationRecord | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class OfflineCalibration:
-    """Result of an offline calibration."""
-
-    fit: CalibrationFit
-    unit: str
-    nominal: NominalSensitivity
-    notes: tuple[str, ...]
-
-
-def calibrate_files(files: Sequence[FileReadings], options: CalibrateOptions) -> OfflineCalibration:
-    """Find the poses in the files, each of which contains a session or one pose, and fit them.
-
+    The fit is in the unit of the files. `stated_u_deg` are the standard uncertainties that `make_procedure` takes.
     Raises `NotDeterminedError` if the poses do not determine the calibration, `InputError` for files in different units.
     """
     units = {one.unit for one in files}
     if len(units) > 1:
         raise InputError(f"the files are in {' and '.join(sorted(units))}; calibrate from one unit")
-    nominal = estimate_sensitivity(files, options.units_per_g or files[0].units_per_g)
-    procedure = make_procedure(
-        options.method,
-        nominal,
-        placement_u_deg=options.placement_u_deg,
-        frame_u_deg=options.frame_u_deg,
-        parent=options.parent,
-    )
+    nominal = estimate_sensitivity(files, units_per_g or files[0].units_per_g)
+    procedure = make_procedure(method, nominal, parent=parent, **stated_u_deg)
     notes = (
         [f"readings taken to be in {files[0].unit}; --unit sets another unit"] if not files[0].unit_is_stated else []
     )
@@ -146,11 +123,10 @@ def calibrate_files(files: Sequence[FileReadings], options: CalibrateOptions) ->
             "turned by less than 5 degrees, were no new pose, or moved before their mean was known"
         )
     try:
-        fit = procedure.finish()
+        return procedure.finish(), tuple(notes)
     except NotDeterminedError as error:
         where = str(files[0].path) if len(files) == 1 else f"{len(files)} files"
         raise NotDeterminedError("; ".join([f"{n_poses} poses in {where}: {error}", *notes])) from error
-    return OfflineCalibration(fit, files[0].unit, nominal, tuple(notes))
 
 
 def format_report(record: CalibrationRecord, acceptance: Acceptance, notes: tuple[str, ...]) -> str:

@@ -13,12 +13,17 @@ from typing import Any, Literal
 
 import numpy as np
 
-from gateway.calibration.poses.pose import FACE_DIRECTIONS, Pose, temperature_range
+from gateway.calibration.pose import FACE_DIRECTIONS, Pose, temperature_range
 from gateway.calibration.record import Number
 from gateway.numerics.array import Array
 
 K_PREDICTION = 3.0
 """Coverage factor of the prediction interval (Łuczak et al. 2022, sec. 4): 0.3 % of the readings at rest exceed it."""
+K_OUTLIER = 5.0
+"""Standard deviations by which an outlier deviates. Basis: a choice; noise reaches it once in 1.7 million readings, and a wrong
+face deviates by more."""
+MAX_CONDITION_NUMBER = 30.0
+"""Largest condition number of the design of a fit. Basis: poses in all directions give 2 to 4."""
 FACE_MATRIX = np.array(list(FACE_DIRECTIONS.values()))
 """Unit vectors to the vertical on the six faces, shape (6, 3)."""
 OFFSET_TEMPERATURE_COEFFICIENT_G_PER_C = 0.5e-3

@@ -1,7 +1,7 @@
 """The correction in force: from raw readings to specific force in the housing frame, with its uncertainty."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -42,19 +42,6 @@ def housing_rotation(axes: AxesMap) -> Array:
 
 
 @dataclass(frozen=True, slots=True)
-class ThermalCorrection:
-    """The thermal model of a record, with the offset to which it refers."""
-
-    model: ThermalModel
-    offset: Array
-    """Reading at zero g at the reference temperature, raw units, shape (3,)."""
-
-    def to_reference(self, raw: Array, temperature_c: Array | float) -> Array:
-        """Return the readings as the sensor would have read them at the reference temperature, shape (n, 3)."""
-        return self.model.to_reference(raw, self.offset, temperature_c)
-
-
-@dataclass(frozen=True, slots=True)
 class Correction:
     """An affine correction: specific_force_g = raw @ gain.T + bias_g, in the housing frame."""
 
@@ -81,8 +68,10 @@ class Correction:
     """Standard uncertainty of the zero-g offset's temperature coefficient, g/K, on every axis."""
     u_scale_factor_per_k: float = 0.0
     """Standard uncertainty of the scale factor's temperature coefficient, 1/K, on every axis."""
-    thermal: ThermalCorrection | None = None
+    thermal: ThermalModel | None = None
     """Correction of the readings for temperature; None: the calibration has none."""
+    offset: Array = field(default_factory=lambda: np.zeros(3))
+    """Reading at zero g to which the thermal model refers, raw units, shape (3,)."""
 
     def apply(self, raw: NDArray[np.int32] | Array, temperature_c: Array | float | None = None) -> Array:
         """Return the specific force in the housing frame, g, shape (n, 3).
@@ -91,7 +80,7 @@ class Correction:
         """
         readings = raw.astype(np.float64)
         if self.thermal is not None and temperature_c is not None:
-            readings = self.thermal.to_reference(readings, temperature_c)
+            readings = self.thermal.to_reference(readings, self.offset, temperature_c)
         force_g: Array = readings @ self.gain.T
         force_g += self.bias_g
         return force_g
@@ -112,7 +101,7 @@ class Correction:
         if temperature_c is None:
             if self.thermal is None:
                 return 0
-            reference_c = self.thermal.model.reference_c
+            reference_c = self.thermal.reference_c
             return math.ceil(max(reference_c - low_c, high_c - reference_c))
         return max(0, math.ceil(low_c - temperature_c), math.ceil(temperature_c - high_c))
 
@@ -202,7 +191,8 @@ def _with_thermal_model(
         calibrated_c=(model.min_c, model.max_c),
         u_zero_g_offset_g_per_k=math.hypot(correction.u_zero_g_offset_g_per_k, float((g_per_raw * slope).max())),
         u_scale_factor_per_k=math.hypot(correction.u_scale_factor_per_k, float(scale_slope.max())),
-        thermal=ThermalCorrection(model, np.array(record.offset, dtype=np.float64)),
+        thermal=model,
+        offset=np.array(record.offset, dtype=np.float64),
     )
 
 

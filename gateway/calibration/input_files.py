@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from devices.tables.foreign import TableOptions, UnitRange, read_foreign_table
-from gateway.calibration.poses.pose import RawReadings
+from gateway.calibration.pose import RawReadings
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.store import (
     IN_FORCE_NAME,

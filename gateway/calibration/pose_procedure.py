@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gateway.calibration.calibration_fit import CalibrationFit
-from gateway.calibration.methods.experiment_design import MAX_CONDITION_NUMBER, condition_number, next_direction
+from gateway.calibration.calibration_fit import MAX_CONDITION_NUMBER, CalibrationFit
+from gateway.calibration.methods.experiment_design import condition_number, next_direction
 from gateway.calibration.methods.norm_fit import FRAME_U_DEG, N_PARAMETERS, fit_norm
-from gateway.calibration.methods.six_position import PLACEMENT_U_DEG, fit_six_positions, missing_faces
-from gateway.calibration.poses.pose import (
+from gateway.calibration.methods.six_position import fit_six_positions, missing_faces
+from gateway.calibration.pose import (
     FACE_DIRECTIONS,
     FACES,
+    PLACEMENT_U_DEG,
     Face,
     NominalSensitivity,
     Pose,
@@ -23,19 +24,19 @@ from gateway.calibration.poses.pose import (
     find_face,
     without_tilted_poses,
 )
-from gateway.calibration.poses.pose_finder import PoseFinder
+from gateway.calibration.pose_finder import PoseFinder
 from gateway.calibration.record import CalibrationError, CalibrationRecord, PoseMethod
 from gateway.messages.header import Reason, ReasonCode
 from gateway.numerics.array import Array
 
 MAX_POSES = 200
-"""Largest number of poses of one session, which bounds memory and the time of the fit. Basis: a choice; ten times a usual
-session, and a bound of memory and of the time of the fit."""
+"""Largest number of poses of one session. Basis: a choice; ten times a usual session, and a bound of memory and of the time of
+the fit."""
 
 Poses = tuple[Pose, ...]
 MIN_DIFFERENCE_G = 0.25
-"""Least difference between the readings of two poses of a norm fit, g: 15 degrees. Basis: a choice; 15 degrees, which a hand
-makes without a tool; closer poses tell the fit little new."""
+"""Least difference between the readings of two poses of a norm fit, g. Basis: a choice; 15 degrees, which a hand makes without a
+tool; closer poses tell the fit little new."""
 NORM_FIT_POSES = N_PARAMETERS + 3
 """Number of poses that the norm fit asks for. Basis: three more than unknowns, so that the fit is checked."""
 

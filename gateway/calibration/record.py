@@ -5,6 +5,7 @@ Its figure is series of values with uncertainties, which the certificate plots a
 
 import hashlib
 import json
+from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Annotated, Any, Literal, Self
 
@@ -129,6 +130,15 @@ def content_hash(record: dict[str, Any]) -> str:
     """Return the SHA-256 of the canonical JSON (sorted keys, no spaces) of everything except the hash itself."""
     content = {key: value for key, value in record.items() if key != "sha256"}
     return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def created_at(record: CalibrationRecord) -> datetime:
+    """Return when a record was made, UTC if it has no time zone. Raises `CalibrationError` for a text that is no time."""
+    try:
+        made = datetime.fromisoformat(record.created_utc)
+    except ValueError as error:
+        raise CalibrationError(f"record {record.id}: created_utc {record.created_utc!r} is no ISO 8601 time") from error
+    return made if made.tzinfo is not None else made.replace(tzinfo=UTC)
 
 
 class FigureSeries(BaseModel):

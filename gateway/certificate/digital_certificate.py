@@ -11,8 +11,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, register_namespac
 import numpy as np
 
 from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2
-from gateway.calibration.drift.forecast import created_at
-from gateway.calibration.record import CalibrationError, CalibrationRecord
+from gateway.calibration.record import CalibrationError, CalibrationRecord, created_at
 from gateway.certificate.page import limits, sensitivities
 from gateway.certificate.traceability import UNCERTAINTY, decision_rule, reference
 from gateway.numerics.array import Array

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field, create_model, field_validator
 
-from devices.i2c.accelerometer_chip import ChipKind
-from devices.i2c.chips import CHIPS
+from devices.i2c.chips import CHIPS, ChipKind
 from gateway.configuration.device_section import DeviceSection
 from gateway.configuration.section import Section, one_of
 from gateway.errors import pattern_of

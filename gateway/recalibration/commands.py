@@ -11,7 +11,6 @@ from devices.block import DeviceInfo
 from gateway.calibration.acceptance import judge, make_record
 from gateway.calibration.calibration_fit import CalibrationFit
 from gateway.calibration.correction import housing_rotation
-from gateway.calibration.methods.zeroing import zero_in_place
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.calibration.store import CalibrationStore
 from gateway.errors import PlumblineError, describe_problems
@@ -120,6 +119,8 @@ class CommandHandler:
         return lambda: CommandResult("collecting; swing alerts are suspended until the session ends", session)
 
     def _prepare_zero(self, request: Zero, now: Timestamp) -> Command:
+        from gateway.calibration.methods.zeroing import zero_in_place
+
         parent = self.parent()
         if parent is None:
             raise Refused("no calibration is in force that could be zeroed; recalibrate first")

@@ -8,8 +8,7 @@ from collections import deque
 import numpy as np
 
 from devices.block import SampleBlock
-from gateway.calibration.methods.zeroing import MIN_UNBROKEN_REST_S
-from gateway.calibration.poses.pose import RawReadings
+from gateway.calibration.pose import MIN_UNBROKEN_REST_S, RawReadings
 from gateway.messages import Verdict
 
 MEMORY_S = 60.0

@@ -8,14 +8,12 @@ if the new record is in force; otherwise the session continues.
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from devices.axes_map import AxesMap
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.acceptance import judge
-from gateway.calibration.methods.zeroing import MIN_UNBROKEN_REST_S
-from gateway.calibration.pose_procedure import PoseProcedure, PoseProgress, make_procedure
-from gateway.calibration.poses.pose import NominalSensitivity
+from gateway.calibration.pose import MIN_UNBROKEN_REST_S, NominalSensitivity
 from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
 from gateway.errors import PlumblineError
@@ -24,6 +22,9 @@ from gateway.recalibration.interlock import LoadInterlock, RecentSamples
 from gateway.recalibration.journal import MAX_ANSWERS, Audit, Journal
 from gateway.recalibration.requests import Fetch, Recalibrate, Request, RequestAnswer, Zero
 from gateway.recalibration.session import Session, Timestamp, abandoned_session, committed_text
+
+if TYPE_CHECKING:
+    from gateway.calibration.pose_procedure import PoseProcedure, PoseProgress
 
 BUFFER_MARGIN_S = 1.0
 """Duration of the readings that are kept beyond what zeroing needs, s. Basis: a choice; some blocks, so that a full rest is
@@ -102,7 +103,7 @@ class Recalibration:
                 self._end(session, "rejected", f"the session cannot continue: {error}", now)
 
     @property
-    def progress(self) -> PoseProgress | None:
+    def progress(self) -> "PoseProgress | None":
         """Progress of the active procedure."""
         return self._progress
 
@@ -176,7 +177,7 @@ class Recalibration:
         return self._save_result(result, procedure, answer, now)
 
     def _save_result(
-        self, result: CommandResult, procedure: PoseProcedure | None, answer: RequestAnswer, now: Timestamp
+        self, result: CommandResult, procedure: "PoseProcedure | None", answer: RequestAnswer, now: Timestamp
     ) -> Response:
         """Save the result of a command and its answer in one step."""
         starts_session = result.session is not None and result.session.is_active
@@ -188,21 +189,23 @@ class Recalibration:
         self._try_audit(now, "done", id=answer.id, text=answer.text)
         return Response(answer, pipeline_changed=True)
 
-    def _make_procedure(self, session: Session | None) -> PoseProcedure | None:
+    def _make_procedure(self, session: Session | None) -> "PoseProcedure | None":
         """Return the procedure of a session that collects poses."""
         if session is None or session.phase != "collecting":
             return None
+        from gateway.calibration.pose_procedure import make_procedure
+
         device = self._opened.device
         nominal, parent = NominalSensitivity(device.units_per_g), self._opened.parent()
         procedure = make_procedure(session.method, nominal, parent=parent)
         procedure.resume(session.poses)
         return procedure
 
-    def _start_procedure(self, procedure: PoseProcedure | None) -> None:
+    def _start_procedure(self, procedure: "PoseProcedure | None") -> None:
         self._procedure = procedure
         self._progress = None if procedure is None else procedure.progress()
 
-    def _review(self, session: Session, procedure: PoseProcedure, now: Timestamp) -> None:
+    def _review(self, session: Session, procedure: "PoseProcedure", now: Timestamp) -> None:
         """Fit the complete poses, make the record, and judge it."""
         parent = self._opened.parent()
         try:

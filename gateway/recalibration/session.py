@@ -5,14 +5,16 @@ In the `calibration` message, faces and directions are in the sensor's axes, as 
 
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter
 
 from gateway.calibration.acceptance import Acceptance
-from gateway.calibration.pose_procedure import PoseProgress
-from gateway.calibration.poses.pose import Pose
+from gateway.calibration.pose import Pose
 from gateway.messages import NO_SESSION, CalibrationSession, SessionPhase
+
+if TYPE_CHECKING:
+    from gateway.calibration.pose_procedure import PoseProgress
 
 ACTIVE_PHASES: tuple[SessionPhase, ...] = ("collecting", "review")
 CONFIRM = "confirm with plumbline remote cancel that the housing hangs on the rope again"
@@ -163,7 +165,7 @@ def abandoned_session(device_id: str, text: str, now: Timestamp) -> Session:
     )
 
 
-def make_session_message(session: Session | None, progress: PoseProgress | None) -> CalibrationSession:
+def make_session_message(session: Session | None, progress: "PoseProgress | None") -> CalibrationSession:
     """Return the message of a session, with the progress of its procedure while it collects poses."""
     if session is None:
         return NO_SESSION
@@ -188,7 +190,7 @@ def _reasons(session: Session) -> list[str]:
     return [*acceptance.refused, *(f"{text}; give a reason" for text in acceptance.implausible)]
 
 
-def _text(session: Session, progress: PoseProgress | None) -> str:
+def _text(session: Session, progress: "PoseProgress | None") -> str:
     if session.phase == "collecting":
         return "" if progress is None else progress.text
     if session.phase == "review":

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from gateway.calibration.calibration_fit import CalibrationFit
 from gateway.calibration.methods.norm_fit import fit_norm
 from gateway.calibration.methods.six_position import fit_six_positions
+from gateway.calibration.pose import NominalSensitivity, Pose, find_face
 from gateway.calibration.pose_procedure import make_procedure
-from gateway.calibration.poses.pose import NominalSensitivity, Pose, find_face
 from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
 from tests.benchmarks.calibration_sessions import (

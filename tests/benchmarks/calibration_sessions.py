@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gateway.calibration.methods.experiment_design import next_direction
-from gateway.calibration.poses.pose import RawReadings
+from gateway.calibration.pose import RawReadings
 from gateway.numerics.array import Array
 
 RATE_HZ = 100.0

@@ -57,7 +57,7 @@ def main() -> None:
     )
     for part in PARTS:
         odr_hz = FASTEST_HZ.get(part.kind, 1000.0)
-        longest = CHIPS[part.kind](odr_hz, part.range_g).properties.longest_block
+        longest = CHIPS[part.kind](odr_hz, part.range_g).longest_block
         found = measure(part, odr_hz, longest)
         driver_us, model_us = (1e6 * each / found.samples for each in (found.driver_s, found.model_s))
         limits = ", ".join(f"{bus_hz * found.samples / found.bus_bits:.0f}" for bus_hz in BUS_HZ)

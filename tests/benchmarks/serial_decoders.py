@@ -6,8 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from devices.serial.aspp import AsppPart
-from devices.serial.aspp_frames import AsppDecoder
-from devices.serial.aspp_payloads import read_sweeps
+from devices.serial.aspp_frames import AsppDecoder, read_sweeps
 from devices.serial.node import NodePart
 from devices.serial.node_frames import NodeFrameDecoder
 from devices.serial.witmotion import WitMotionPart

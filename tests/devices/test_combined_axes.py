@@ -10,7 +10,7 @@ import pytest
 from devices.block import SampleBlock
 from devices.combined_axes import CombinedAxes, SensitiveAxis
 from devices.errors import TransferError
-from devices.i2c.adxl345 import Adxl345
+from devices.i2c.chips import CHIPS
 from devices.i2c.fifo_accelerometer import FifoAccelerometer
 from tests.devices.i2c.adxl345_chip import Adxl345Chip
 from tests.devices.i2c.i2c_chip import START_NS, FakeClock, Signal
@@ -55,7 +55,7 @@ class Cube:
             chip.closed = False
             return chip
 
-        return FifoAccelerometer(Adxl345(100.0, 2), 1, 0x53, clock=self.clock, open_bus=open_bus)
+        return FifoAccelerometer(CHIPS["adxl345"](100.0, 2), 1, 0x53, clock=self.clock, open_bus=open_bus)
 
     def read_s(self, seconds: float) -> None:
         until_s = self.clock.elapsed_s + seconds

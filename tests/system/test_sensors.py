@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from devices.i2c.adxl355 import Adxl355
 from devices.i2c.chips import CHIPS
 from devices.i2c.fifo_accelerometer import FifoAccelerometer
 from devices.pendulum.pendulum import start_motion
@@ -60,7 +59,9 @@ def test_adxl355_from_the_bus_to_the_swing(rate_error: float) -> None:
     """A chip that runs 3 % fast still gives the right swing and period: times come from the host's clock."""
     clock = FakeClock(0.0005)
     chip = Adxl355Chip(clock, swinging_signal(60.0), rate_error=rate_error)
-    device = FifoAccelerometer(Adxl355(125.0), 1, 0x1D, clock=clock, block_samples=8, open_bus=lambda _: chip)
+    device = FifoAccelerometer(
+        CHIPS["adxl355"](125.0, 2), 1, 0x1D, clock=clock, block_samples=8, open_bus=lambda _: chip
+    )
     info = device.open()
     table = {
         "device": {"kind": "adxl355"},

@@ -28,7 +28,7 @@ def test_zero_in_place_while_the_load_hangs_still(
     counts = np.rint(2048 * (up + random.normal(0, NOISE_G, (rate_hz * 1200, 3)))).astype(int)
     path = tmp_path / "hanging.csv"
     path.write_text("x,y,z\n" + "".join(f"{x},{y},{z}\n" for x, y, z in counts.tolist()))
-    layout = TableLayout(axes=("x", "y", "z"), unit="counts", rate_hz=rate_hz, units_per_g=2048)
+    layout = TableLayout(axes=("x", "y", "z"), unit="counts", rate_hz=rate_hz)
     device_id = table_info(path, read_table(path, layout), units_per_g=2048).device_id
     covariance = np.diag([1e-14] * 9 + [0.01] * 3).tolist()
     parent = add_content_hash(

@@ -7,7 +7,7 @@ import numpy as np
 from devices.conversion import force_g, zero_g_output
 from gateway.bench.thermal.ramp import Ramp
 from gateway.bench.thermal.ramp_calibration import AxisSummary, MeasuredCoefficient, ThermalCalibration, Verdict
-from gateway.calibration.poses.pose import FACES
+from gateway.calibration.pose import FACES
 from gateway.calibration.record import FigureSeries, RecordFigure
 from gateway.documents.format import format_fixed
 from gateway.numerics.array import Array

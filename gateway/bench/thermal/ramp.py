@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from gateway.calibration.input_files import FileReadings
-from gateway.calibration.poses.pose import Face, NominalSensitivity, Pose, find_face
+from gateway.calibration.pose import Face, NominalSensitivity, Pose, find_face
 from gateway.calibration.record import NotDeterminedError
 from gateway.errors import InputError
 from gateway.numerics.array import Array

@@ -18,7 +18,7 @@ from gateway.calibration.calibrate_files import estimate_sensitivity
 from gateway.calibration.calibration_fit import CalibrationFit, FitWarning, WarningKind
 from gateway.calibration.input_files import FileReadings
 from gateway.calibration.methods.six_position import fit_six_positions
-from gateway.calibration.poses.pose import FACES
+from gateway.calibration.pose import FACES
 from gateway.calibration.record import THERMAL, NotDeterminedError
 from gateway.calibration.thermal_model import AXES, AxisThermalModel, ThermalModel
 from gateway.errors import InputError

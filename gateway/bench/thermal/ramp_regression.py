@@ -21,7 +21,7 @@ import numpy as np
 
 from gateway.bench.thermal.ramp import Ramp, element_c, fit_lag
 from gateway.bench.thermal.slow_noise import NoiseGrid, RecordingCoefficients, RecordingNoise, System, block_means
-from gateway.calibration.poses.pose import FACES
+from gateway.calibration.pose import FACES
 from gateway.numerics.array import Array
 from gateway.numerics.stats import student_quantile
 

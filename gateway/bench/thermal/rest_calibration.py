@@ -22,9 +22,9 @@ from gateway.bench.thermal.slow_noise import (
 from gateway.calibration.calibration_fit import CalibrationFit, FitWarning, WarningKind
 from gateway.calibration.correction import ZERO_G_OFFSET_LIMIT_G_PER_K
 from gateway.calibration.input_files import FileReadings
-from gateway.calibration.poses.windows import STILL_RATIO, StillnessGate, Window, WindowSplitter
 from gateway.calibration.record import THERMAL_REST, CalibrationError, CalibrationRecord, NotDeterminedError
 from gateway.calibration.thermal_model import AXES, AxisThermalModel, ThermalModel, holds_at_c
+from gateway.calibration.windows import STILL_RATIO, StillnessGate, Window, WindowSplitter
 from gateway.errors import InputError
 from gateway.numerics.array import Array
 from gateway.numerics.stats import means_by_group

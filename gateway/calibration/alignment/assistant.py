@@ -25,8 +25,7 @@ turns a screw sees its effect."""
 MIN_WINDOW_TILTS = 10
 """Least number of tilts of an average. Basis: a choice; half of what a window has at ten tilts per second."""
 MAX_WINDOW_TILTS = 64
-"""Largest number of tilts of an average, which bounds memory. Basis: a window has 20 at ten tilts per second; three times as many
-bound the memory."""
+"""Largest number of tilts of an average. Basis: a window has 20 at ten tilts per second; three times as many bound the memory."""
 MAX_ANGLE_DEG = 10.0
 """Largest angle of a hanging housing, degrees. Basis: the screws turn it by a few degrees."""
 

@@ -19,8 +19,8 @@ from gateway.calibration.alignment.assistant import K_ALIGNED, TOLERANCE_RAD
 from gateway.numerics.array import Array
 
 N_SECTORS = 24
-"""Sectors of a turn whose readings are averaged, 15 degrees each. Basis: a choice; 15 degrees each, in which the sine of a tilt
-changes little, and several readings each."""
+"""Sectors of a turn whose readings are averaged. Basis: a choice; 15 degrees each, with several readings, in which the sine
+of a tilt changes little."""
 MIN_SECTORS = 20
 """Least number of sectors with a reading in a turn that counts. Basis: a choice; a turn by hand skips a few, and 60 degrees
 missing leave both directions determined."""
@@ -28,8 +28,7 @@ MIN_ACROSS_G = 0.7
 """Least reading across the shaft, g; below it the shaft is not horizontal, or another axis lies along it. Basis: a shaft within
 45 degrees of the horizontal."""
 RANGE_OF_SECTORS = 3.9
-"""Expected range of 24 values of a normal distribution, in standard deviations. Definition: for 24 values of a normal
-distribution."""
+"""Expected range of the sectors' noise, in standard deviations. Definition: for 24 values of a normal distribution."""
 HOUSING_DEVIATION_RAD = math.radians(0.01)
 """Deviation of perpendicularity of a machined steel housing, DP (Łuczak et al. 2022, sec. 2.1)."""
 AXES = "xyz"

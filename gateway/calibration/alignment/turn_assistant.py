@@ -21,8 +21,7 @@ from gateway.messages import Tilt
 from gateway.numerics.array import Array
 
 MAX_READINGS = 6000
-"""Readings that are kept: ten minutes at ten readings per second. Basis: a choice; ten minutes at ten readings per second, longer
-than a turn, and a bound of the memory."""
+"""Readings that are kept. Basis: a choice; ten minutes at ten a second, longer than a turn, and a bound of the memory."""
 OVERSHOOT_RAD = np.radians(60.0)
 """Angle after a turn, rad, that the next one leaves out. Basis: a person stops a little later, and turns a screw there."""
 MIN_TURN_READINGS = 48

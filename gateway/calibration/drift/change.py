@@ -82,20 +82,32 @@ def sensor_change(*, matrix: Array, offset: Array, later_sensitivity: Array, lat
     return SensorChange(gain=matrix @ later_sensitivity, offset_g=matrix @ (later_offset - offset))
 
 
-def change_between(earlier: CalibrationRecord, later: CalibrationRecord) -> DriftChange:
+def change_between(earlier: CalibrationRecord, later: CalibrationRecord, *, is_reference: bool = False) -> DriftChange:
     """Return the change with the uncertainties of both records, which are taken as independent.
 
+    `is_reference`: the earlier one is that of a series of records, and its uncertainty, common to all of them, does not count.
     Raises `CalibrationError` if the records are of different devices or units.
     """
-    return _change(earlier, later, covariance_of_earlier=np.array(earlier.covariance, dtype=np.float64))
-
-
-def change_from_reference(reference: CalibrationRecord, record: CalibrationRecord) -> DriftChange:
-    """Return the change with the uncertainty of `record` alone, for a series of records with a common reference.
-
-    Raises `CalibrationError` if the records are of different devices or units.
-    """
-    return _change(reference, record, covariance_of_earlier=np.zeros((12, 12)))
+    if earlier.device_id != later.device_id:
+        raise CalibrationError(f"records of {earlier.device_id} and {later.device_id}: a drift is that of one device")
+    if earlier.unit != later.unit:
+        raise CalibrationError(
+            f"records {earlier.id} in {earlier.unit} and {later.id} in {later.unit}: a drift needs one unit"
+        )
+    matrix, offset = correction_at(earlier, holds_at_c(later.temperature_c, later.thermal))
+    later_offset = np.array(later.offset, dtype=np.float64)
+    sensitivity = sensitivity_of(later)
+    change = sensor_change(matrix=matrix, offset=offset, later_sensitivity=sensitivity, later_offset=later_offset)
+    earlier_jacobian, later_jacobian = np.zeros((12, 12)), np.zeros((12, 12))
+    earlier_jacobian[:9, :9] = np.kron(np.eye(3), sensitivity.T)
+    earlier_jacobian[9:, :9] = np.kron(np.eye(3), later_offset - offset)
+    earlier_jacobian[9:, 9:] = -matrix
+    later_jacobian[:9, :9] = -np.kron(change.gain, sensitivity.T)
+    later_jacobian[9:, 9:] = matrix
+    covariance = later_jacobian @ np.array(later.covariance) @ later_jacobian.T
+    if not is_reference:
+        covariance = earlier_jacobian @ np.array(earlier.covariance) @ earlier_jacobian.T + covariance
+    return DriftChange(gain=change.gain, offset_g=change.offset_g, covariance=covariance)
 
 
 def reading_error_g(offset_g: Array, scale: Array) -> Array:
@@ -117,27 +129,3 @@ def sensitivity_of(record: CalibrationRecord) -> Array:
         return np.linalg.inv(np.array(record.correction_matrix, dtype=np.float64))
     except np.linalg.LinAlgError as error:
         raise CalibrationError(f"record {record.id}: correction_matrix is singular; calibrate again") from error
-
-
-def _change(earlier: CalibrationRecord, later: CalibrationRecord, covariance_of_earlier: Array) -> DriftChange:
-    if earlier.device_id != later.device_id:
-        raise CalibrationError(f"records of {earlier.device_id} and {later.device_id}: a drift is that of one device")
-    if earlier.unit != later.unit:
-        raise CalibrationError(
-            f"records {earlier.id} in {earlier.unit} and {later.id} in {later.unit}: a drift needs one unit"
-        )
-    matrix, offset = correction_at(earlier, holds_at_c(later.temperature_c, later.thermal))
-    later_offset = np.array(later.offset, dtype=np.float64)
-    sensitivity = sensitivity_of(later)
-    change = sensor_change(matrix=matrix, offset=offset, later_sensitivity=sensitivity, later_offset=later_offset)
-    earlier_jacobian, later_jacobian = np.zeros((12, 12)), np.zeros((12, 12))
-    earlier_jacobian[:9, :9] = np.kron(np.eye(3), sensitivity.T)
-    earlier_jacobian[9:, :9] = np.kron(np.eye(3), later_offset - offset)
-    earlier_jacobian[9:, 9:] = -matrix
-    later_jacobian[:9, :9] = -np.kron(change.gain, sensitivity.T)
-    later_jacobian[9:, 9:] = matrix
-    covariance = (
-        earlier_jacobian @ covariance_of_earlier @ earlier_jacobian.T
-        + later_jacobian @ np.array(later.covariance) @ later_jacobian.T
-    )
-    return DriftChange(gain=change.gain, offset_g=change.offset_g, covariance=covariance)

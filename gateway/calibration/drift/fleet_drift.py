@@ -22,14 +22,13 @@ from gateway.calibration.drift.change import (
     tilt_error_rad,
 )
 from gateway.calibration.drift.forecast import (
-    HORIZON_DAYS,
     MIN_SPAN_DAYS,
     analyse_drift,
-    created_at,
     days_between,
     measuring_records,
 )
-from gateway.calibration.record import CalibrationError, CalibrationRecord
+from gateway.calibration.drift.trend import HORIZON_DAYS
+from gateway.calibration.record import CalibrationError, CalibrationRecord, created_at
 from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
 from gateway.units import HOURS_PER_DAY

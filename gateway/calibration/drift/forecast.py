@@ -2,24 +2,19 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime
 
 import numpy as np
 
-from gateway.calibration.drift.change import change_from_reference, reading_error_g
-from gateway.calibration.drift.trend import Trend, fit_measurements
-from gateway.calibration.record import ROTATION, THERMAL, CalibrationError, CalibrationRecord, PoseMethod
+from gateway.calibration.drift.change import change_between, reading_error_g
+from gateway.calibration.drift.trend import FORECAST_STEPS, HORIZON_DAYS, Trend, fit_measurements
+from gateway.calibration.record import ROTATION, THERMAL, CalibrationError, CalibrationRecord, PoseMethod, created_at
 from gateway.numerics.array import Array
 
 DEFAULT_LIMIT_DEG = 0.5
 """Tilt error, degrees, at which a sensor is calibrated again: 48 hours caused 0.43 degrees (Łuczak et al. 2022, eq. 20)."""
-HORIZON_DAYS = 3650.0
-"""Longest forecast, days. Basis: a choice; ten years, longer than a housing stays in service unchecked."""
 FIRST_STEP_DAYS = 1 / 24
 """First step of a forecast, days. Definition: an hour; no date of a calibration needs a finer one."""
-FORECAST_STEPS = 200
-"""Number of steps of a forecast, in geometric progression. Basis: a choice; each step is 6 % longer than the last, less than any
-forecast is certain."""
 MEASURING_METHODS = frozenset({*(method.value for method in PoseMethod), ROTATION, THERMAL})
 """Methods that measure offset and scale; the records of other methods copy those of their parent."""
 SIMILAR_TEMPERATURE_C = 5.0
@@ -106,7 +101,7 @@ def analyse_drift(
         raise CalibrationError(
             f"a drift needs two calibrations at least; of {len(records)} records, {len(measuring)} measured offset and scale"
         )
-    changes = [change_from_reference(measuring[0], record) for record in measuring]
+    changes = [change_between(measuring[0], record, is_reference=True) for record in measuring]
     first = created_at(measuring[0])
     day = np.array([days_between(first, created_at(record)) for record in measuring])
     x, y, z = (
@@ -147,15 +142,6 @@ def measuring_records(records: Sequence[CalibrationRecord]) -> list[CalibrationR
 def days_between(earlier: datetime, later: datetime) -> float:
     """Return the days from one time to another."""
     return (later - earlier).total_seconds() / SECONDS_PER_DAY
-
-
-def created_at(record: CalibrationRecord) -> datetime:
-    """Return when a record was made, UTC if it has no time zone. Raises `CalibrationError` for a text that is no time."""
-    try:
-        made = datetime.fromisoformat(record.created_utc)
-    except ValueError as error:
-        raise CalibrationError(f"record {record.id}: created_utc {record.created_utc!r} is no ISO 8601 time") from error
-    return made if made.tzinfo is not None else made.replace(tzinfo=UTC)
 
 
 def _recalibrate_within(axes: tuple[AxisDrift, ...], last_day: float, limit_deg: float) -> RecalibrateWithin:

@@ -16,8 +16,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gateway.calibration.correction import Correction
-from gateway.calibration.drift.forecast import created_at
-from gateway.calibration.record import CalibrationError, CalibrationRecord
+from gateway.calibration.record import CalibrationError, CalibrationRecord, created_at
 from gateway.numerics.array import Array
 from gateway.numerics.stats import normal_quantile
 from gateway.units import HOURS_PER_DAY

@@ -5,9 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from gateway.calibration.drift.forecast import FORECAST_STEPS, HORIZON_DAYS
 from gateway.calibration.drift.rest_monitor import RestDriftMonitor, RestMean, RestReading, combine_means
-from gateway.calibration.drift.trend import Trend, fit_means
+from gateway.calibration.drift.trend import FORECAST_STEPS, HORIZON_DAYS, Trend, fit_means
 from gateway.units import HOURS_PER_DAY
 
 MIN_TREND_DAYS = 8

@@ -14,6 +14,11 @@ from gateway.calibration.record import CalibrationError
 from gateway.numerics.array import Array
 from gateway.numerics.stats import CHANCE_LEVEL, NORMAL_975, chi_square_quantile, student_quantile
 
+HORIZON_DAYS = 3650.0
+"""Longest forecast, days. Basis: a choice; ten years, longer than a housing stays in service unchecked."""
+FORECAST_STEPS = 200
+"""Number of steps of a forecast, in geometric progression. Basis: a choice; each step is 6 % longer than the last, less than any
+forecast is certain."""
 WALK_VARIANCE_RATIOS = np.concatenate([[0.0], np.geomspace(1e-2, 1e4, 15)])
 """Candidates for the variance of the random walk over the whole span, relative to that of one value. Basis: a choice; from a walk
 that is hidden in the values to one that hides them, in steps by a factor of 2.7."""

@@ -6,12 +6,11 @@ determined.
 
 import numpy as np
 
-from gateway.calibration.poses.pose import candidate_directions, describe_direction
+from gateway.calibration.calibration_fit import MAX_CONDITION_NUMBER
+from gateway.calibration.pose import candidate_directions, describe_direction
 from gateway.calibration.record import NotDeterminedError
 from gateway.numerics.array import Array
 
-MAX_CONDITION_NUMBER = 30.0
-"""Largest condition number of the design of a fit. Basis: poses in all directions give 2 to 4."""
 PRIOR_INFORMATION = 1e-3
 """Information on each parameter that is assumed before the first pose, so that few poses can be compared. Basis: a choice; far
 below the information of one pose, far above rounding."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gateway.calibration.calibration_fit import Contribution
-from gateway.calibration.poses.pose import Pose
+from gateway.calibration.pose import Pose
 from gateway.numerics.array import Array
 from gateway.numerics.stats import CHANCE_LEVEL, chi_square_quantile
 

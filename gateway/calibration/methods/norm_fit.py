@@ -15,7 +15,7 @@ import numpy as np
 
 from gateway.calibration.calibration_fit import CalibrationFit, Contribution, FitWarning, WarningKind, assemble_fit
 from gateway.calibration.methods.experiment_design import condition_number, require_well_conditioned
-from gateway.calibration.poses.pose import Pose
+from gateway.calibration.pose import Pose
 from gateway.calibration.record import CalibrationRecord, NotDeterminedError, PoseMethod
 from gateway.numerics.array import Array
 from gateway.numerics.stats import CHANCE_LEVEL, chi_square_quantile, student_quantile

@@ -6,16 +6,15 @@ contains that. Placement acts across the vertical in the first order and along i
 an axis therefore come from its two extremes alone, as in eq. 4 to 9; its readings on the four other faces determine the
 off-diagonal entries and check the fit.
 
-Outliers among the readings of a face are found within one session, and against an earlier session.
+Outliers among the readings of a face are found within one session.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from gateway.calibration.calibration_fit import (
+    K_OUTLIER,
     CalibrationFit,
     Contribution,
     FitWarning,
@@ -24,23 +23,22 @@ from gateway.calibration.calibration_fit import (
     total_covariance,
 )
 from gateway.calibration.methods.non_linearity import find_non_linearity, non_linearity_contribution
-from gateway.calibration.poses.pose import FACE_DIRECTIONS, FACES, Face, Pose, describe_direction, without_tilted_poses
+from gateway.calibration.pose import (
+    FACE_DIRECTIONS,
+    FACES,
+    PLACEMENT_U_DEG,
+    Face,
+    Pose,
+    describe_direction,
+    without_tilted_poses,
+)
 from gateway.calibration.record import NotDeterminedError, PoseMethod
 from gateway.numerics.array import Array
 from gateway.numerics.stats import CHANCE_LEVEL, chi_square_quantile
 
-K_OUTLIER = 5.0
-"""Standard deviations by which an outlier deviates. Basis: a choice; noise reaches it once in 1.7 million readings, and a wrong
-face deviates by more."""
 MIN_OUTLIER_G = 1e-6
 """Least deviation of an outlier, g. Basis: above the rounding errors of a perfect fit."""
 
-RecordPoses = tuple[Mapping[str, Any], ...]
-"""Poses as a calibration record stores them."""
-PLACEMENT_U_DEG = 0.1
-"""Standard uncertainty of the placement of a face, per direction, degrees: a workshop's spirit level, a housing with dirt on its
-faces. The machined cube on a levelled plate of Łuczak et al. 2022 is ten times better.
-"""
 WEIGHT_ACROSS = 1e-6
 """Weight of a reading across the vertical relative to one along it. Basis: the limit in which placement errs far more than
 noise."""
@@ -62,38 +60,6 @@ def find_outliers(poses: tuple[Pose, ...], residual_g: Array, u_g: Array) -> lis
         FitWarning(WarningKind.OUTLIER, f"{text} with {' or '.join(names)} up; lay that face again")
         for text, names in faces.items()
     ]
-
-
-def find_changed_readings(new: RecordPoses, old: RecordPoses) -> list[FitWarning]:
-    """Return the readings that changed between two sessions by more than two placements explain, the common drift removed.
-
-    Within one session two opposite faces share their residual; the comparison with an earlier session shows which one is wrong.
-    """
-    before, after = _means_by_face(old), _means_by_face(new)
-    faces = [face for face in FACES if face in before and face in after]
-    if len(faces) < len(FACES):
-        return []
-    readings = np.array([after[face] for face in faces])
-    change = readings - np.array([before[face] for face in faces])
-    scale = np.ptp(readings, axis=0) / 2
-    change_g = (change - np.median(change, axis=0)) / scale
-    limit_g = K_OUTLIER * np.sqrt(2) * np.sin(np.radians(PLACEMENT_U_DEG))
-    return [
-        FitWarning(
-            WarningKind.OUTLIER,
-            f"U_{'xyz'[axis]} with {faces[place]} up moved by {change_g[place, axis] * 1000:+.1f} mg, the others did not",
-        )
-        for place, axis in np.argwhere(np.abs(change_g) > limit_g)
-    ]
-
-
-def _means_by_face(poses: RecordPoses) -> dict[str, Array]:
-    """Return the mean of the used poses of each face."""
-    groups: dict[str, list[Any]] = {}
-    for pose in poses:
-        if pose.get("used") and pose.get("face"):
-            groups.setdefault(pose["face"], []).append(pose["mean"])
-    return {face: np.mean(means, axis=0) for face, means in groups.items()}
 
 
 @dataclass(frozen=True, slots=True)

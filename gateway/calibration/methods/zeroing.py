@@ -18,24 +18,22 @@ from gateway.calibration.calibration_fit import (
     total_covariance,
     uncertainty_budget,
 )
-from gateway.calibration.poses.pose import RawReadings, temperature_range
-from gateway.calibration.poses.windows import Rest, StillnessGate, WindowSplitter
+from gateway.calibration.pose import MIN_UNBROKEN_REST_S, RawReadings, temperature_range
 from gateway.calibration.record import ZEROING, CalibrationError, CalibrationRecord, NotDeterminedError
 from gateway.calibration.thermal_model import thermal_model
+from gateway.calibration.windows import Rest, StillnessGate, WindowSplitter
 from gateway.numerics.array import Array
 
-MIN_UNBROKEN_REST_S = 30.0
-"""Shortest rest without a break, s: two swings of a 50 m rope. Basis: two swings of a 50 m rope (14 s each)."""
 MIN_STILL_SHARE = 0.95
 """Least share of still windows. Basis: a slammed door moves the load in one window of a minute."""
 MAX_MEAN_CHANGE_G = 0.002
-"""Largest change of the mean between the two halves, and largest amplitude of the windows' means, g: 0.1 degrees of swing. Basis:
-0.1 degrees of swing."""
+"""Largest change of the mean between the two halves, and largest amplitude of the windows' means, g. Basis: 0.1 degrees
+of swing."""
 MAX_MOUNT_ANGLE_DEG = 10.0
 """Largest angle that zeroing removes, degrees. Basis: a larger one is corrected at the mount."""
 PLUMB_U_DEG = 0.05
-"""Standard uncertainty of the rope as a plumb line, per direction, degrees: stiffness of the rope, light wind. Basis: a choice;
-for stiffness of the rope and light wind, a millimetre per metre."""
+"""Standard uncertainty of the rope as a plumb line, per direction, degrees. Basis: a choice; a millimetre per metre, for
+stiffness of the rope and light wind."""
 RELATIVE_STEP = 1e-5
 """Step of the central differences, relative to the size of the parameters. Basis: the cube root of the rounding error (6e-6),
 which is best for central differences."""

@@ -69,18 +69,17 @@ def run_norm_fit(arguments: argparse.Namespace) -> int:
 def _calibrate(arguments: argparse.Namespace, **stated: float | None) -> int:
     """Calibrate and print the result; 1 if the readings do not determine it or the record is not acceptable.
 
-    `stated` are the uncertainties of the method that `CalibrateOptions` takes; None leaves the default.
+    `stated` are the uncertainties of the method that `calibrate_files` takes; None leaves the default.
     """
-    from gateway.calibration.calibrate_files import CalibrateOptions, calibrate_files
+    from gateway.calibration.calibrate_files import calibrate_files
     from gateway.measurement.recording_files import read_calibration_readings
 
     files = read_calibration_readings(arguments.files, table_options(arguments))
     use_recorded_device(arguments, files)
     parent = read_parent_record(arguments)
     known = {name: value for name, value in stated.items() if value is not None}
-    options = CalibrateOptions(arguments.method, arguments.units_per_g, parent=parent, **known)
-    found = calibrate_files(files, options)
-    return finish_record(arguments, found.fit, found.unit, found.notes, parent)
+    fit, notes = calibrate_files(files, arguments.method, arguments.units_per_g, parent, **known)
+    return finish_record(arguments, fit, files[0].unit, notes, parent)
 
 
 @command(

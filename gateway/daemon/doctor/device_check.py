@@ -14,8 +14,7 @@ from devices.block import DeviceInfo, RadioStatus, SampleBlock
 from devices.clock import Clock
 from devices.device import Device
 from devices.errors import DeviceError, DeviceNotFoundError
-from devices.i2c.bus import BusOpener
-from devices.i2c.chips import FoundPart, probe_bus
+from devices.i2c.bus import BusOpener, FoundPart, probe_bus
 from devices.i2c.self_test import SelfTestResult, run_self_test
 from devices.serial_port import SYSTEM_FOLDERS, PortFolders, find_usb_port, find_usb_ports
 from gateway.configuration.device_sections import I2cDevice, I2cSection, SerialSection

@@ -9,8 +9,8 @@ from smbus2 import SMBus
 
 from devices.clock import Clock
 from devices.errors import DeviceError
-from devices.i2c.bus import BusOpener
-from devices.i2c.chips import CHIPS, probe_bus
+from devices.i2c.bus import BusOpener, probe_bus
+from devices.i2c.chips import CHIPS
 
 DEV = Path("/dev")
 KINDS = {

@@ -188,7 +188,7 @@ def _join_deletions(
     found = [found for file in stated if (found := parse_deletions(file.deletions)) is not None]
     for state in states:
         if state.deletions and statements:
-            if (statement := parse_deletions(state.deletions)) and has_signature(state.deletions, key):
+            if (statement := parse_deletions(state.deletions)) and has_signature(state.deletions, statement, key):
                 found.append(statement)
             else:
                 problems.append(

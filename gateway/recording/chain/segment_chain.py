@@ -8,7 +8,7 @@ from pathlib import Path
 
 from devices.errors import RecordingError
 from gateway.messages import NewestStatement
-from gateway.pki.signing_key import SigningKey, is_valid
+from gateway.pki.signing_key import SigningKey
 from gateway.recording.chain.chain_state import (
     KEPT_ASIDE,
     STATE_NAME,
@@ -86,7 +86,7 @@ class SegmentChain:
     def _take_deletions(self, record: Mapping[str, str]) -> bool:
         """Add what a statement says was deleted; return whether this key has signed it; without a key, whether it is one."""
         statement = parse_deletions(record)
-        if statement is None or (self.key is not None and not has_signature(record, self.key.public_hex)):
+        if statement is None or (self.key and not has_signature(record, statement, self.key.public_hex)):
             return False
         self._deleted = self._deleted.including(statement)
         return True
@@ -115,16 +115,15 @@ class SegmentChain:
         signature = metadata.get(SIGNATURE, {})
         text = signature.get("statement", "")
         statement = parse_statement(text)
-        if statement is None or not self._is_own(statement, text, signature):
+        if statement is None or not self._is_own(statement, signature):
             return segment_number(metadata.get(ORIGIN, {})), None, "", metadata
         return statement.segment, statement, text, metadata
 
-    def _is_own(self, statement: Statement, text: str, signature: Mapping[str, str]) -> bool:
+    def _is_own(self, statement: Statement, signature: Mapping[str, str]) -> bool:
         """Return whether this gateway has signed a statement; without a key, whether it says so."""
         if self.key is None:
             return statement.gateway == self._gateway
-        key = self.key.public_hex
-        return statement.public_key == key and is_valid(key, text, signature.get("signature", ""))
+        return has_signature(signature, statement, self.key.public_hex)
 
     def _put_aside(self) -> str:
         """Keep the damaged file aside; return the name as a phrase."""

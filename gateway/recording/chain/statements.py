@@ -150,13 +150,12 @@ def parse_deletions(record: Mapping[str, str]) -> DeletionStatement | None:
         return None
 
 
-def has_signature(record: Mapping[str, str], key: str) -> bool:
-    """Return whether a metadata record is signed with a key; empty: whether it says that it is not signed.
+def has_signature(record: Mapping[str, str], statement: Statement | DeletionStatement, key: str) -> bool:
+    """Return whether the statement of a metadata record is signed with a key; empty: whether it says that it is not signed.
 
     Raises `KeyFileError` where signatures cannot be checked.
     """
-    statement = parse_deletions(record)
-    if statement is None or statement.public_key != key:
+    if statement.public_key != key:
         return False
     return not key or is_valid(key, record["statement"], record.get("signature", ""))
 

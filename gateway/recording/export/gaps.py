@@ -107,8 +107,8 @@ class _Part:
     wall_offset_ns: int
 
 
-def join_gaps(segments: Sequence[SummarisedSegment]) -> list[RecordingGap]:
-    """Return the gaps of consecutive segments in order of time."""
+def join_samples(segments: Sequence[SummarisedSegment]) -> tuple[SampleInfo, list[RecordingGap]]:
+    """Return the numbers of the samples of consecutive segments, and the gaps in order of time."""
     parts = _parts(segments)
     causes = AbsenceCauses.of([segment for segment, _ in segments])
     inside = [
@@ -121,26 +121,21 @@ def join_gaps(segments: Sequence[SummarisedSegment]) -> list[RecordingGap]:
         for part in parts
         for gap in part.samples.gaps
     ]
-    return sorted([*inside, *_gaps_between(parts, causes)], key=lambda gap: gap.from_utc_ns)
-
-
-def count_samples(segments: Sequence[SummarisedSegment]) -> SampleInfo:
-    """Return the numbers of the samples of consecutive segments."""
-    parts = _parts(segments)
-    between = _gaps_between(parts, AbsenceCauses.of([segment for segment, _ in segments]))
-    lengths_s = [gap.length_s for gap in between] + [gap.length_s for part in parts for gap in part.samples.gaps]
+    between = _gaps_between(parts, causes)
+    gaps = sorted([*inside, *between], key=lambda gap: gap.from_utc_ns)
     periods_ns = [part.samples.period_ns for part in parts if part.samples.period_ns]
-    return SampleInfo(
+    info = SampleInfo(
         count=sum(part.samples.count for part in parts),
         rate_hz=1e9 * len(periods_ns) / sum(periods_ns) if periods_ns else None,
         lost=sum(part.samples.lost for part in parts),
         invalid=sum(part.samples.invalid for part in parts),
         gaps=len(between) + sum(part.samples.gap_count for part in parts),
         gap_s=sum(gap.length_s for gap in between) + sum(part.samples.gap_s for part in parts),
-        longest_gap_s=max(lengths_s, default=None),
+        longest_gap_s=max((gap.length_s for gap in gaps), default=None),
         missing_blocks=sum(part.samples.missing_blocks for part in parts)
         + sum(_missing_blocks(before, after) for before, after in pairwise(parts)),
     )
+    return info, gaps
 
 
 def describe_overlaps(segments: Sequence[SummarisedSegment]) -> list[str]:

@@ -17,9 +17,9 @@ LABEL_WIDTH = 15
 MAX_LIST_LINES = 20
 """Most lines of a list, of which `--json` has all entries; trips are always listed. Basis: a choice; a screen of a terminal."""
 CONFIGURATION_LOG, AUDIT = "plumbline.configuration", "audit "
+"""Name and beginning of the lines of the log that are entries of the configuration's audit."""
 BY_GATEWAY = ("confirmed", "rolled back")
 """What the gateway does with a change that a person has made."""
-"""Name and beginning of the lines of the log that are entries of the configuration's audit."""
 LOG_LEVEL_WORDS = {3: "warning", 4: "error", 5: "fatal"}
 
 
@@ -240,13 +240,9 @@ def _configuration_text(line: LogLine) -> str | None:
         text = f"change by {entry['by']} {what} by the gateway" if what in BY_GATEWAY else f"{what} by {entry['by']}"
         reason = entry["reason"] or entry.get("proposed_reason", "")
         text += f" ({reason})" if reason else ""
-        return ": ".join([text, *(["; ".join(entry["changes"])] if entry.get("changes") else []), *_why(entry)])
+        return ": ".join(filter(None, [text, "; ".join(entry.get("changes") or []), entry.get("why")]))
     except (ValueError, LookupError, TypeError, AttributeError):
         return None
-
-
-def _why(entry: dict[str, str]) -> list[str]:
-    return [entry["why"]] if entry.get("why") else []
 
 
 def _section(title: str, lines: Sequence[str], count: int | None = None) -> Iterator[str]:

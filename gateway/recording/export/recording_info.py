@@ -6,7 +6,7 @@ from typing import Any
 
 from devices.errors import RecordingError
 from gateway import messages
-from gateway.recording.export.gaps import RecordingGap, SampleInfo, count_samples, describe_overlaps, join_gaps
+from gateway.recording.export.gaps import RecordingGap, SampleInfo, describe_overlaps, join_samples
 from gateway.recording.format import content as names
 from gateway.recording.format.salvage import SalvageReport, sum_losses
 from gateway.recording.format.segment_summary import (
@@ -187,7 +187,7 @@ def _build_info(
     from_utc_ns = min(file.from_utc_ns for file in files)
     to_utc_ns = max(file.to_utc_ns for file in files)
     duration_s = (to_utc_ns - from_utc_ns) / 1e9
-    samples = count_samples(read)
+    samples, gaps = join_samples(read)
     size_bytes = sum(file.size_bytes for file in files)
     calibrations = _calibration_changes(summaries)
     metadata = [segment.metadata for segment in segments]
@@ -207,7 +207,7 @@ def _build_info(
         topics=_topic_infos(summaries, duration_s),
         samples=samples,
         bytes_per_sample=size_bytes / samples.count if samples.count and is_whole else None,
-        gaps=join_gaps(read),
+        gaps=gaps,
         origin=metadata[-1].get(names.ORIGIN, {}),
         device=metadata[-1].get(names.DEVICE, {}),
         calibration_id=calibrations[-1].calibration_id if calibrations else None,

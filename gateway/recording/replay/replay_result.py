@@ -81,7 +81,7 @@ def replay_rows(result: ReplayResult, *, is_local: bool = False) -> list[ReplayR
 def has_difference(result: ReplayResult) -> bool:
     """Return whether anything differs: a message, or with other settings a line of the table."""
     if result.mode == "same":
-        return not result.is_equal
+        return bool(result.comparison.differing)
     return any(row.differs for row in replay_rows(result))
 
 

@@ -64,11 +64,6 @@ class ReplayResult:
         """Something was compared: messages, or with other settings what was told."""
         return self.recorded is not None if self.mode == "other" else bool(self.comparison.compared)
 
-    @property
-    def is_equal(self) -> bool:
-        """Nothing differs."""
-        return not self.comparison.differing
-
 
 class ReplayRun:
     """Replays the steps of a timeline."""

@@ -21,7 +21,6 @@ from mcap.records import Attachment, Channel, McapRecord, Message
 from devices.errors import RecordingError
 from gateway.atomic_io import partial_of, replace_file
 from gateway.pki.signing_key import KeyFileError
-from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.statements import DELETIONS, SIGNATURE, Statement
 from gateway.recording.format.content import ORIGIN, REPAIRED, TRIMMED, segment_number
@@ -85,6 +84,8 @@ def _require_signed(path: Path, chain: SegmentChain) -> Statement | None:
 
     Raises `CompactionError`.
     """
+    from gateway.recording.chain.file_verification import verify_file
+
     try:
         found = verify_file(path, "" if chain.key is None else chain.key.public_hex)
     except KeyFileError as error:

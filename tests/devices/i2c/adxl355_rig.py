@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from devices.block import SampleBlock
-from devices.i2c.adxl355 import Adxl355
+from devices.i2c.chips import CHIPS
 from devices.i2c.fifo_accelerometer import FifoAccelerometer
 from tests.devices.i2c.adxl355_chip import Adxl355Chip
 from tests.devices.i2c.fifo_rig import FifoRig
@@ -33,7 +33,7 @@ class Rig(FifoRig):
         self.chip = Adxl355Chip(self.clock, **chip)
         self.opened_bus: int | None = None
         self.device = FifoAccelerometer(
-            Adxl355(odr_hz, range_g),
+            CHIPS["adxl355"](odr_hz, range_g),
             1,
             0x1D,
             clock=self.clock,

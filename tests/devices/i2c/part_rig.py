@@ -49,7 +49,7 @@ class PartRig(FifoRig):
             clock=self.clock,
             open_bus=self.open_bus,
         )
-        self.identity = CHIPS[part.kind](self.odr_hz, part.range_g).identities[0]
+        self.identity = CHIPS[part.kind].identities[0]
         self.blocks: list[SampleBlock] = []
 
     def open_bus(self, number: int) -> I2cChip:

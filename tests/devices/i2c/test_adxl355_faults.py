@@ -7,22 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from devices.errors import ConfigurationReadBackError, TransferError
+from devices.errors import TransferError
 from tests.devices.i2c.adxl355_rig import FIFO_DATA, LEVEL, POWER_CTL, RANGE, STATUS, Rig, telling_time
-
-
-@pytest.mark.slow
-def test_an_overrun_is_counted_and_its_length_follows_from_the_times(rig: Callable[..., Rig]) -> None:
-    made = rig(signal=telling_time, rate_error=0.05)
-    made.open()
-    made.read_s(20)
-    made.chip.run_s(2)
-    made.read_s(20)
-    assert made.device.faults["overrun"] == 1
-    assert made.chip.overwritten > 200
-    assert made.lost == pytest.approx(made.chip.overwritten, abs=1)
-    assert np.abs(made.error_ms()[made.made_at_s() > 10]).max() < 8  # a period
-    assert np.all(np.diff(made.time_ns) > 0)
 
 
 @pytest.mark.slow
@@ -50,19 +36,6 @@ def test_a_level_that_is_too_high_yields_no_invented_samples(rig: Callable[..., 
     assert made.lost == 0
 
 
-def test_repeated_transfers_lose_no_sample(rig: Callable[..., Rig]) -> None:
-    made = rig(signal=telling_time)
-    made.open()
-    made.read_s(5)
-    made.chip.fail(errno.EREMOTEIO, 2, register=FIFO_DATA)
-    made.chip.fail(errno.EAGAIN, 2, register=STATUS)
-    made.read_s(5)
-    assert made.device.faults["i2c_no_acknowledge"] == 2
-    assert made.device.faults["i2c_bus_error"] == 2
-    assert made.lost == 0
-    assert np.all(np.diff(made.made_at_s()) < 0.009)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("popped", [0, 4, 21])
 def test_an_interrupted_burst_loses_the_entries_that_it_removed(rig: Callable[..., Rig], popped: int) -> None:
@@ -87,68 +60,15 @@ def test_occasional_interrupted_bursts_are_tolerated(rig: Callable[..., Rig]) ->
     assert made.device.faults["i2c_bus_error"] == 5
 
 
-@pytest.mark.parametrize(
-    ("number", "register"), [(errno.EREMOTEIO, None), (errno.ETIMEDOUT, None), (errno.EIO, FIFO_DATA)]
-)
-def test_persistent_transfer_errors_are_raised_in_bounded_time(
-    rig: Callable[..., Rig], number: int, register: int | None
-) -> None:
+def test_a_fifo_that_cannot_be_read_is_raised_in_bounded_time(rig: Callable[..., Rig]) -> None:
     made = rig()
     made.open()
     made.read_s(1)
-    made.chip.fail(number, 1000, register=register)
+    made.chip.fail(errno.EIO, 1000, register=FIFO_DATA)
     start_s = made.clock.elapsed_s
     with pytest.raises(TransferError, match="I2C bus 1 address 0x1d"):
         made.read_s(10)
     assert made.clock.elapsed_s - start_s < 2
-
-
-def test_a_brown_out_is_detected_within_two_seconds(rig: Callable[..., Rig]) -> None:
-    made = rig(range_g=4)
-    made.open()
-    made.read_s(3)
-    made.chip.brown_out()
-    start_s = made.clock.elapsed_s
-    with pytest.raises(
-        ConfigurationReadBackError, match=r"RANGE \(0x2c\) reads 0x81, not 0x82.*POWER_CTL.*lost its configuration"
-    ):
-        made.read_s(10)
-    assert made.clock.elapsed_s - start_s < 2
-    assert made.device.faults["configuration_lost"] == 1
-    made.open()
-    assert made.read_s(1)
-
-
-def test_a_changed_range_is_detected(rig: Callable[..., Rig]) -> None:
-    made = rig(range_g=8)
-    made.open()
-    made.read_s(3)
-    made.chip.registers[RANGE] = 0x81
-    with pytest.raises(ConfigurationReadBackError, match="RANGE"):
-        made.read_s(2)
-
-
-def test_a_bus_stuck_high_gives_no_data(rig: Callable[..., Rig]) -> None:
-    made = rig()
-    made.open()
-    made.read_s(1)
-    samples = made.samples
-    made.chip.stuck_high = True
-    with pytest.raises(ConfigurationReadBackError, match="reads 0xff"):
-        made.read_s(10)
-    assert made.samples == samples
-
-
-@pytest.mark.slow
-def test_a_part_without_samples_is_reported_after_two_seconds(rig: Callable[..., Rig]) -> None:
-    made = rig()
-    made.open()
-    made.read_s(1)
-    made.chip.oscillating = False
-    start_s = made.clock.elapsed_s
-    with pytest.raises(TransferError, match="no samples for 2 s; power-cycle the sensor"):
-        made.read_s(10)
-    assert 2 < made.clock.elapsed_s - start_s < 3
 
 
 def test_read_returns_none_after_half_a_second_without_samples(rig: Callable[..., Rig]) -> None:

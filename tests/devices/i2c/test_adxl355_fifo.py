@@ -4,8 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from devices.i2c.adxl355 import temperature_c
-from devices.i2c.adxl355_fifo import EntryRun, decode_counts, split_entries
+from devices.i2c.adxl355 import decode_counts, split_entries, temperature_c
 
 COUNTS = st.integers(-(1 << 19), (1 << 19) - 1)
 
@@ -30,7 +29,7 @@ def test_golden_vectors() -> None:
 def test_any_counts_are_decoded(triples: list[tuple[int, int, int]]) -> None:
     runs, tail = split_entries(b"".join(sample(*triple) for triple in triples))
     assert tail == b""
-    assert [row for run in runs for row in decode_counts(run.entries).tolist()] == [list(triple) for triple in triples]
+    assert [row for run in runs for row in run.raw.tolist()] == [list(triple) for triple in triples]
 
 
 @pytest.mark.parametrize(
@@ -48,14 +47,14 @@ def test_any_counts_are_decoded(triples: list[tuple[int, int, int]]) -> None:
 )
 def test_alignment_is_found_again_at_the_x_marker(before: bytes, lost: int, after: bytes) -> None:
     runs, tail = split_entries(before + sample(10, -11, 12) + sample(13, 14, 15) + after)
-    assert decode_counts(runs[-1].entries)[-2:].tolist() == [[10, -11, 12], [13, 14, 15]]
+    assert runs[-1].raw[-2:].tolist() == [[10, -11, 12], [13, 14, 15]]
     assert sum(run.lost for run in runs) == lost
     assert tail == (b"" if after.startswith(b"\xff") else after)
 
 
 def test_an_incomplete_end_is_counted_with_the_next_samples() -> None:
     runs, tail = split_entries(sample(1, 2, 3) + entry(4))
-    assert runs == [EntryRun(sample(1, 2, 3), 0), EntryRun(b"", 1)]
+    assert [(run.raw.tolist(), run.lost) for run in runs] == [([[1, 2, 3]], 0), ([], 1)]
     assert tail == b""
 
 
@@ -64,9 +63,9 @@ def test_an_incomplete_end_is_counted_with_the_next_samples() -> None:
 def test_any_bytes_are_decoded_without_an_error(data: bytes) -> None:
     entries = data[: len(data) // 3 * 3]
     runs, tail = split_entries(entries)
-    taken = sum(len(run.entries) for run in runs) + len(tail)
+    taken = 9 * sum(map(len, runs)) + len(tail)
     assert taken <= len(entries)
-    assert all(decode_counts(run.entries).shape == (len(run), 3) for run in runs)
+    assert all(run.raw.shape == (len(run), 3) for run in runs)
 
 
 def test_temperature_of_the_data_sheet() -> None:

@@ -7,7 +7,8 @@ from typing import Any, ClassVar
 import pytest
 
 from devices.errors import DeviceNotFoundError
-from devices.i2c.chips import CHIPS, probe_bus
+from devices.i2c.bus import probe_bus
+from devices.i2c.chips import CHIPS
 from devices.i2c.self_test import run_self_test
 from tests.devices.i2c.ads1115_chip import Ads1115Chip
 from tests.devices.i2c.adxl345_chip import Adxl345Chip

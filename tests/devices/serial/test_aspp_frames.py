@@ -7,8 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from devices.serial.aspp_frames import MAX_ASPP_PAYLOAD_BYTES, AsppDecoder, fletcher16
-from devices.serial.aspp_payloads import LAYOUTS, Diagnostic, read_diagnostic, read_sweeps
+from devices.serial.aspp_frames import (
+    LAYOUTS,
+    MAX_ASPP_PAYLOAD_BYTES,
+    AsppDecoder,
+    Diagnostic,
+    fletcher16,
+    read_diagnostic,
+    read_sweeps,
+)
 from tests.devices.serial.aspp_wire import AsppNode, diagnostic_payload, packet, sweep_payload
 from tests.devices.serial.witmotion_wire import NOISE
 from tests.values import present

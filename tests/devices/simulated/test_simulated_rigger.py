@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from devices.simulated.device import REST_S, SimulatedCrane
-from devices.simulated.rigger import PLACEMENT_RAD, SHAKE_G, TURN_S, Rigger
+from devices.simulated.device import PLACEMENT_RAD, REST_S, SHAKE_G, TURN_S, Rigger, SimulatedCrane
 from tests.clocks import SleeplessClock
 
 FACES = [(1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (0.0, 0.0, -1.0), (0.6, 0.0, 0.8)]

@@ -9,8 +9,8 @@ from devices.recording import Recording
 from devices.tables.layout import TableLayout
 
 REAL = Path(__file__).parents[2] / "data" / "real"
-SIX_POSITION = TableLayout(axes=("acc_x", "acc_y", "acc_z"), unit="counts", rate_hz=204.8, units_per_g=2048)
-PHONE = TableLayout(time=1, axes=(2, 3, 4), unit="m/s2", delimiter="\t")
+SIX_POSITION = TableLayout(axes=("acc_x", "acc_y", "acc_z"), unit="counts", rate_hz=204.8)
+PHONE = TableLayout(time=1, axes=(2, 3, 4), delimiter="\t")
 HEADER = "time_s,ax_g,ay_g,az_g"
 
 

@@ -76,7 +76,6 @@ def test_exports_of_other_programs_are_understood(table: WriteTable, export: str
 def test_what_was_found_is_said(table: WriteTable) -> None:
     found = read(table(*EXPORTS["integer milliseconds and milli-g"]))
     assert found.unit == "mg"
-    assert not found.unit_is_stated
     assert found.findings == (
         "axes x, y, z: columns accX, accY, accZ",
         "unit mg, by the median magnitude 1000",

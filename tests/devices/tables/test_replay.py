@@ -16,17 +16,22 @@ from devices.tables.layout import NATIVE, TableLayout
 from devices.tables.native import read_table
 from devices.tables.replay import Replay, table_info
 from tests.clocks import START_NS, SleeplessClock
+from tests.devices.tables.table_lines import REAL, SIX_POSITION
 from tests.values import present
 
-REAL = Path(__file__).parents[2] / "data" / "real"
-SIX_POSITION = TableLayout(axes=("acc_x", "acc_y", "acc_z"), unit="counts", rate_hz=204.8, units_per_g=2048)
-PHONE = TableLayout(time=1, axes=(2, 3, 4), unit="m/s2", delimiter="\t")
 INFO = DeviceInfo(kind="replay", device_id="recording-test", unit="g", odr_hz=50, units_per_g=1)
 
 
-def replay_table(path: Path, layout: TableLayout = NATIVE, *, speed: float = 1.0, block_samples: int = 32) -> Replay:
+def replay_table(
+    path: Path,
+    layout: TableLayout = NATIVE,
+    *,
+    units_per_g: float | None = None,
+    speed: float = 1.0,
+    block_samples: int = 32,
+) -> Replay:
     recording = read_table(path, layout)
-    info = table_info(path, recording, units_per_g=layout.units_per_g, housing_frame=layout.housing_frame)
+    info = table_info(path, recording, units_per_g=units_per_g, housing_frame=layout is NATIVE)
     return Replay([recording], info, clock=SleeplessClock(), speed=speed, block_samples=block_samples)
 
 
@@ -243,7 +248,7 @@ def test_another_recording_is_another_device(tmp_path: Path) -> None:
 
 
 def test_real_six_position_session_in_counts() -> None:
-    device = replay_table(REAL / "six_position_session.csv", SIX_POSITION, speed=0, block_samples=50)
+    device = replay_table(REAL / "six_position_session.csv", SIX_POSITION, units_per_g=2048, speed=0, block_samples=50)
     info = device.open()
     assert (info.unit, info.units_per_g, info.odr_hz) == ("counts", 2048, 204.8)
     assert not info.calibrated_source
@@ -253,24 +258,9 @@ def test_real_six_position_session_in_counts() -> None:
     assert upward == [0, 0, 1, 1, 2, 2]
 
 
-@pytest.mark.parametrize(
-    ("name", "samples", "peak_g"), [("phone_at_rest.txt", 200, 1.01), ("phone_falling.txt", 400, 18.9)]
-)
-def test_real_phone(name: str, samples: int, peak_g: float) -> None:
-    device = replay_table(REAL / name, PHONE, speed=0)
-    info = device.open()
-    assert info.odr_hz == pytest.approx(198.5, abs=0.5)
-    blocks = play(device)
-    raw = np.concatenate([block.raw for block in blocks])
-    assert len(raw) == samples
-    assert sum(block.lost + block.invalid for block in blocks) == 0
-    assert np.linalg.norm(raw, axis=1).max() == pytest.approx(peak_g, abs=0.02)
-    assert (np.diff(np.concatenate([block.time_ns for block in blocks])) > 0).all()
-
-
 def test_counts_need_a_sensitivity() -> None:
     with pytest.raises(RecordingError, match=r"six_position_session\.csv: .*how many counts are 1 g"):
-        replay_table(REAL / "six_position_session.csv", replace(SIX_POSITION, units_per_g=None))
+        replay_table(REAL / "six_position_session.csv", SIX_POSITION)
 
 
 def test_missing_file(tmp_path: Path) -> None:

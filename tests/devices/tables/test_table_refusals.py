@@ -47,11 +47,6 @@ def test_real_session_by_its_sample_counter_is_refused_for_its_order() -> None:
             "time repeats in 0 and goes back in 2 of 3 rows; check its time column",
         ),
         (b"0,0,1\n", PHONE, "no line with numbers in the columns 1, 2, 3, 4; its first line has 1: 0,0,1"),
-        (b"0,0,1\n", TableLayout(axes=(1, 2, 3), rate_hz=100), 'unit of its axis columns is not given; say "g"'),
-        (b"0,0,1\n", TableLayout(axes=(1, 2, 3), unit="g"), "neither a time column nor a sample rate is given"),
-        (b"0,0,1\n", TableLayout(axes=(1, 2, 3), unit="g", rate_hz=0), "a rate of 0 Hz is impossible"),
-        (b"0,0,1\n", TableLayout(axes=(0, 1, 2), unit="g", rate_hz=1), "a column number below 1"),
-        (b"0,0,1\n", TableLayout(time="t", axes=(0, 1, 2), unit="g"), "columns are given by name and by number"),
     ],
 )
 def test_a_file_that_is_not_a_recording_is_refused_in_one_line(

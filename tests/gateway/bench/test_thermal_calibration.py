@@ -21,7 +21,7 @@ from gateway.calibration.drift.change import change_between
 from gateway.calibration.input_files import FileReadings
 from gateway.calibration.methods.six_position import fit_six_positions
 from gateway.calibration.methods.zeroing import zero_in_place
-from gateway.calibration.poses.pose import FACE_DIRECTIONS, Pose, RawReadings
+from gateway.calibration.pose import FACE_DIRECTIONS, Pose, RawReadings
 from gateway.calibration.record import CalibrationError, CalibrationRecord, NotDeterminedError
 from gateway.calibration.thermal_model import thermal_model
 from gateway.errors import InputError
@@ -208,7 +208,7 @@ def test_a_coefficient_is_learned_at_rest_along_the_rope_and_offered(
     learned = make(ThermalCalibration(fit, "counts", (), found.range_c, ()))
     correction = correction_for(device("counts", 1000.0), AXES, learned)
     at_c = np.array([12.0, 26.0])
-    reference_c = present(correction.thermal).model.reference_c
+    reference_c = present(correction.thermal).reference_c
     raw = (np.array([[0, 0, 1 - 3.6e-3 * (each - reference_c)] for each in at_c])) @ np.linalg.inv(
         parent.correction_matrix
     ).T + parent.offset

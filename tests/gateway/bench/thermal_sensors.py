@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from gateway.calibration.input_files import FileReadings
-from gateway.calibration.poses.pose import FACE_DIRECTIONS
+from gateway.calibration.pose import FACE_DIRECTIONS
 from gateway.numerics.array import Array
 
 TABLES = json.loads((Path(__file__).parents[2] / "data" / "calibration" / "sawicki_2016_thermal.json").read_text())

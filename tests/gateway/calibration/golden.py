@@ -17,8 +17,8 @@ from gateway.calibration.calibration_fit import CalibrationFit
 from gateway.calibration.methods.norm_fit import fit_norm
 from gateway.calibration.methods.six_position import fit_six_positions
 from gateway.calibration.methods.zeroing import zero_in_place
+from gateway.calibration.pose import NominalSensitivity, Pose, RawReadings, candidate_directions, find_face
 from gateway.calibration.pose_procedure import make_procedure
-from gateway.calibration.poses.pose import NominalSensitivity, Pose, RawReadings, candidate_directions, find_face
 from gateway.calibration.record import CalibrationRecord
 
 DATA = Path(__file__).parents[2] / "data" / "calibration"

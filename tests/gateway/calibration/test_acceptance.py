@@ -14,7 +14,7 @@ from devices.simulated.accelerometer import Accelerometer, factory_calibration, 
 from gateway.calibration.acceptance import change_since, judge, make_record
 from gateway.calibration.calibration_fit import CalibrationFit, FitWarning, WarningKind, prediction_interval_g
 from gateway.calibration.methods.six_position import fit_six_positions
-from gateway.calibration.poses.pose import FACE_DIRECTIONS, Pose
+from gateway.calibration.pose import FACE_DIRECTIONS, Pose
 from gateway.calibration.record import CalibrationRecord
 
 FIELDS = {

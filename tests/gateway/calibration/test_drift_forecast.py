@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from gateway.calibration.drift.change import change_between, change_from_reference, reading_error_g, tilt_error_rad
+from gateway.calibration.drift.change import change_between, reading_error_g, tilt_error_rad
 from gateway.calibration.drift.forecast import analyse_drift
 from gateway.calibration.drift.trend import fit_means, fit_measurements
 from gateway.calibration.record import CalibrationError, CalibrationRecord, content_hash
@@ -160,7 +160,7 @@ def test_a_change_is_the_error_of_the_earlier_record() -> None:
     read_g = np.array(earlier.correction_matrix) @ (raw - np.array(earlier.offset))
     change = change_between(earlier, later)
     np.testing.assert_allclose(change.error_g(force_g)[0], read_g - force_g, atol=1e-12)
-    assert np.all(change_from_reference(earlier, later).u_offset_g < change.u_offset_g)
+    assert np.all(change_between(earlier, later, is_reference=True).u_offset_g < change.u_offset_g)
 
 
 def simulate_records(

@@ -11,9 +11,9 @@ import pytest
 from gateway.calibration.acceptance import make_record
 from gateway.calibration.drift.change import reading_error_g, tilt_error_rad
 from gateway.calibration.drift.fleet_drift import DriftRow, drift_table, fleet_drift, learn_days, learn_type_drift
-from gateway.calibration.drift.forecast import HORIZON_DAYS
+from gateway.calibration.drift.trend import HORIZON_DAYS
 from gateway.calibration.methods.six_position import fit_six_positions
-from gateway.calibration.poses.pose import Pose, find_face
+from gateway.calibration.pose import Pose, find_face
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.cli.main import main
 from gateway.numerics.stats import NORMAL_975

@@ -9,7 +9,7 @@ from gateway.calibration.acceptance import make_record
 from gateway.calibration.calibration_fit import WarningKind
 from gateway.calibration.methods.experiment_design import condition_number, next_direction, worst_combination
 from gateway.calibration.methods.norm_fit import fit_norm
-from gateway.calibration.poses.pose import Pose, candidate_directions
+from gateway.calibration.pose import Pose, candidate_directions
 from gateway.calibration.record import CalibrationRecord, NotDeterminedError
 from gateway.numerics.array import Array
 

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.calibration.pose_procedure import PoseProcedure, make_procedure
-from gateway.calibration.poses.pose import (
+from gateway.calibration.pose import (
     FACE_DIRECTIONS,
     Face,
     NominalSensitivity,
@@ -16,7 +15,8 @@ from gateway.calibration.poses.pose import (
     correlation_factor,
     quantisation_u,
 )
-from gateway.calibration.poses.pose_finder import READINGS_PER_POSE, PoseFinder
+from gateway.calibration.pose_finder import READINGS_PER_POSE, PoseFinder
+from gateway.calibration.pose_procedure import PoseProcedure, make_procedure
 from gateway.calibration.record import CalibrationError
 from gateway.numerics.array import Array
 from tests.benchmarks.calibration_sessions import (

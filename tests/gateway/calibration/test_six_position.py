@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gateway.calibration.acceptance import find_changed_readings
 from gateway.calibration.calibration_fit import FitWarning, WarningKind
 from gateway.calibration.methods.non_linearity import find_non_linearity
 from gateway.calibration.methods.six_position import (
     apply_extremes,
-    find_changed_readings,
     find_extremes,
     fit_six_positions,
 )
-from gateway.calibration.poses.pose import (
+from gateway.calibration.pose import (
     FACE_DIRECTIONS,
     FACES,
     Face,

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from gateway.calibration.acceptance import make_record
 from gateway.calibration.calibration_fit import CalibrationFit, FitWarning, WarningKind
 from gateway.calibration.methods.zeroing import SUM_WARNING, zero_in_place, zeroing_rotation
-from gateway.calibration.poses.pose import RawReadings
+from gateway.calibration.pose import RawReadings
 from gateway.calibration.record import CalibrationError, CalibrationRecord, NotDeterminedError
 from gateway.numerics.array import Array
 

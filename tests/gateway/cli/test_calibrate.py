@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from devices.block import DeviceInfo
+from gateway.calibration.pose import NominalSensitivity
 from gateway.calibration.pose_procedure import make_procedure
-from gateway.calibration.poses.pose import NominalSensitivity
 from gateway.calibration.record import CalibrationRecord
 from gateway.cli.main import main
 from tests.benchmarks.calibration_sessions import (

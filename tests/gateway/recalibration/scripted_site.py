@@ -10,8 +10,8 @@ import numpy as np
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.acceptance import Acceptance
 from gateway.calibration.calibration_fit import CalibrationFit
+from gateway.calibration.pose import Pose, RawReadings
 from gateway.calibration.pose_procedure import PoseProgress
-from gateway.calibration.poses.pose import Pose, RawReadings
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.store import CalibrationStore
 from gateway.messages import SessionPhase

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from devices.block import DeviceInfo, SampleBlock
 from devices.simulated.accelerometer import Accelerometer, typical_errors
 from gateway.calibration.calibration_fit import CalibrationFit
+from gateway.calibration.pose import NominalSensitivity, RawReadings
 from gateway.calibration.pose_procedure import make_procedure
-from gateway.calibration.poses.pose import NominalSensitivity, RawReadings
 from gateway.calibration.record import CalibrationRecord
 from gateway.numerics.array import Array
 from gateway.recalibration.recalibration import Recalibration

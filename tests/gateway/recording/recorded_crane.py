@@ -13,7 +13,6 @@ from gateway.calibration.drift.rest_monitor import RestDriftMonitor
 from gateway.configuration.loading import to_toml, validate
 from gateway.configuration.model import Configuration
 from gateway.messages import ClockOffset
-from gateway.packing import pack
 from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.pipeline.incidents import IncidentRegister
 from gateway.pipeline.outgoing_message import ClockState, HeaderMaker, MessageTime, OutgoingMessage, encode_message
@@ -108,11 +107,6 @@ class RecordedCrane:
             stepped=False,
         )
         yield OutgoingMessage("clock", now.log_time_ns, clock)
-
-    def samples_message(self, block: SampleBlock) -> OutgoingMessage:
-        """Return the message of a block without anything that follows from it."""
-        now = MessageTime(int(block.time_ns[-1]), CLOCK)
-        return OutgoingMessage("samples", now.log_time_ns, pack(block, **self.headers.make("samples", now, None)))
 
     def write(self, message: OutgoingMessage) -> None:
         self.recorder.write(encode_message(message.topic, message.message, message.log_time_ns))

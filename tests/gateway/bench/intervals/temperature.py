@@ -11,7 +11,7 @@ from gateway.bench.thermal.rest_calibration import learn_at_rest
 from gateway.calibration.acceptance import make_record
 from gateway.calibration.input_files import FileReadings
 from gateway.calibration.methods.six_position import fit_six_positions
-from gateway.calibration.poses.pose import FACES, Pose
+from gateway.calibration.pose import FACES, Pose
 from gateway.calibration.record import CalibrationRecord
 from tests.gateway.bench.planted.thermal import (
     UP,

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gateway.calibration.poses.pose import RawReadings, correlation_factor
+from gateway.calibration.pose import RawReadings, correlation_factor
 from gateway.numerics.array import Array
 from gateway.numerics.stats import smallest_steps
 
@@ -18,8 +18,7 @@ MAX_GAP_S = 1.0
 """Readings further apart, s, belong to different poses: the motion in between is not known. Basis: a choice; a hand takes a
 second to turn a housing, and lost readings leave shorter gaps."""
 MAX_KEPT_WINDOWS = 400
-"""Number of windows whose scatter is kept: 100 s. Basis: a choice; 100 s, in which any session has a rest, and a bound of the
-memory."""
+"""Number of windows whose scatter is kept. Basis: a choice; 100 s, in which any session has a rest, and a bound of the memory."""
 QUIET_QUANTILE = 0.2
 """Quantile of the windows' scatter that is taken for the sensor's noise. Basis: one window in five is at rest in every
 session."""

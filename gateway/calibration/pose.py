@@ -36,9 +36,15 @@ The largest zero-g offsets and mounting errors of data sheets rotate a reading b
 """
 NONZERO_COMPONENT = 0.3
 """Components of a candidate direction are 0, or at least 1/sqrt(3). Basis: this threshold separates them."""
+MIN_UNBROKEN_REST_S = 30.0
+"""Shortest rest without a break in which zeroing finds the vertical, s. Basis: two swings of a 50 m rope (14 s each)."""
 MAX_FACE_ANGLE_DEG = 5.0
 """Largest angle between a face and the vertical, degrees. Basis: several times what a table or a cross-axis sensitivity
 contributes."""
+PLACEMENT_U_DEG = 0.1
+"""Standard uncertainty of the placement of a face, per direction, degrees: a workshop's spirit level, a housing with dirt on its
+faces. The machined cube on a levelled plate of Łuczak et al. 2022 is ten times better.
+"""
 ROTATION_ITERATIONS = 3
 """Repetitions of the choice of each face's nearest pose and of the common rotation, which depend on each other. Basis: a choice;
 one changes the other only where a pose lies between two faces, and three cost nothing."""

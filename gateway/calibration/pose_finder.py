@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from gateway.calibration.poses.pose import NominalSensitivity, Pose, RawReadings, find_face, temperature_range
-from gateway.calibration.poses.windows import STILL_RATIO, Rest, StillnessGate, Window, WindowSplitter
+from gateway.calibration.pose import NominalSensitivity, Pose, RawReadings, find_face, temperature_range
+from gateway.calibration.windows import STILL_RATIO, Rest, StillnessGate, Window, WindowSplitter
 from gateway.messages.header import Reason
 from gateway.numerics.array import Array
 
@@ -20,15 +20,13 @@ NORM_TOLERANCE = 0.3
 """Largest relative error of the magnitude at rest of an uncalibrated sensor, from zero-g offset and sensitivity together. Basis:
 a choice; the offsets of data sheets reach 0.25 g, and a sensor in a hand that moves differs by more."""
 SHIFT_LIMIT_G = 0.002
-"""Smallest change of the mean, g, that can be another attitude: 0.1 degrees. Basis: 0.1 degrees, the uncertainty of the placement
-of a face."""
+"""Least change of the mean, g, that can be another attitude. Basis: 0.1 degrees, the uncertainty of the placement of a face."""
 K_SHIFT = 6.0
 """Standard deviations of the noise that a change of the mean must exceed as well, to be another attitude. Basis: a choice; chance
 does not reach it, and another face differs by far more."""
 MIN_TURN_G = 0.087
-"""Least difference between two readings of two poses, g; zero-g offsets cancel in it. 5 degrees: a sensor that was tilted so far
-against a face and is then laid down on it has taken another pose (`faces.MAX_FACE_ANGLE_DEG`). Basis: 5 degrees,
-`faces.MAX_FACE_ANGLE_DEG`."""
+"""Least difference between two readings of two poses, g; zero-g offsets cancel in it. Basis: 5 degrees, `MAX_FACE_ANGLE_DEG`: a
+sensor that was tilted so far against a face and is then laid down on it has taken another pose."""
 SETTLING_WINDOWS = 1
 """Number of windows that are discarded at the start of a rest. Basis: the movement ends within the first one."""
 PLACE_SENSOR = Reason("pose_place", "lay the sensor down and let it rest")

@@ -1,1 +1,0 @@
-"""Detection of resting poses in the readings: windows, stillness, faces, and means with their uncertainty."""
