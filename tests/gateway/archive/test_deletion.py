@@ -136,14 +136,11 @@ def test_names_go_from_the_tables_and_the_recordings_stay(crane: SmallCrane, tmp
 
 @pytest.mark.slow
 def test_names_do_not_come_back_with_a_recording_that_is_read_again(crane: SmallCrane, tmp_path: Path) -> None:
-    """Another key is known, and another copy counts: both read files again."""
     source, table = crane.folder.parent, tmp_path / "table"
     assert delete(crane, "--names", "--yes") == 0
     for path in crane.files:
         path.rename(path.with_name(f"moved-{path.name}"))
-    other_key = tmp_path / "keys.txt"
-    other_key.write_text("")
-    indexed(source, table, other_key)
+    indexed(source, table)
     records = select(table, "SELECT utc::DATE::VARCHAR, record <> '' FROM calibrations GROUP BY ALL ORDER BY 1")
     assert records == [("2026-01-01", False), (NEXT_DAY, True)]
     assert select(table, "SELECT count(*) FROM all_recordings WHERE nameless <> ''") == [(4,)]
