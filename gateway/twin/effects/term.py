@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from devices.pendulum.equations import Scalar, Vector, dot
 from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import EvaluationContext
-from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Value, Values, without_rounding
+from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Value, Values, amplitude, without_rounding
 
 HORIZONTAL = ("x", "y")
 AXES = ("x", "y", "z")
@@ -84,13 +84,11 @@ class Term(Effect):
 
 def coefficient(name: str, unit: str, meaning: str, typical: float, components: tuple[str, ...] = ()) -> Parameter:
     """Return the parameter of a coefficient; `typical` is the size of one that shows."""
-    return Parameter(
+    return amplitude(
         name,
         unit,
         meaning,
-        lower=-LARGEST * typical,
-        upper=LARGEST * typical,
-        neutral=0.0,
+        (-LARGEST * typical, LARGEST * typical),
         scale=typical / 10,
         typical=tuple(typical for _ in components) if components else typical,
         components=components,
