@@ -207,11 +207,9 @@ def _simulated_g(observations: Observations, rig: TwinRig, fit: Fit, line: Machi
     interval_s = observations.interval_s
     place = np.maximum(times_s / interval_s, 0.0)
     below = np.floor(place + 1e-6).astype(np.int64)
-    grid_s = np.arange(int(below.max()) + 2) * interval_s
+    grid_s: Array = np.arange(int(below.max()) + 2.0) * interval_s
     temperature_c = observations.temperature_c
-    grid_c: Array | None = None
-    if temperature_c is not None:
-        grid_c = np.interp(grid_s, observations.time_s, temperature_c).astype(np.float64)
+    grid_c = None if temperature_c is None else np.interp(grid_s, observations.time_s, temperature_c)
     grid_g = Simulator(rig, fit.names).predict(fit.values, grid_s, grid_c)
     share = (place - below)[..., None]
     return grid_g[below] * (1 - share) + grid_g[below + 1] * share + _vibration_g(line, times_s)

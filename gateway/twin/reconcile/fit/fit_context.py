@@ -19,8 +19,7 @@ from gateway.twin.reconcile.fit.initial_conditions import (
 )
 from gateway.twin.reconcile.fit.initial_states import window_bounds
 from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, Fit, FitProblem, prior_of_parts
-from gateway.twin.reconcile.fit.multiple_shooting import SEGMENT_S, uniform_segments
-from gateway.twin.reconcile.fit.trajectory_fit import fit_trajectory
+from gateway.twin.reconcile.fit.multiple_shooting import SEGMENT_S, fit_trajectory, uniform_segments
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
