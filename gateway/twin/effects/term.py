@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from devices.pendulum.equations import Scalar, Vector, dot
+from devices.pendulum.equations import Scalar
 from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import EvaluationContext
 from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Value, Values, amplitude, without_rounding
@@ -100,11 +100,6 @@ def number(value: Value) -> str:
     numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
     texts = [f"{without_rounding(each):+.3g}" for each in numbers]
     return texts[0] if len(texts) == 1 else f"({', '.join(texts)})"
-
-
-def smoothed_length(vector: Vector, within: float) -> Scalar:
-    """Return the length of a vector, smooth at zero."""
-    return ca.sqrt(dot(vector, vector) + within**2)
 
 
 @dataclass(frozen=True, slots=True)
