@@ -49,9 +49,6 @@ SETTLING_ITERATIONS = 2
 """Iterations after which the pace of a fit is representative. For as many, the times of events are held: before the initial state
 is about right, the sensitivities to times that lie where nothing acts are zero."""
 
-STATE_SCALES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
-"""Factors on an initial state, for a model that decays too slowly to follow the recording from the true one."""
-
 
 @dataclass(frozen=True, slots=True)
 class CondensedSystem:
@@ -122,10 +119,12 @@ def fit_model(
 ) -> Fit:
     """Fit the free values from initial states (segments, states) and effect values (k,), until all segments are one.
 
-    The fit is abandoned when at its pace it would not come below the chi-square `give_up_above`. Raises `IntegrationError` where
-    the initial guess cannot be simulated.
+    A large swing takes more iterations. The fit is abandoned when at its pace it would not come below the chi-square
+    `give_up_above`. Raises `IntegrationError` where the initial guess cannot be simulated.
     """
     simulator, free = problem.simulator, problem.free
+    if problem.observations.has_large_amplitude:
+        iterations = max(iterations, LARGE_SWING_ITERATIONS)
     shooting = _Shooting(problem, FittedSimulator(simulator, free, problem.limits), problem.prior())
     event_times = np.array([parameter.is_event_time for parameter in simulator.parameters])
     settling = SETTLING_ITERATIONS if (event_times & free).any() else 0
@@ -283,41 +282,3 @@ def _improves(before: _Iterate, after: _Iterate) -> bool:
     discontinuity = before.system.largest_discontinuity
     closes = discontinuity > CONTINUITY_TOLERANCE and after.system.largest_discontinuity < discontinuity / 2
     return after.chi2 < before.chi2 or closes
-
-
-def fit_trajectory(
-    problem: FitProblem,
-    initial_states: Array,
-    effect_values: Array,
-    iterations: int,
-    give_up_above: float = np.inf,
-) -> Fit:
-    """Fit as `fit_model` does, a large swing with more iterations.
-
-    Where the segments of a large swing cannot be joined, the result is a single trajectory near the recording.
-    """
-    if not problem.observations.has_large_amplitude:
-        return fit_model(problem, initial_states, effect_values, iterations, give_up_above)
-    try:
-        iterations = max(iterations, LARGE_SWING_ITERATIONS)
-        fit = fit_model(problem, initial_states, effect_values, iterations, give_up_above)
-        if np.isfinite(fit.chi2):
-            return fit
-    except np.linalg.LinAlgError:
-        pass
-    initial_state = _best_scaled_state(problem, initial_states[0], effect_values)
-    return fit_model(problem.as_one_segment, initial_state[None], effect_values)
-
-
-@np.errstate(over="ignore", invalid="ignore")  # a trajectory that diverges is not the best
-def _best_scaled_state(problem: FitProblem, initial_state: Array, effect_values: Array) -> Array:
-    """Return the multiple of an initial state whose trajectory has the least chi-square."""
-    simulator, observations = problem.simulator, problem.observations
-    tried = []
-    for factor in STATE_SCALES:
-        scaled = np.where(np.arange(len(initial_state)) == HEADING, initial_state, factor * initial_state)
-        values = np.concatenate([scaled, effect_values])
-        force_g = simulator.predict(values, observations.time_s, observations.temperature_c)
-        chi2 = observations.chi2(force_g)
-        tried.append((chi2 if np.isfinite(chi2) else np.inf, scaled))
-    return min(tried, key=lambda each: each[0])[1]

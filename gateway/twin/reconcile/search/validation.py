@@ -19,7 +19,7 @@ from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import is_world_directed, refitted_parameters, segment_bounds
 from gateway.twin.reconcile.fit.initial_conditions import rotate_about_vertical, segment_initial_conditions
 from gateway.twin.reconcile.fit.least_squares import NO_LIMITS, Fit, FitProblem, Limits
-from gateway.twin.reconcile.fit.multiple_shooting import fit_model, fit_trajectory
+from gateway.twin.reconcile.fit.multiple_shooting import fit_model
 from gateway.twin.reconcile.search.budget import run_in_processes, values_key
 from gateway.twin.reconcile.search.candidates import MIN_VARIANCE_SHARE, CandidateFit
 from gateway.twin.simulator.simulator import Simulator
@@ -78,7 +78,7 @@ def evaluate_on_validation(
     if held_out.has_large_amplitude and free[HEADING]:
         guesses = _closest_in_windows(problem, guesses, effect_values)
     for initial_states in guesses:
-        fit = fit_trajectory(problem, initial_states, effect_values, VALIDATION_ITERATIONS)
+        fit = fit_model(problem, initial_states, effect_values, VALIDATION_ITERATIONS)
         if best is None or fit.chi2 < best.chi2:
             best = fit
         if best.chi2 < EXPLAINED_REDUCED_CHI2 * held_out.n_values:
