@@ -6,7 +6,7 @@ from devices.pendulum.equations import Scalar, Vector, scale
 from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext
 from gateway.twin.effects.experiments import LARGER_SWING, RECORD_DRIVES, TURN_HOUSING
-from gateway.twin.effects.guess_context import SHARPEST, GuessContext, guess_gust, guess_trapezoid
+from gateway.twin.effects.guess_context import SHARPEST, GuessContext, guess_trapezoid
 from gateway.twin.effects.parameter import Symbols, Values, amplitude
 from gateway.twin.effects.pulse import Pulse, PulseEffect, duration, ramp_fraction, start
 
@@ -73,10 +73,6 @@ class WindGust(PulseEffect):
         duration(5.0),
         ramp_fraction(1.0),
     )
-
-    def initial_guesses(self, context: GuessContext) -> list[Values]:
-        """Return a pulse between the changepoints, and longer ones around the windows, since a gust swells and dies away."""
-        return guess_gust(context)
 
     def longest_step_s(self, p: Symbols, length_m: float, gravity_m_s2: float) -> Scalar:
         """Return an eighth of the duration."""
