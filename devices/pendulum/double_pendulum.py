@@ -45,31 +45,7 @@ def hook_mass_ratio(upper_m: float, lower_m: float, fast_rate_1_s: float, gravit
     """Return the hook's mass over the load's that gives the fast mode this rate; infinite where every mode is faster."""
     if fast_rate_1_s**2 <= gravity_m_s2 / min(upper_m, lower_m):
         return math.inf
-    total_ratio = _total_mass_ratio(upper_m, lower_m, fast_rate_1_s, gravity_m_s2)
-    return 1 / max(total_ratio - 1, MIN_LOAD_RATIO)
-
-
-def hook_mass_ratio_slopes(
-    upper_m: float, lower_m: float, fast_rate_1_s: float, gravity_m_s2: float
-) -> tuple[float, float]:
-    """Return the derivatives of `hook_mass_ratio` by the rigging's length, both lengths' sum being fixed, and by the rate."""
-    inverse_sum, inverse_product = 1 / upper_m + 1 / lower_m, 1 / (upper_m * lower_m)
     square = fast_rate_1_s**2
-    total_ratio = _total_mass_ratio(upper_m, lower_m, fast_rate_1_s, gravity_m_s2)
-    divisor = _divisor(upper_m, lower_m, square, gravity_m_s2)
-    sum_slope = 1 / upper_m**2 - 1 / lower_m**2
-    product_slope = inverse_product * (1 / upper_m - 1 / lower_m)
-    by_total = -1 / max(total_ratio - 1, MIN_LOAD_RATIO) ** 2
-    by_lower = -(gravity_m_s2 * square * sum_slope - gravity_m_s2**2 * product_slope) / divisor
-    by_rate = 4 / fast_rate_1_s - 2 * gravity_m_s2 * fast_rate_1_s * inverse_sum / divisor
-    return by_total * total_ratio * by_lower, by_total * total_ratio * by_rate
-
-
-def _total_mass_ratio(upper_m: float, lower_m: float, rate_1_s: float, gravity_m_s2: float) -> float:
-    """Return 1 + R, the mass of hook and load over that of the hook."""
-    return rate_1_s**4 / _divisor(upper_m, lower_m, rate_1_s**2, gravity_m_s2)
-
-
-def _divisor(upper_m: float, lower_m: float, rate_squared: float, gravity_m_s2: float) -> float:
-    exact = gravity_m_s2 * rate_squared * (1 / upper_m + 1 / lower_m) - gravity_m_s2**2 / (upper_m * lower_m)
-    return max(exact, MIN_LOAD_RATIO)
+    divisor = gravity_m_s2 * square * (1 / upper_m + 1 / lower_m) - gravity_m_s2**2 / (upper_m * lower_m)
+    total_ratio = square**2 / max(divisor, MIN_LOAD_RATIO)  # of hook and load over the hook
+    return 1 / max(total_ratio - 1, MIN_LOAD_RATIO)

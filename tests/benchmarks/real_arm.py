@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from gateway.twin.effects.parameter import Value
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.initial_states import initial_state_from_samples
+from gateway.twin.reconcile.fit.initial_conditions import segment_initial_conditions
 from gateway.twin.reconcile.fit.least_squares import FitProblem
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
-from gateway.twin.reconcile.fit.trajectory_fit import fit_windows
 from gateway.twin.simulator.simulator import Simulator
 
 Array = NDArray[np.float64]
@@ -121,18 +120,11 @@ def cut(swing: Swing, seconds: float) -> list[int]:
     return sorted({0, *nearest})
 
 
-def fit_recording_windows(
-    simulator: Simulator, swing: Swing, effects: Array, firsts: Sequence[int], *, held: bool
-) -> tuple[Array, Array, Array]:
-    """Each window with a start of its own, all with the same effects, which stay as they are where `held`.
-
-    Returns starts, effects' values and the simulated force (n, 3).
-    """
-    observations = swing.observations()
-    starts = initial_state_from_samples(simulator.rig, observations, firsts, simulator.n_initial_states)
-    free = np.full(len(simulator.parameters), not held)
-    starts, effects, found = fit_windows(FitProblem(simulator, observations, free, firsts), starts, effects)
-    return starts, effects, found.force_g
+def follow_in_windows(simulator: Simulator, swing: Swing, effects: Array, firsts: Sequence[int]) -> tuple[Array, Array]:
+    """Each window with a start of its own, all with the same effects: starts, and the simulated force (n, 3)."""
+    o = swing.observations()
+    starts = segment_initial_conditions(simulator, o, effects, firsts)
+    return starts, simulator.linearise_segments(starts, effects, o.time_s, firsts).force_g
 
 
 def error_mrad(swing: Swing, force_g: Array) -> float:
@@ -152,19 +144,20 @@ class FittedArm:
 
     def held_out_mrad(self, held_out: Swing, window_s: float) -> float:
         """Only the starts of windows of about this length (of the arm's time) are fitted again."""
-        force_g = fit_recording_windows(self.simulator, held_out, self.effects, cut(held_out, window_s), held=True)[2]
-        return error_mrad(held_out, force_g)
+        return error_mrad(
+            held_out, follow_in_windows(self.simulator, held_out, self.effects, cut(held_out, window_s))[1]
+        )
 
 
 def fit_arm(rig: TwinRig, log: Swing, names: Sequence[str]) -> FittedArm:
-    """These effects and the rope's length: first over pieces, then by multiple shooting as one motion over the whole log."""
+    """These effects and the rope's length: by multiple shooting as one motion over the whole log, from pieces."""
     simulator = Simulator(rig, sorted({"rope_length", *names}))
     chosen = {name: values for name, values in FIRST_VALUES.items() if name in names}
     effects = simulator.values([], chosen)[simulator.n_initial_states :]
     firsts = cut(log, PIECE_S)
-    starts, effects, force_g = fit_recording_windows(simulator, log, effects, firsts, held=False)
+    starts, _ = follow_in_windows(simulator, log, effects, firsts)
     free = np.array([slot.parameter != "heading_rad" for slot in simulator.parameters])
     fit = fit_model(FitProblem(simulator, log.observations(), free, firsts), starts, effects, ROUNDS)
-    return FittedArm(
-        simulator, fit.values[simulator.n_initial_states :], error_mrad(log, fit.force_g), error_mrad(log, force_g)
-    )
+    effects = fit.values[simulator.n_initial_states :]
+    _, force_g = follow_in_windows(simulator, log, effects, firsts)
+    return FittedArm(simulator, effects, error_mrad(log, fit.force_g), error_mrad(log, force_g))

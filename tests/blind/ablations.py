@@ -24,11 +24,7 @@ RULES = (
     "found before the search",
     "nothing missing",
     "partly explained",
-    "no set explains",
-    "imitation",
-    "rivals in one place",
-    "some certain",
-    "several sets",
+    "rivals",
 )
 """The rules of the verdict in their order, without the last, which decides where no other does."""
 

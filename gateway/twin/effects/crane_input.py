@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from devices.pendulum.equations import Scalar, Vector
 from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import ZERO_VECTOR, EvaluationContext, RopeGeometry
-from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Value, Values
+from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Value, Values, amplitude
 
 Array = NDArray[np.float64]
 HARMONIC_S = 1.5
@@ -119,13 +119,11 @@ class CraneMotion(CraneInput):
         self._pivot_m_s2, self._hoist_m_s = pivot_m_s2, hoist_m_s
         self.changes_length = hoist_m_s is not None
         largest_m = LARGEST_LENGTH_CORRECTION * length_m
-        correction = Parameter(
+        correction = amplitude(
             LENGTH_CORRECTION,
             "m",
             "ΔL, correction of the change of the rope's length",
-            lower=-largest_m,
-            upper=largest_m,
-            neutral=0.0,
+            (-largest_m, largest_m),
             scale=1e-3,
             typical=0.0,
             refitted=True,
@@ -184,13 +182,11 @@ class MotionCorrection(CraneInput):
 
     def __init__(self, name: str) -> None:
         self.name = name
-        correction = Parameter(
+        correction = amplitude(
             "delta_v_m_s",
             "m/s",
             "correction of the load's velocity",
-            lower=-LARGEST_CORRECTION_M_S,
-            upper=LARGEST_CORRECTION_M_S,
-            neutral=0.0,
+            (-LARGEST_CORRECTION_M_S, LARGEST_CORRECTION_M_S),
             scale=1e-3,
             typical=(0.0, 0.0),
             components=("x", "y"),

@@ -6,8 +6,8 @@ from devices.pendulum.equations import Scalar, Vector, scale
 from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext
 from gateway.twin.effects.experiments import LARGER_SWING, RECORD_DRIVES, TURN_HOUSING
-from gateway.twin.effects.guess_context import SHARPEST, GuessContext, guess_gust, guess_trapezoid
-from gateway.twin.effects.parameter import Parameter, Symbols, Values
+from gateway.twin.effects.guess_context import SHARPEST, GuessContext, guess_trapezoid
+from gateway.twin.effects.parameter import Symbols, Values, amplitude
 from gateway.twin.effects.pulse import Pulse, PulseEffect, duration, ramp_fraction, start
 
 HORIZONTAL = ("x", "y")
@@ -31,13 +31,11 @@ class SteadyWind(Effect):
     discriminating_experiment = TURN_HOUSING
     world_directed = True
     parameters = (
-        Parameter(
+        amplitude(
             "accel_m_s2",
             "m/s²",
             "a, force over the load's mass",
-            lower=-2.0,
-            upper=2.0,
-            neutral=0.0,
+            (-2.0, 2.0),
             scale=0.01,
             typical=(0.2, 0.0),
             components=HORIZONTAL,
@@ -62,13 +60,11 @@ class WindGust(PulseEffect):
     min_duration_s = 0.5
     """A shorter push is an impact."""
     parameters = (
-        Parameter(
+        amplitude(
             "accel_m_s2",
             "m/s²",
             "a, force over the load's mass",
-            lower=-5.0,
-            upper=5.0,
-            neutral=0.0,
+            (-5.0, 5.0),
             scale=0.01,
             typical=(0.25, 0.1),
             components=HORIZONTAL,
@@ -77,10 +73,6 @@ class WindGust(PulseEffect):
         duration(5.0),
         ramp_fraction(1.0),
     )
-
-    def initial_guesses(self, context: GuessContext) -> list[Values]:
-        """Return a pulse between the changepoints, and longer ones around the windows, since a gust swells and dies away."""
-        return guess_gust(context)
 
     def longest_step_s(self, p: Symbols, length_m: float, gravity_m_s2: float) -> Scalar:
         """Return an eighth of the duration."""
@@ -106,16 +98,8 @@ class Impact(Effect):
     profile_modelled = False
     """A real impact lasts some hundredths of a second."""
     parameters = (
-        Parameter(
-            "delta_v_m_s",
-            "m/s",
-            "jump of velocity",
-            lower=-5.0,
-            upper=5.0,
-            neutral=0.0,
-            scale=0.01,
-            typical=(0.2, 0.1),
-            components=HORIZONTAL,
+        amplitude(
+            "delta_v_m_s", "m/s", "jump of velocity", (-5.0, 5.0), scale=0.01, typical=(0.2, 0.1), components=HORIZONTAL
         ),
         start(30.0),
     )
@@ -137,13 +121,11 @@ class TrolleyAcceleration(Effect):
     transient = True
     world_directed = True
     parameters = (
-        Parameter(
+        amplitude(
             "accel_m_s2",
             "m/s²",
             "a, acceleration of the pivot",
-            lower=-2.0,
-            upper=2.0,
-            neutral=0.0,
+            (-2.0, 2.0),
             scale=0.01,
             typical=(0.2, 0.1),
             components=HORIZONTAL,
@@ -190,16 +172,7 @@ class ViscousDamping(Effect):
     dissipative = True
     discriminating_experiment = LARGER_SWING
     parameters = (
-        Parameter(
-            "damping_ratio",
-            "1",
-            "ζ, fraction of critical damping",
-            lower=0.0,
-            upper=0.5,
-            neutral=0.0,
-            scale=1e-3,
-            typical=5e-3,
-        ),
+        amplitude("damping_ratio", "1", "ζ, fraction of critical damping", (0.0, 0.5), scale=1e-3, typical=5e-3),
     )
 
     def force_m_s2(self, p: Symbols, context: EvaluationContext, load: BodyState) -> Vector:
@@ -218,16 +191,7 @@ class QuadraticDrag(Effect):
     dissipative = True
     discriminating_experiment = LARGER_SWING
     parameters = (
-        Parameter(
-            "drag_per_m",
-            "1/m",
-            "k, drag coefficient over mass",
-            lower=0.0,
-            upper=1.0,
-            neutral=0.0,
-            scale=1e-3,
-            typical=5e-3,
-        ),
+        amplitude("drag_per_m", "1/m", "k, drag coefficient over mass", (0.0, 1.0), scale=1e-3, typical=5e-3),
     )
 
     def force_m_s2(self, p: Symbols, context: EvaluationContext, load: BodyState) -> Vector:
@@ -245,18 +209,7 @@ class CoulombFriction(Effect):
     enters = "force on the load"
     dissipative = True
     discriminating_experiment = LARGER_SWING
-    parameters = (
-        Parameter(
-            "decel_m_s2",
-            "m/s²",
-            "μ, friction force over mass",
-            lower=0.0,
-            upper=0.5,
-            neutral=0.0,
-            scale=1e-3,
-            typical=4e-3,
-        ),
-    )
+    parameters = (amplitude("decel_m_s2", "m/s²", "μ, friction force over mass", (0.0, 0.5), scale=1e-3, typical=4e-3),)
 
     def force_m_s2(self, p: Symbols, context: EvaluationContext, load: BodyState) -> Vector:
         """Return a force against the velocity, of a magnitude that does not depend on it."""

@@ -18,10 +18,6 @@ from gateway.twin.effects.parameter import Values
 Array = NDArray[np.float64]
 SHARPEST = 0.01
 """The smallest fraction of an event in which it rises and falls. Basis: edges this sharp lie between two samples."""
-GUST_WIDENING = 1.5
-"""Duration of a gust over that of the window in which the scan finds it. Basis: the ramps are too weak to be found."""
-GUST_RAMP_FRACTION = 0.5
-"""Initial fraction of a gust in which it rises and falls. Basis: between a smooth gust (1) and a pull with sharp edges (0)."""
 RAMP_SHARES_BETWEEN_CHANGEPOINTS = (0.2, 0.28, 0.36)
 """Initial durations of each of the two ramps of a drive, over the time between the changepoints."""
 RAMP_SHARE_IN_WINDOW = 0.25
@@ -129,14 +125,6 @@ def guess_impact(context: GuessContext) -> list[Values]:
     return found + [{"start_s": (w.from_s + w.to_s) / 2 + OFF_GRID_S} for w in context.windows[:2]]
 
 
-def guess_gust(context: GuessContext) -> list[Values]:
-    """Return a pulse between the changepoints, and longer ones around the middles of the windows."""
-    found = [_pulse_in(window, GUST_WIDENING) for window in context.windows[1:3]]
-    if context.changepoints is not None:
-        found.insert(0, _pulse_in(context.changepoints))
-    return [{**values, "rising_share": GUST_RAMP_FRACTION} for values in found]
-
-
 def guess_pulse(context: GuessContext) -> list[Values]:
     """Return pulses between the changepoints with the usual and with sharp edges, and sharp ones in the windows."""
     sharp: list[Values] = [{**_pulse_in(window), "rising_share": SHARPEST} for window in context.windows[1:]]
@@ -163,8 +151,8 @@ def _trapezoid_in(window: EventWindow, ramp_share: float) -> Values:
     }
 
 
-def _pulse_in(window: EventWindow, widening: float = 1.0) -> Values:
-    middle_s, length_s = (window.from_s + window.to_s) / 2, widening * max(window.to_s - window.from_s, MIN_GUESS_S)
+def _pulse_in(window: EventWindow) -> Values:
+    middle_s, length_s = (window.from_s + window.to_s) / 2, max(window.to_s - window.from_s, MIN_GUESS_S)
     return {"start_s": middle_s - length_s / 2 + OFF_GRID_S, "duration_s": length_s}
 
 

@@ -9,7 +9,7 @@ from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext, RopeGeometry
 from gateway.twin.effects.experiments import LOCK_SLEWING, MEASURE_CLAMP, MEASURE_HOUSING, MEASURE_LEVER_ARM
 from gateway.twin.effects.guess_context import GuessContext, guess_yaw_rate
-from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values
+from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values, amplitude
 from gateway.twin.effects.sensor import rotate_across
 
 Array = NDArray[np.float64]
@@ -35,13 +35,11 @@ class HousingPosition(Effect):
     length_like = True
     in_every_rig = True
     parameters = (
-        Parameter(
+        amplitude(
             "error_m",
             "m",
             "e, positive if further from the pivot",
-            lower=-100.0,
-            upper=100.0,
-            neutral=0.0,
+            (-100.0, 100.0),
             scale=0.02,
             typical=1.0,
             prior_sigma=0.05,
@@ -64,13 +62,11 @@ class LeverArm(Effect):
     discriminating_experiment = MEASURE_LEVER_ARM
     in_every_rig = True
     parameters = (
-        Parameter(
+        amplitude(
             "offset_m",
             "m",
             "d, from the rope's line to the accelerometer",
-            lower=-1.0,
-            upper=1.0,
-            neutral=0.0,
+            (-1.0, 1.0),
             scale=2e-3,
             typical=(0.03, 0.0),
             limit=0.1,
@@ -94,13 +90,11 @@ class HousingSpin(Effect):
     enters = "housing"
     discriminating_experiment = LOCK_SLEWING
     parameters = (
-        Parameter(
+        amplitude(
             "rate_deg_s",
             "°/s",
             "Ω, right-handed about the housing's z axis",
-            lower=-60.0,
-            upper=60.0,
-            neutral=0.0,
+            (-60.0, 60.0),
             scale=0.02,
             typical=2.0,
             operator_sigma=0.5,
@@ -128,16 +122,7 @@ class Slewing(Effect):
     enters = "force on the load"
     discriminating_experiment = LOCK_SLEWING
     parameters = (
-        Parameter(
-            "rate_deg_s",
-            "°/s",
-            "Ω, anticlockwise from above",
-            lower=-30.0,
-            upper=30.0,
-            neutral=0.0,
-            scale=0.02,
-            typical=2.0,
-        ),
+        amplitude("rate_deg_s", "°/s", "Ω, anticlockwise from above", (-30.0, 30.0), scale=0.02, typical=2.0),
     )
 
     def initial_guesses(self, context: GuessContext) -> list[Values]:
@@ -171,13 +156,11 @@ class HousingRocking(Effect):
     enters = "housing"
     discriminating_experiment = MEASURE_CLAMP
     parameters = (
-        Parameter(
+        amplitude(
             "deg_per_g",
             "°/g",
             "C, rotation per specific force across the rope, positive for a housing that hangs below its clamp",
-            lower=-40.0,
-            upper=40.0,
-            neutral=0.0,
+            (-40.0, 40.0),
             scale=0.05,
             typical=(3.0, 3.0),
             limit=10.0,
@@ -215,24 +198,12 @@ class HousingTorsion(Effect):
             kind=ParameterKind.FREQUENCY,
             step_limit=0.01,
         ),
-        Parameter(
-            "damping_ratio",
-            "1",
-            "ζ",
-            lower=0.0,
-            upper=0.5,
-            neutral=0.0,
-            scale=1e-3,
-            typical=0.01,
-            step_limit=0.05,
-        ),
-        Parameter(
+        amplitude("damping_ratio", "1", "ζ", (0.0, 0.5), scale=1e-3, typical=0.01, step_limit=0.05),
+        amplitude(
             "start_deg",
             "°",
             "ψ and (ψ′ + ζ ω ψ)/ω at the first sample",
-            lower=-180.0,
-            upper=180.0,
-            neutral=0.0,
+            (-180.0, 180.0),
             scale=0.1,
             typical=(8.0, 0.0),
             components=("angle", "rate"),

@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,6 +93,21 @@ class Parameter:
     def is_amplitude(self) -> bool:
         """Whether the parameter says how strong the effect is, and so has a signature while the effect is weak."""
         return self.kind is ParameterKind.AMPLITUDE and self.typical != self.neutral
+
+
+def amplitude(
+    name: str,
+    unit: str,
+    meaning: str,
+    bounds: tuple[float, float],
+    *,
+    scale: float,
+    typical: Value,
+    components: tuple[str, ...] = (),
+    **further: Any,
+) -> Parameter:
+    """Return the parameter of a strength: the effect vanishes where it is 0. `further` are other fields of `Parameter`."""
+    return Parameter(name, unit, meaning, *bounds, 0.0, scale, typical, components, **further)
 
 
 def without_rounding(value: float) -> float:

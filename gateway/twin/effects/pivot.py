@@ -16,7 +16,7 @@ from gateway.twin.effects.effect import Effect, ModelStructure
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext
 from gateway.twin.effects.experiments import SWING_BOTH_WAYS, SWING_TO_REST
 from gateway.twin.effects.guess_context import GuessContext
-from gateway.twin.effects.parameter import Parameter, Symbols, Values
+from gateway.twin.effects.parameter import Parameter, Symbols, Values, amplitude
 
 Array = NDArray[np.float64]
 TINY = 1e-30
@@ -106,26 +106,17 @@ class PivotCompliance(Effect):
     structure = ModelStructure.YIELDING_PIVOT
     world_directed = True
     parameters = (
-        Parameter(
+        amplitude(
             "compliance_m",
             "m",
             "C, deflection of the pivot under a horizontal force of the load's weight",
-            lower=0.0,
-            upper=10.0,
-            neutral=0.0,
+            (0.0, 10.0),
             scale=0.01,
             typical=(0.15, 0.02),
             components=("xx", "yy"),
         ),
-        Parameter(
-            "coupling_m",
-            "m",
-            "C, deflection toward y under a force toward x",
-            lower=-10.0,
-            upper=10.0,
-            neutral=0.0,
-            scale=0.01,
-            typical=0.02,
+        amplitude(
+            "coupling_m", "m", "C, deflection toward y under a force toward x", (-10.0, 10.0), scale=0.01, typical=0.02
         ),
     )
 
@@ -156,13 +147,11 @@ class PivotFriction(Effect):
     linear_at_neutral = False
     structure = ModelStructure.PRESLIDING
     parameters = (
-        Parameter(
+        amplitude(
             "hold_rad",
             "rad",
             "ε, largest angle from its rest at which the friction holds the load",
-            lower=0.0,
-            upper=0.2,
-            neutral=0.0,
+            (0.0, 0.2),
             scale=1e-4,
             typical=5e-4,
         ),

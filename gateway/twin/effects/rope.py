@@ -8,7 +8,7 @@ from gateway.twin.effects.effect import Effect, ModelStructure
 from gateway.twin.effects.evaluation_context import EvaluationContext, Rigging, RopeGeometry
 from gateway.twin.effects.experiments import MEASURE_ROPE, RECORD_DRIVES
 from gateway.twin.effects.guess_context import GuessContext, guess_bounce, guess_double_pendulum
-from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values
+from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values, amplitude
 from gateway.twin.effects.pulse import PulseEffect, duration, ramp_fraction, start
 
 MAX_RIGGING_SHARE = 0.95
@@ -32,16 +32,8 @@ class Hoisting(PulseEffect):
     profile_modelled = False
     """The speed of a real winch follows its own profile."""
     parameters = (
-        Parameter(
-            "speed_m_s",
-            "m/s",
-            "v, positive for lowering",
-            lower=-2.0,
-            upper=2.0,
-            neutral=0.0,
-            scale=0.01,
-            typical=-0.2,
-            operator_sigma=5e-3,
+        amplitude(
+            "speed_m_s", "m/s", "v, positive for lowering", (-2.0, 2.0), scale=0.01, typical=-0.2, operator_sigma=5e-3
         ),
         start(30.0, operator_sigma=1.0),
         duration(8.0, operator_sigma=0.2),
@@ -67,19 +59,7 @@ class RopeLength(Effect):
     scales_period = True
     length_like = True
     in_every_rig = True
-    parameters = (
-        Parameter(
-            "relative_error",
-            "1",
-            "e",
-            lower=-0.5,
-            upper=1.0,
-            neutral=0.0,
-            scale=1e-3,
-            typical=0.02,
-            prior_sigma=0.05,
-        ),
-    )
+    parameters = (amplitude("relative_error", "1", "e", (-0.5, 1.0), scale=1e-3, typical=0.02, prior_sigma=0.05),)
 
     def rope_geometry(self, p: Symbols, context: EvaluationContext, geometry: RopeGeometry) -> RopeGeometry:
         """Scale the length; the housing stays where it was measured, from the pivot or from the load."""
@@ -182,13 +162,11 @@ class LoadChange(Effect):
     changes_length = True
     instantaneous = True
     parameters = (
-        Parameter(
+        amplitude(
             "length_change_m",
             "m",
             "ΔL, positive if the centre moves away from the pivot",
-            lower=-10.0,
-            upper=10.0,
-            neutral=0.0,
+            (-10.0, 10.0),
             scale=0.01,
             typical=-0.5,
         ),

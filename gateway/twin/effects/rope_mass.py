@@ -13,7 +13,7 @@ from gateway.twin.effects.effect import Effect, ModelStructure
 from gateway.twin.effects.evaluation_context import EvaluationContext, RopeGeometry
 from gateway.twin.effects.experiments import MEASURE_TO_CENTRE, WEIGH_LOAD
 from gateway.twin.effects.guess_context import GuessContext
-from gateway.twin.effects.parameter import Parameter, Symbols, Values
+from gateway.twin.effects.parameter import Parameter, Symbols, Values, amplitude
 from gateway.twin.effects.rope import RopeLength
 
 STRING_BAND = (4.5, 40.0)
@@ -49,13 +49,11 @@ class LoadInertia(Effect):
     coincides_with = RopeLength.name
     scales_period = True
     parameters = (
-        Parameter(
+        amplitude(
             "radius_of_gyration_m",
             "m",
             "k, radius of gyration about a horizontal axis through the load's centre",
-            lower=0.0,
-            upper=100.0,
-            neutral=0.0,
+            (0.0, 100.0),
             scale=0.05,
             typical=1.0,
         ),

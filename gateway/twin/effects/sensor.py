@@ -8,7 +8,7 @@ from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import EvaluationContext
 from gateway.twin.effects.experiments import MEASURE_HOUSING, TURN_HOUSING
 from gateway.twin.effects.guess_context import GuessContext, guess_vibration
-from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values
+from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values, amplitude
 
 AXES = ("x", "y", "z")
 MIN_GUESSED_MOUNT_DEG = 5.0
@@ -41,13 +41,11 @@ class MountMisalignment(Effect):
     discriminating_experiment = TURN_HOUSING
     in_every_rig = True
     parameters = (
-        Parameter(
+        amplitude(
             "deg",
             "°",
             "α about x and β about y",
-            lower=-60.0,
-            upper=60.0,
-            neutral=0.0,
+            (-60.0, 60.0),
             scale=0.05,
             typical=(0.5, -0.5),
             limit=30.0,
@@ -75,17 +73,7 @@ class CrossAxis(Effect):
     enters = "sensor"
     discriminating_experiment = TURN_HOUSING
     parameters = tuple(
-        Parameter(
-            pair,
-            "1",
-            f"c, between {pair[0]} and {pair[1]}",
-            lower=-0.3,
-            upper=0.3,
-            neutral=0.0,
-            scale=1e-3,
-            typical=0.01,
-            limit=0.03,
-        )
+        amplitude(pair, "1", f"c, between {pair[0]} and {pair[1]}", (-0.3, 0.3), scale=1e-3, typical=0.01, limit=0.03)
         for pair in ("xy", "xz", "yz")
     )
 
@@ -106,13 +94,11 @@ class ScaleError(Effect):
     discriminating_experiment = MEASURE_HOUSING
     in_every_rig = True
     parameters = (
-        Parameter(
+        amplitude(
             "relative",
             "1",
             "s of each axis",
-            lower=-0.3,
-            upper=0.3,
-            neutral=0.0,
+            (-0.3, 0.3),
             scale=1e-3,
             typical=(0.01, 0.01, 0.01),
             limit=0.03,
@@ -138,13 +124,11 @@ class AxisOffset(Effect):
     discriminating_experiment = TURN_HOUSING
     in_every_rig = True
     parameters = (
-        Parameter(
+        amplitude(
             "offset_g",
             "g",
             "b of each axis",
-            lower=-0.5,
-            upper=0.5,
-            neutral=0.0,
+            (-0.5, 0.5),
             scale=1e-3,
             typical=(0.01, 0.01, 0.01),
             limit=0.06,
@@ -169,16 +153,8 @@ class ThermalDrift(Effect):
     enters = "sensor"
     needs_temperature = True
     parameters = (
-        Parameter(
-            "mg_per_c",
-            "mg/°C",
-            "k of each axis",
-            lower=-20.0,
-            upper=20.0,
-            neutral=0.0,
-            scale=0.05,
-            typical=(0.5, 0.5, 1.0),
-            components=AXES,
+        amplitude(
+            "mg_per_c", "mg/°C", "k of each axis", (-20.0, 20.0), scale=0.05, typical=(0.5, 0.5, 1.0), components=AXES
         ),
     )
 
@@ -212,16 +188,8 @@ class Vibration(Effect):
             kind=ParameterKind.FREQUENCY,
             step_limit=0.05,
         ),
-        Parameter(
-            "amplitude_g",
-            "g",
-            "A of each axis",
-            lower=-1.0,
-            upper=1.0,
-            neutral=0.0,
-            scale=1e-4,
-            typical=(3e-3, 3e-3, 3e-3),
-            components=AXES,
+        amplitude(
+            "amplitude_g", "g", "A of each axis", (-1.0, 1.0), scale=1e-4, typical=(3e-3, 3e-3, 3e-3), components=AXES
         ),
         Parameter(
             "lag_rad",

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from devices.pendulum.equations import Scalar, Vector
 from gateway.twin.effects.effect import Array, Effect
 from gateway.twin.effects.experiments import MEASURE_ROPE
-from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values
+from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values, amplitude
 from gateway.twin.effects.sensor import AXES
 
 SAME_READING_G = 1e-6
@@ -43,13 +43,11 @@ class LowpassLag(Effect):
             kind=ParameterKind.CUTOFF,
             step_limit=1.0,
         ),
-        Parameter(
+        amplitude(
             "began_g",
             "g",
             "state of the filter at the first sample, minus the state that the motion alone would give",
-            lower=-2.0,
-            upper=2.0,
-            neutral=0.0,
+            (-2.0, 2.0),
             scale=1e-3,
             typical=(0.0, 0.0, 0.0),
             components=AXES,
@@ -69,18 +67,7 @@ class Quantization(Effect):
     linear_at_neutral = False
     detected_in_samples = True
     found_before_search = True
-    parameters = (
-        Parameter(
-            "lsb_g",
-            "g",
-            "q, step of the readings",
-            lower=0.0,
-            upper=0.5,
-            neutral=0.0,
-            scale=1e-4,
-            typical=4e-3,
-        ),
-    )
+    parameters = (amplitude("lsb_g", "g", "q, step of the readings", (0.0, 0.5), scale=1e-4, typical=4e-3),)
 
     def sample_output_g(self, values: Values, force_g: Array) -> Array:
         """Round to multiples of the step; a step of 0 leaves the samples unchanged."""
@@ -195,16 +182,7 @@ class SampleLoss(Effect):
     found_before_search = True
     scales_period = True
     parameters = (
-        Parameter(
-            "fraction",
-            "1",
-            "p, fraction of the samples that is lost",
-            lower=0.0,
-            upper=0.95,
-            neutral=0.0,
-            scale=1e-3,
-            typical=0.03,
-        ),
+        amplitude("fraction", "1", "p, fraction of the samples that is lost", (0.0, 0.95), scale=1e-3, typical=0.03),
     )
 
     def keep_samples(self, values: Values, count: int, random: np.random.Generator) -> NDArray[np.bool_]:

@@ -13,10 +13,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from devices.pendulum.equations import Scalar, Vector, dot
+from devices.pendulum.equations import Scalar
 from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import EvaluationContext
-from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Value, Values, without_rounding
+from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Value, Values, amplitude, without_rounding
 
 HORIZONTAL = ("x", "y")
 AXES = ("x", "y", "z")
@@ -84,13 +84,11 @@ class Term(Effect):
 
 def coefficient(name: str, unit: str, meaning: str, typical: float, components: tuple[str, ...] = ()) -> Parameter:
     """Return the parameter of a coefficient; `typical` is the size of one that shows."""
-    return Parameter(
+    return amplitude(
         name,
         unit,
         meaning,
-        lower=-LARGEST * typical,
-        upper=LARGEST * typical,
-        neutral=0.0,
+        (-LARGEST * typical, LARGEST * typical),
         scale=typical / 10,
         typical=tuple(typical for _ in components) if components else typical,
         components=components,
@@ -102,11 +100,6 @@ def number(value: Value) -> str:
     numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
     texts = [f"{without_rounding(each):+.3g}" for each in numbers]
     return texts[0] if len(texts) == 1 else f"({', '.join(texts)})"
-
-
-def smoothed_length(vector: Vector, within: float) -> Scalar:
-    """Return the length of a vector, smooth at zero."""
-    return ca.sqrt(dot(vector, vector) + within**2)
 
 
 @dataclass(frozen=True, slots=True)

@@ -154,15 +154,14 @@ def noise_with_quantisation_g(observations: Observations, step_g: float) -> Arra
     return noise_g
 
 
-def quantised_moments(force_g: Array, step_g: float, noise_g: Array) -> tuple[Array, Array]:
-    """Return mean and variance, in g², of quantised readings for forces (n, 3) with noise (3,) before the quantisation.
+def quantised_mean_g(force_g: Array, step_g: float, noise_g: Array) -> Array:
+    """Return the mean of quantised readings for forces (n, 3) with noise (3,) before the quantisation.
 
-    They follow from the probabilities of the nearest step and two on either side. The variance is largest halfway between two.
+    It follows from the probabilities of the nearest step and two on either side.
     """
     nearest = np.round(force_g / step_g)
-    first, second = np.full_like(force_g, 2.0), np.full_like(force_g, 4.0)
+    mean = np.full_like(force_g, 2.0)
     for edge in (-1.5, -0.5, 0.5, 1.5):
-        below = 0.5 * (1 + erf(((nearest + edge) * step_g - force_g) / (noise_g * np.sqrt(2))))
-        first -= below
-        second -= 2 * edge * below
-    return (nearest + first) * step_g, (second - first**2) * step_g**2
+        mean -= 0.5 * (1 + erf(((nearest + edge) * step_g - force_g) / (noise_g * np.sqrt(2))))
+    mean_g: Array = (nearest + mean) * step_g
+    return mean_g

@@ -7,7 +7,7 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import rests_at_edge
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.least_squares import Fit
-from gateway.twin.reconcile.residual import EXCESS_LINES, has_excess, has_lines
+from gateway.twin.reconcile.residual import EXCESS_LINES, has_excess
 from gateway.twin.reconcile.search.candidates import LITTLE_OF_GAP, CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.changepoints import exclude_unmodelled_profiles
 from gateway.twin.reconcile.search.validation import ValidationFit, Validator
@@ -87,8 +87,6 @@ class Evidence:
     best_leaves_excess: bool
     baseline_leaves_excess: bool
     """A residual larger than noise remains on the log or, of the best set, on the selection part."""
-    best_leaves_lines: bool
-    """Spectral lines remain although hardly more than noise is left."""
     necessary: frozenset[str]
     """Effects of the best set whose absence leaves a share of the gap open."""
     baseline_closes_gap: bool
@@ -104,11 +102,6 @@ class Evidence:
     def baseline_names(self) -> frozenset[str]:
         """Effects found without a search."""
         return self.baseline.names
-
-    @property
-    def n_added(self) -> int:
-        """Effects of the best set beyond the baseline."""
-        return len(self.best.names - self.baseline_names)
 
 
 def gather_evidence(
@@ -138,7 +131,6 @@ def gather_evidence(
         improves_selection=improves_selection,
         best_leaves_excess=any(has_excess(*each) for each in on_both),
         baseline_leaves_excess=has_excess(seen_log, baseline.candidate.fit),
-        best_leaves_lines=any(has_lines(*each) for each in on_both),
         necessary=_necessary_effects(best, baseline, fits),
         baseline_closes_gap=_baseline_closes_gap(baseline.candidate, fits),
         share_closed=_share_closed(best, baseline, nominal),

@@ -37,9 +37,7 @@ class VerdictReason(Enum):
     NOT_EXPLAINED = "The nominal model does not explain the data, and no effect of the vocabulary does."
     PARTLY = "These effects close {share} of the gap, without each of them far more is left; a residual remains."
     NO_SET_EXPLAINS = "No effect of the vocabulary, alone or with others, explains the held-out data."
-    IMITATION = "Additional effects lower the residual only slightly, and a significant residual remains."
     RIVALS_IN_ONE_PLACE = "These effects explain the data equally well."
-    SOME_CERTAIN = "These effects are certain; which effect acts in addition is not decided."
     SEVERAL_SETS = "Several sets of effects explain the data equally well."
     UNIQUE = "These effects explain both recordings down to the noise; nothing else does."
     DOUBTFUL = "The data are explained down to the noise only by a value at its edge, or by one that no part has."
@@ -131,14 +129,11 @@ def _min_closed(effect: Effect) -> float:
     return MOST_OF_GAP if effect.is_usual else 1 - LITTLE_OF_GAP
 
 
-def _is_partly_explained(evidence: Evidence) -> bool:
-    return evidence.best_leaves_excess and evidence.share_closed > MOST_OF_GAP
-
-
 def _conclude_partly(evidence: Evidence) -> Decision:
     """Name what is certain; the effects in which rivals differ are candidates. What the samples show explains nothing else."""
     certain = _certain_beside_remainder(evidence)
-    differ = _rivals_differ_in_one_place(evidence) and evidence.best.names - _everywhere(evidence) <= evidence.necessary
+    is_necessary = evidence.best.names - _everywhere(evidence) <= evidence.necessary
+    differ = _rivals_differ_in_one_place(evidence) and is_necessary and evidence.share_closed > MOST_OF_GAP
     group = _contested(evidence) if differ else ()
     if not certain and not group:
         return _make("unmodelled", VerdictReason.NO_SET_EXPLAINS, evidence.best, evidence.baseline_names)
@@ -146,18 +141,6 @@ def _conclude_partly(evidence: Evidence) -> Decision:
     decision = _make("named_with_remainder", VerdictReason.PARTLY, evidence.best, named, group)
     text = VerdictReason.PARTLY.value.format(share=f"{100 * evidence.share_closed:.3g} %")
     return replace(decision, verdict="named_with_remainder" if named else "one_of", text=text)
-
-
-def _imitates(evidence: Evidence) -> bool:
-    """Whether the best set has effects that are not necessary while something remains."""
-    if evidence.n_added < 2 or evidence.necessary == evidence.best.names:
-        return False
-    return evidence.n_added > 2 or evidence.best_leaves_lines
-
-
-def _conclude_imitation(evidence: Evidence) -> Decision:
-    verdict: Verdict = "named_with_remainder" if evidence.necessary else "unmodelled"
-    return _make(verdict, VerdictReason.IMITATION, evidence.best, evidence.necessary)
 
 
 def _conclude_doubtful(evidence: Evidence) -> Decision:
@@ -184,7 +167,10 @@ def _rivals_differ_in_one_place(evidence: Evidence) -> bool:
     return len(evidence.rivals) > 1 and one_each and len(_contested(evidence)) <= MAX_AMBIGUOUS
 
 
-def _one_of(reason: VerdictReason, evidence: Evidence) -> Decision:
+def _conclude_rivals(evidence: Evidence) -> Decision:
+    """Name what all rival sets have; the others are candidates."""
+    one_place = _rivals_differ_in_one_place(evidence)
+    reason = VerdictReason.RIVALS_IN_ONE_PLACE if one_place else VerdictReason.SEVERAL_SETS
     everywhere, candidates = _everywhere(evidence), _contested(evidence)[:MAX_AMBIGUOUS]
     decision = _make("one_of", reason, evidence.best, everywhere | evidence.baseline_names, candidates)
     sets = tuple(
@@ -200,18 +186,8 @@ RULES = (
         lambda e: _make("named", VerdictReason.FOUND_BEFORE_SEARCH, e.baseline, e.baseline_names),
     ),
     Rule(_baseline_wins, lambda e: _make("none_missing", VerdictReason.NOTHING_MISSING, e.baseline, frozenset())),
-    Rule(_is_partly_explained, _conclude_partly),
-    Rule(
-        lambda e: e.best_leaves_excess,
-        lambda e: _make("unmodelled", VerdictReason.NO_SET_EXPLAINS, e.best, e.baseline_names),
-    ),
-    Rule(_imitates, _conclude_imitation),
-    Rule(_rivals_differ_in_one_place, lambda e: _one_of(VerdictReason.RIVALS_IN_ONE_PLACE, e)),
-    Rule(
-        lambda e: len(e.rivals) > 1 and bool(_everywhere(e) - e.baseline_names),
-        lambda e: _make("named_with_remainder", VerdictReason.SOME_CERTAIN, e.best, _everywhere(e) | e.baseline_names),
-    ),
-    Rule(lambda e: len(e.rivals) > 1, lambda e: _one_of(VerdictReason.SEVERAL_SETS, e)),
+    Rule(lambda e: e.best_leaves_excess, _conclude_partly),
+    Rule(lambda e: len(e.rivals) > 1, _conclude_rivals),
     Rule(lambda e: bool((e.beyond_parts | e.at_edge) - e.baseline_names), _conclude_doubtful),
     Rule(lambda _: True, lambda e: _make("named", VerdictReason.UNIQUE, e.best, e.best.names)),
 )

@@ -1,1 +1,1 @@
-"""Fits of a model to a recording: initial conditions, multiple shooting, windowed fits, validation."""
+"""Fits of a model to a recording: initial conditions, multiple shooting, intervals."""

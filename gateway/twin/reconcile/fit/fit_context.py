@@ -19,8 +19,7 @@ from gateway.twin.reconcile.fit.initial_conditions import (
 )
 from gateway.twin.reconcile.fit.initial_states import window_bounds
 from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, Fit, FitProblem, prior_of_parts
-from gateway.twin.reconcile.fit.multiple_shooting import SEGMENT_S, uniform_segments
-from gateway.twin.reconcile.fit.trajectory_fit import fit_trajectory
+from gateway.twin.reconcile.fit.multiple_shooting import SEGMENT_S, fit_model, uniform_segments
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
@@ -137,7 +136,7 @@ class FitContext:
         starts = [initial_states]
         if hides_sign_of_swing(self.rig) and any(EFFECTS[name].length_like for name in values):
             starts.append(reverse_swing(initial_states, simulator.structure))
-        fits = (fit_trajectory(problem, each, effect_values, iterations, give_up_above) for each in starts)
+        fits = (fit_model(problem, each, effect_values, iterations, give_up_above) for each in starts)
         return min(fits, key=lambda fit: fit.chi2)
 
     def problem(self, values: EffectValues) -> FitProblem:

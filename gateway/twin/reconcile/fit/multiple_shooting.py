@@ -15,10 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, Fit, FitProblem, NormalEquations, NormalPrior
-from gateway.twin.reconcile.fit.reparameterisation import (
-    ReparameterisedSimulator,
-    reparameterise,
+from gateway.twin.reconcile.fit.least_squares import (
+    FIT_ITERATIONS,
+    LARGE_SWING_ITERATIONS,
+    Fit,
+    FitProblem,
+    FittedSimulator,
+    NormalEquations,
+    NormalPrior,
 )
 from gateway.twin.simulator.compiled_model import IntegrationError
 from gateway.twin.simulator.simulator import SegmentBatch
@@ -115,11 +119,13 @@ def fit_model(
 ) -> Fit:
     """Fit the free values from initial states (segments, states) and effect values (k,), until all segments are one.
 
-    The fit is abandoned when at its pace it would not come below the chi-square `give_up_above`. Raises `IntegrationError` where
-    the initial guess cannot be simulated.
+    A large swing takes more iterations. The fit is abandoned when at its pace it would not come below the chi-square
+    `give_up_above`. Raises `IntegrationError` where the initial guess cannot be simulated.
     """
     simulator, free = problem.simulator, problem.free
-    shooting = _Shooting(problem, reparameterise(simulator, free, problem.limits), problem.prior())
+    if problem.observations.has_large_amplitude:
+        iterations = max(iterations, LARGE_SWING_ITERATIONS)
+    shooting = _Shooting(problem, FittedSimulator(simulator, free, problem.limits), problem.prior())
     event_times = np.array([parameter.is_event_time for parameter in simulator.parameters])
     settling = SETTLING_ITERATIONS if (event_times & free).any() else 0
     current = shooting.linearise(initial_states, shooting.simulator.to_fitted(effect_values), problem.first_samples)
@@ -209,7 +215,7 @@ class _Shooting:
     """A problem in the coordinates of its fit."""
 
     problem: FitProblem
-    simulator: ReparameterisedSimulator
+    simulator: FittedSimulator
     prior: NormalPrior
 
     @property
@@ -263,7 +269,7 @@ class _Shooting:
     def result(self, current: _Iterate) -> Fit:
         """Return the fit as one trajectory from the first initial state."""
         force_g = self._simulate(current.initial_states[0], current.effect_values)
-        values = np.concatenate([current.initial_states[0], self.simulator.to_physical(current.effect_values)])
+        values = np.concatenate([current.initial_states[0], self.simulator.to_fitted(current.effect_values)])
         jacobian = self.simulator.jacobian_by_physical(current.system.jacobian, current.effect_values)
         free, names = self.problem.free, self.problem.simulator.effect_names
         flat = jacobian[..., free].reshape(-1, int(free.sum()))

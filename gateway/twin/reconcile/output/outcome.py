@@ -12,7 +12,7 @@ from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.crane_inputs import merge_spans
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.data.recordings import Recordings, selection_part, test_part
-from gateway.twin.reconcile.data.sensor import quantised_moments
+from gateway.twin.reconcile.data.sensor import quantised_mean_g
 from gateway.twin.reconcile.decision.evidence import RankedCandidate
 from gateway.twin.reconcile.decision.verdict import Decision
 from gateway.twin.reconcile.equation.selection import FoundLaw
@@ -68,7 +68,7 @@ class SearchOutcome:
         noise_g, values = np.array(self.rig.noise_g), self.decision.model.candidate.values
         if Quantization.name in values:
             step_g = float(np.asarray(values[Quantization.name]["lsb_g"]))
-            after_g = quantised_moments(after_g, step_g, noise_g)[0]
+            after_g = quantised_mean_g(after_g, step_g, noise_g)
         time_s, measured_g = observations.time_s, observations.force_g
         return Curves(time_s, measured_g, before_g, after_g, observations.used, noise_g, observations.offset_s)
 

@@ -13,8 +13,7 @@ from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.intervals import standard_uncertainties
-from gateway.twin.reconcile.fit.least_squares import Fit
-from gateway.twin.reconcile.fit.reparameterisation import NO_LIMITS, Limits
+from gateway.twin.reconcile.fit.least_squares import NO_LIMITS, Fit, Limits
 from gateway.twin.reconcile.residual import noise_inflation_factor, warrants_another_effect
 from gateway.twin.simulator.simulator import Simulator
 

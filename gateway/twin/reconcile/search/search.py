@@ -13,6 +13,7 @@ from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.crane_inputs import KnownModel
 from gateway.twin.reconcile.data.recordings import Recordings
 from gateway.twin.reconcile.decision.evidence import VALIDATED_MARGIN
+from gateway.twin.reconcile.sample_loss import find_sample_loss, retime_validation
 from gateway.twin.reconcile.search.budget import Budget, FitRequest
 from gateway.twin.reconcile.search.candidates import (
     LITTLE_OF_GAP,
@@ -38,7 +39,6 @@ from gateway.twin.reconcile.search.persistent import (
 )
 from gateway.twin.reconcile.search.signatures import any_length_changes, coincident_effects
 from gateway.twin.reconcile.search.validation import Validator
-from gateway.twin.reconcile.timing.sample_loss import find_sample_loss, retime_validation
 
 MAX_SINGLE_REMAINDER = 0.8
 """Share of the gap that the best single effect may leave for a second one to be searched for."""
@@ -276,10 +276,10 @@ def _begin_at_true_times(run: SearchRun, detected: EffectValues, on_evaluation: 
     if lost is None:
         return run
     held_out = retime_validation(setting, lost, recordings.held_out)
-    recordings = replace(recordings, log=lost.time_warp.retimed(recordings.log), held_out=held_out)
+    recordings = replace(recordings, log=lost.retimed(recordings.log), held_out=held_out)
     baseline = {name: run.context.baseline_effects[name] for name in detected if name in run.context.baseline_effects}
     again = _begin(run.known, recordings, baseline, run.context.budget, on_evaluation)
-    return run if again is None else replace(again, nominal=run.nominal, lost_fraction=lost.time_warp.fraction)
+    return run if again is None else replace(again, nominal=run.nominal, lost_fraction=lost.fraction)
 
 
 def _finish(run: SearchRun) -> SearchRun:

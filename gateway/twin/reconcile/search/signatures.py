@@ -19,7 +19,6 @@ from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext, sensitivities_sigma
 from gateway.twin.reconcile.fit.initial_states import window_bounds
 from gateway.twin.reconcile.fit.least_squares import Fit
-from gateway.twin.reconcile.fit.trajectory_fit import project_out_initial_states, split_windows
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
 
@@ -128,7 +127,14 @@ def _signatures_by_window(
     firsts = window_bounds(simulator.rig, observations)
     time_s, temperature_c = observations.time_s, observations.temperature_c
     found = simulator.linearise_segments(starts, effects, time_s, firsts, temperature_c)
-    columns, residual = project_out_initial_states(split_windows(found, observations, firsts))
+    by_state = np.delete(found.force_by_start, HEADING, axis=2) * observations.per_sigma[..., None]
+    columns = found.force_by_effects * observations.per_sigma[..., None]
+    residual = observations.residual_sigma(found.force_g)
+    for window in map(slice, firsts, [*firsts[1:], len(residual)]):
+        basis = orthonormal(by_state[window].reshape(-1, by_state.shape[2]))
+        columns[window] = project_out(basis, columns[window].reshape(len(basis), -1)).reshape(columns[window].shape)
+        residual[window] = project_out(basis, residual[window].ravel()).reshape(-1, 3)
+    columns, residual = columns.reshape(-1, columns.shape[2]), residual.ravel()
     places = {
         name: [i for i, s in enumerate(simulator.effect_parameters) if s.effect == name]
         for name in simulator.effect_names

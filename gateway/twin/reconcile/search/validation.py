@@ -3,7 +3,7 @@
 Only the nuisance parameters are fitted again.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -18,10 +18,8 @@ from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import is_world_directed, refitted_parameters, segment_bounds
 from gateway.twin.reconcile.fit.initial_conditions import rotate_about_vertical, segment_initial_conditions
-from gateway.twin.reconcile.fit.least_squares import Fit, FitProblem
+from gateway.twin.reconcile.fit.least_squares import NO_LIMITS, Fit, FitProblem, Limits
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
-from gateway.twin.reconcile.fit.reparameterisation import NO_LIMITS, Limits
-from gateway.twin.reconcile.fit.trajectory_fit import fit_trajectory, fit_windows
 from gateway.twin.reconcile.search.budget import run_in_processes, values_key
 from gateway.twin.reconcile.search.candidates import MIN_VARIANCE_SHARE, CandidateFit
 from gateway.twin.simulator.simulator import Simulator
@@ -76,11 +74,11 @@ def evaluate_on_validation(
     effect_values = simulator.values([], values)[n_states:]
     problem = FitProblem(simulator, held_out, free, segment_bounds(rig, values, held_out), limits=limits)
     best: Fit | None = None
-    guesses = _initial_guesses(problem, effect_values)
+    guesses: Iterable[Array] = _initial_guesses(problem, effect_values)
     if held_out.has_large_amplitude and free[HEADING]:
         guesses = _closest_in_windows(problem, guesses, effect_values)
     for initial_states in guesses:
-        fit = fit_trajectory(problem, initial_states, effect_values, VALIDATION_ITERATIONS)
+        fit = fit_model(problem, initial_states, effect_values, VALIDATION_ITERATIONS)
         if best is None or fit.chi2 < best.chi2:
             best = fit
         if best.chi2 < EXPLAINED_REDUCED_CHI2 * held_out.n_values:
@@ -101,11 +99,17 @@ def _initial_guesses(problem: FitProblem, effect_values: Array) -> Iterator[Arra
         yield rotate_about_vertical(initial_states, angle_rad, simulator.structure)
 
 
-def _closest_in_windows(problem: FitProblem, guesses: Iterable[Array], effect_values: Array) -> Iterator[Array]:
-    """Yield the guesses that the windows of a large swing follow best, fitted to them: one trajectory takes ten times as long."""
-    fitted = [fit_windows(problem, each, effect_values) for each in guesses]
-    ranked = sorted(fitted, key=lambda each: problem.observations.chi2(each[2].force_g))
-    yield from (initial_states for initial_states, _, _ in ranked[:MAX_HEADINGS])
+def _closest_in_windows(problem: FitProblem, guesses: Iterable[Array], effect_values: Array) -> Sequence[Array]:
+    """Return the guesses that the windows of a large swing follow best: one trajectory takes ten times as long."""
+    o = problem.observations
+
+    def chi2(initial_states: Array) -> float:
+        found = problem.simulator.linearise_segments(
+            initial_states, effect_values, o.time_s, problem.first_samples, o.temperature_c
+        )
+        return o.chi2(found.force_g)
+
+    return sorted(guesses, key=chi2)[:MAX_HEADINGS]
 
 
 def _estimate_phase_rad(vibration: Values, held_out: Observations) -> float:

@@ -32,7 +32,6 @@ def evidence(best: RankedCandidate, *rivals: RankedCandidate, **facts: Any) -> E
         "improves_selection": True,
         "best_leaves_excess": False,
         "baseline_leaves_excess": True,
-        "best_leaves_lines": False,
         "necessary": best.names,
         "baseline_closes_gap": False,
         "share_closed": 0.999,
@@ -137,12 +136,6 @@ def test_rivals_that_differ_in_one_effect_give_one_of(log: Observations) -> None
     best, other = ranked(0.0, "impact", "rope_length"), ranked(3.0, "clock_drift", "impact")
     found = decided(log, evidence(best, other))
     assert (found.verdict, found.named, found.candidates) == ("one_of", ("impact",), ("rope_length", "clock_drift"))
-
-
-def test_two_necessary_effects_are_named_and_an_imitating_third_is_not(log: Observations) -> None:
-    best = ranked(0.0, "impact", "viscous_damping", "cross_axis")
-    found = decided(log, evidence(best, necessary=frozenset({"impact", "viscous_damping"})))
-    assert (found.verdict, found.named) == ("named_with_remainder", ("impact", "viscous_damping"))
 
 
 def test_crane_and_housing_rotation_are_never_told_apart(log: Observations) -> None:

@@ -18,7 +18,7 @@ from gateway.twin.reconcile.data.sensor import (
     detect_quantisation_step,
     detect_saturation,
     measure_noise_g,
-    quantised_moments,
+    quantised_mean_g,
     regular_reading_times,
     with_measured_noise,
 )
@@ -90,7 +90,7 @@ def test_quantised_mean_equals_the_mean_of_many_noisy_readings() -> None:
         [0.005 * np.round((force_g + 1e-3 * rng.normal(size=force_g.shape)) / 0.005) for _ in range(4000)], axis=0
     )
 
-    np.testing.assert_allclose(quantised_moments(force_g, 0.005, np.full(3, 1e-3))[0], drawn, atol=2e-4)
+    np.testing.assert_allclose(quantised_mean_g(force_g, 0.005, np.full(3, 1e-3)), drawn, atol=2e-4)
 
 
 def test_lone_spike_is_excluded_and_a_swing_is_not(record: Record) -> None:

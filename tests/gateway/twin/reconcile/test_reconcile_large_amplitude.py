@@ -7,8 +7,7 @@ from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.initial_states import initial_state_from_samples, window_bounds
-from gateway.twin.reconcile.fit.least_squares import Fit, FitProblem
-from gateway.twin.reconcile.fit.trajectory_fit import fit_windows
+from gateway.twin.reconcile.fit.least_squares import Fit
 from gateway.twin.reconcile.search.signatures import compute_signatures
 from gateway.twin.reconcile.search.validation import evaluate_on_validation
 from gateway.twin.simulator.simulator import Simulator
@@ -92,21 +91,6 @@ def test_a_length_stays_within_the_limits_that_the_log_sets() -> None:
 
     assert "rope_length.relative_error" in found.refitted_parameters
     assert abs(found.fit.values[-1]) <= 0.01
-
-
-@pytest.mark.slow
-def test_windowed_fit_finds_a_free_effect_and_leaves_one_that_is_held() -> None:
-    observations, rig = release(1.2, 4.0, DAMPED), make_rig(4.0)
-    simulator, first_samples = Simulator(rig, ["viscous_damping"]), window_bounds(rig, observations)
-    initial_states = initial_state_from_samples(rig, observations, first_samples, 5)
-
-    def fitted(*, free: bool) -> float:
-        is_free = np.array([*np.ones(simulator.n_initial_states, dtype=bool), free])
-        problem = FitProblem(simulator, observations, is_free, first_samples)
-        return float(fit_windows(problem, initial_states, np.zeros(1))[1][0])
-
-    assert fitted(free=True) == pytest.approx(0.004, rel=0.01)
-    assert fitted(free=False) == 0.0
 
 
 @pytest.fixture(scope="module")
