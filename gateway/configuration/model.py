@@ -120,6 +120,11 @@ class SiteSection(Section):
     altitude_m: float = Field(0.0, ge=-500, le=9000, description="height above sea level, for the gravity")
 
     @property
+    def is_known(self) -> bool:
+        """Whether its gravity follows from what is stated."""
+        return self.gravity_m_s2 is not None or self.latitude_deg is not None
+
+    @property
     def local_gravity_m_s2(self) -> float:
         """Local gravity: as given, or by WGS 84 (Somigliana) with the free-air correction."""
         if self.gravity_m_s2 is not None:

@@ -15,6 +15,8 @@ from gateway.numerics.array import Array
 from gateway.swing.model.mount import rotation
 from gateway.swing.rig import NOMINAL_LENGTH_U_REL, MountedHousing
 
+UNSTATED_GRAVITY_U_REL = 1.5e-3
+"""Standard uncertainty of the gravity of a site that nobody stated. Basis: 9.780 m/s² at the equator to 9.832 at the poles."""
 MAX_LENGTH_SIGMA = 2.0
 """Standard uncertainties of the length by which the housing may stand beyond the nominal rope. Basis: a housing below its load
 cannot exist; the hook may hang lower than the nominal length says, by what is stated of its uncertainty."""
@@ -134,6 +136,7 @@ class Rig(Section):
             cross_axis_u=limits.cross_axis_u,
             bandwidth_hz=self.sensor.bandwidth_hz,
             gravity_m_s2=self.site.gravity_m_s2,
+            gravity_u_rel=0.0 if "gravity_m_s2" in self.site.model_fields_set else UNSTATED_GRAVITY_U_REL,
         )
 
     def correct(self, readings_g: Array) -> Array:
@@ -170,7 +173,7 @@ def configured_housing(
             beside_u_m=0.0,
             mount_u_deg=0.0,  # a gateway zeroes the mount
         ),
-        site=RigSite(gravity_m_s2=configuration.site.local_gravity_m_s2),
+        site=RigSite(gravity_m_s2=configuration.site.local_gravity_m_s2) if configuration.site.is_known else RigSite(),
     )
     return with_sensor(rig.mounted_housing(CONFIGURED), correction, bandwidth_hz)
 

@@ -34,6 +34,8 @@ class MountedHousing:
     length_u_rel: float = NOMINAL_LENGTH_U_REL
     position_u_m: float = 0.0
     gravity_m_s2: float = STANDARD_GRAVITY_M_S2
+    gravity_u_rel: float = 0.0
+    """Its standard uncertainty, relative: that of a rope's length by the period, and of no angle, which 1 g is the unit of."""
     zero_g_offset_u_g: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Standard uncertainty of the zero-g offset after calibration, per axis."""
     scale_u: tuple[float, float, float] = (0.0, 0.0, 0.0)

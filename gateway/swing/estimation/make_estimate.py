@@ -92,7 +92,8 @@ def _with_rivals(result: FitResult, from_s: float, to_s: float) -> tuple[Uncerta
     angles_rad = np.array([peak.phi_max_rad for peak in each_largest])
     lengths_m = np.array([each.fit.motion.length_m for each in (result, *result.rivals)])
     inflated = inflate_uncertainty(result, float(np.abs(angles_rad / angles_rad[0] - 1).max())).uncertainty
-    length_u_m = np.hypot(lengths_m[0] * inflated.length_u_rel, np.abs(lengths_m - lengths_m[0]).max())
+    length_u_rel = np.hypot(inflated.length_u_rel, result.fit.prior.rig.gravity_u_rel)
+    length_u_m = np.hypot(lengths_m[0] * length_u_rel, np.abs(lengths_m - lengths_m[0]).max())
     return inflated, float(length_u_m), (min(low for low, _ in intervals), max(high for _, high in intervals))
 
 

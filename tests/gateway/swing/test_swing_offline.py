@@ -12,6 +12,7 @@ from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from gateway.pipeline.rig import UNSTATED_GRAVITY_U_REL, Rig
 from gateway.swing.estimate import SwingEstimate
 from gateway.swing.offline import estimate_swing
 from gateway.swing.rig import MountedHousing
@@ -37,6 +38,17 @@ def measured(
 
 def sigmas(estimate: SwingEstimate, recording: Recording) -> float:
     return abs(present(estimate.phi_max_rad) - recording.phi_max_rad) / present(estimate.u_rad)
+
+
+def test_a_rope_by_the_period_is_as_uncertain_as_gravity(simulated: Simulate) -> None:
+    recording = simulated()
+    stated, unstated = (measured(recording, gravity_u_rel=u_rel) for u_rel in (0.0, UNSTATED_GRAVITY_U_REL))
+    assert present(stated.length_u_m) < 1e-3 * recording.length_m
+    assert present(unstated.length_u_m) > UNSTATED_GRAVITY_U_REL * recording.length_m
+    assert unstated.coverage95_rad == stated.coverage95_rad
+    rig = {"rope": {"length_m": 9.0}, "housing": {"position_m": 4.5}}
+    assert Rig.model_validate(rig).mounted_housing().gravity_u_rel == UNSTATED_GRAVITY_U_REL
+    assert Rig.model_validate({**rig, "site": {"gravity_m_s2": 9.81}}).mounted_housing().gravity_u_rel == 0
 
 
 @pytest.mark.slow
