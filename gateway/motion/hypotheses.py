@@ -82,10 +82,8 @@ PIVOT_STARTS_1_S = np.array(
 )
 """How often a level (row) is followed by another. Basis: a crane at work moves twice a minute, for some seconds; a base floats or
 it does not."""
-WIND_STARTS_1_S = np.array([[0.0, 1 / 40, 1 / 1500], [1 / 60, 0.0, 1 / 1500], [1 / 3, 1 / 20, 0.0]])
-"""Basis: gusts of a minute, and calms as short; a load touches the ground, or leaves it, some times an hour. With calms of 90 s
-two gusts after a hoist pass for a swing on another rope: on the demonstration's cranes, met in a hoist, the error of the angle is
-a third larger; on real ones the two do not differ."""
+WIND_STARTS_1_S = np.array([[0.0, 1 / 90, 1 / 1500], [1 / 60, 0.0, 1 / 1500], [1 / 3, 1 / 20, 0.0]])
+"""Basis: gusts of a minute; a load touches the ground, or leaves it, some times an hour."""
 RESTING, STEADY, CHANGING = range(3)
 """What the winch does: it rests, it runs at a steady speed, its speed changes."""
 WINCH_STARTS_1_S = np.array([[0.0, 1e-4, 1 / 60], [1 / 10, 0.0, 1 / 8], [1 / 2, 1 / 4, 0.0]])

@@ -39,6 +39,7 @@ from gateway.motion.state_vector import (
     PIVOT,
     PIVOT_RATE,
     PIVOT_VELOCITY,
+    PLACE,
     RATE,
     SIDE_FORCE,
     SPIN,
@@ -77,6 +78,11 @@ OUTLIER_SQUARED = 30.0
 7e5 bins."""
 EXPECTED_SQUARED = 3.0
 """Definition: mean of the normalised innovation squared."""
+PLACE_SHARE = 0.5
+"""Share of the optimal correction of the housing's place that a reading makes (a partial update: Brink 2017), because what the
+equations leave out is no news of a clamp. Basis: with the whole correction two gusts after a hoist move a place by five of its
+uncertainties, and of the angle's intervals on the demonstration's cranes 94.0 % hold instead of 95.2; with 0.3 the error on
+three of 27 real cranes is a tenth to a half larger."""
 SMALLEST_WEIGHT = 1e-30
 """Keeps weights positive; a hypothesis revives by transitions from the others."""
 STEP_RESOLUTION_S = 1e-3
@@ -243,10 +249,8 @@ class MotionFilter:
         whitening = np.linalg.inv(root)
         white = np.matvec(whitening, innovation)
         gain = cross @ whitening.transpose(0, 2, 1)
-        x = x + np.matvec(gain, white)
+        x, covariance = _corrected(x, covariance, gain, white)
         self.model.keep_in_domain(x)
-        # Safe without the Joseph form: over an hour the least eigenvalue of the correlations stays above 3e-4.
-        covariance = covariance - gain @ gain.transpose(0, 2, 1)
         likelihood = -0.5 * np.square(white) - np.log(root[:, _DIAGONAL, _DIAGONAL])
         likelihood[:, 3:] += 0.5 * np.log(noise[:, 3:])  # what is stated has no units of its own
         likelihood[:, :3] *= TEMPERING
@@ -301,12 +305,12 @@ class MotionFilter:
         if not smallest < OUTLIER_SQUARED:
             return smallest
         gain = cross @ whitening.transpose(0, 2, 1)
-        x = x + np.matvec(gain, white)
+        x, covariance = _corrected(x, covariance, gain, white)
         self.model.keep_in_domain(x)
         log_density = -0.5 * squared - np.log(root[:, _DIAGONAL[:3], _DIAGONAL[:3]]).sum(axis=1)
         weight, log_evidence = _weighed(np.log(self.mixture.weight) + TEMPERING * log_density, self._least)
         self.log_evidence += log_evidence
-        self.mixture = Mixture(x, covariance - gain @ gain.transpose(0, 2, 1), weight)
+        self.mixture = Mixture(x, covariance, weight)
         return smallest
 
     def _break(self) -> None:
@@ -386,6 +390,16 @@ def _advance(covariance: Array, transition: Array) -> None:
     covariance[:, :N_MOVING, :N_MOVING] = 0.5 * block
     covariance[:, :N_MOVING, N_MOVING:] = rows[:, :, N_MOVING:]
     covariance[:, N_MOVING:, :N_MOVING] = rows[:, :, N_MOVING:].transpose(0, 2, 1)
+
+
+def _corrected(x: Array, covariance: Array, gain: Array, white: Array) -> tuple[Array, Array]:
+    """Return states and covariances after a reading: optimal, but for the place, which takes a part of its correction."""
+    step = np.matvec(gain, white)
+    step[:, PLACE] *= PLACE_SHARE
+    # Safe without the Joseph form: over an hour the least eigenvalue of the correlations stays above 3e-4.
+    covariance = covariance - gain @ gain.transpose(0, 2, 1)
+    covariance[:, PLACE, PLACE] += (1 - PLACE_SHARE) ** 2 * np.vecdot(gain[:, PLACE], gain[:, PLACE])
+    return x + step, covariance
 
 
 def _weighed(log_weight: Array, least: Array) -> tuple[Array, float]:
