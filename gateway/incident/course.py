@@ -115,6 +115,8 @@ class Course:
     log: tuple[TimedText, ...]
     sessions: tuple[TimedText, ...]
     """The changes of recalibrations, with the person who asked for each."""
+    suspended: StateCourse
+    """Who recalibrated the sensor while no alert was judged; empty: alerts were judged."""
     marks: tuple[TimedText, ...]
     """What persons noted, with their names."""
     faults: tuple[TimedText, ...]
@@ -209,6 +211,8 @@ class CourseBuilder:
                 if not self._calibrations or _in_force(self._calibrations[-1][1]) != _in_force(content):
                     self._calibrations.append((time_s, content))
                 self._add_session(time_s, content.session)
+                by = content.session.by or "an unnamed person"
+                self._add_state("suspended", time_s, by if content.session.suspended else "")
             case Mark():
                 reason = f" ({content.reason})" if content.reason else ""
                 self._marks.append(TimedText(time_s, f"{content.by or 'an unnamed person'}: {content.text}{reason}"))
@@ -259,6 +263,7 @@ class CourseBuilder:
             limit_changes=limit_changes(self._configurations, self._audit),
             log=tuple(self._log),
             sessions=tuple(self._sessions),
+            suspended=states.get("suspended", nothing),
             marks=tuple(self._marks),
             faults=tuple(self._faults),
             last_health=self._health,

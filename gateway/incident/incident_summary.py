@@ -50,6 +50,7 @@ def summary_sentences(course: Course, incident: AlertIncident | None, facts: Inc
             _how_large(clock, incident, facts),
             _what_went_before(clock, facts),
             _when_it_ended(course, clock, incident, facts),
+            suspension_texts(course, clock),
             _when_it_was_restarted(course, clock),
             _how_good(course, facts),
         )
@@ -118,6 +119,16 @@ def _by_whom(clock: ReportClock, change: LimitChange) -> str:
         return "; the recordings of this time do not say by whom"
     by = change.audit.content.get("by") or "an unnamed person"
     return f" by {by} at {clock.time(change.audit.time_s)} UTC{change.audit.reason}"
+
+
+def suspension_texts(course: Course, clock: ReportClock) -> Iterator[str]:
+    """Yield when no alert was judged because the sensor was recalibrated, and by whom."""
+    for begin_s, end_s, by in course.suspended.spans(course.end_s):
+        if by and end_s > course.begin_s:
+            yield (
+                f"From {clock.both(max(begin_s, course.begin_s))} to {clock.time(end_s)} UTC alerts were suspended, because the "
+                f"sensor was recalibrated by {by}: how the load swung then is not known."
+            )
 
 
 def _when_it_was_restarted(course: Course, clock: ReportClock) -> Iterator[str]:

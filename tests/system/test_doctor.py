@@ -72,6 +72,8 @@ def test_doctor_names_a_damaged_chain_and_what_was_kept_of_it(plumbline: Plumbli
     done = plumbline("doctor", "--config", config)
     assert done.returncode == 0
     assert "note chain" in done.stdout
+    assert f"note gateway      none runs with {data_dir}" in done.stdout
+    assert done.stdout.endswith("\nall well for a start: no gateway runs\n")
     assert "has chain.json.damaged-1, kept from damage" in done.stdout
 
 

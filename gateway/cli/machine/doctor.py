@@ -97,7 +97,10 @@ def _summary(results: "list[CheckResult]") -> str:
     bad = sum(result.grade == "bad" for result in results)
     if bad:
         return f"{bad} to correct, marked {MARKS['bad'].strip()}"
-    return "running, all well" if any(result.place == "gateway" for result in results) else "all well"
+    gateway = next((result for result in results if result.place == "gateway"), None)
+    if gateway is None:
+        return "all well"
+    return "running, all well" if gateway.values.get("runs", True) else "all well for a start: no gateway runs"
 
 
 def _record(results: "list[CheckResult]") -> dict[str, Any]:

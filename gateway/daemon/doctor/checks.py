@@ -45,6 +45,7 @@ def examine(configuration: Configuration) -> Iterator[CheckResult]:
         yield from examine_running(configuration)
         checks = [_disk, _chain, check_signing_key, _clock, _housing]
     else:
+        yield CheckResult("note", "gateway", f"none runs with {configuration.gateway.data_dir}", {"runs": False})
         opening = [_device, _bus, _page, check_relay] if user_to_be(configuration) is None else [_not_opened]
         checks = [_data_folder, _chain, check_signing_key, *opening, _clock, _housing]
     for check in checks:

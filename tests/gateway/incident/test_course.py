@@ -16,6 +16,7 @@ from gateway.incident.course import CourseBuilder
 from gateway.incident.event_table import MAX_SHOWN_EVENTS, event_table
 from gateway.incident.evidence import IncidentEvidence, make_certificates
 from gateway.incident.incident_selection import STANDING, IncidentWindow, find_incidents
+from gateway.incident.incident_summary import suspension_texts
 from gateway.incident.limit_changes import AuditEntry
 from gateway.incident.timeline_figure import ReportClock, levels_in_force, tick_label, tick_times
 from gateway.messages import (
@@ -112,6 +113,19 @@ def test_each_step_of_a_recalibration_is_stated_once_with_its_person() -> None:
         (1.0, "Recalibration collecting by Ann. Turn the housing."),
         (3.0, "Recalibration committed by Ann. Done."),
     ]
+
+
+def test_a_recalibration_during_an_alert_is_told_in_words() -> None:
+    course = built(
+        (0.0, calibration()),
+        (1.0, calibration(id="s1", phase="collecting", by="Ann", suspended=True)),
+        (5.5, calibration(id="s1", phase="review", by="Ann", suspended=True)),
+        (9.0, calibration(id="s1", phase="committed", by="Ann")),
+    ).course(ORIGIN_NS, ORIGIN_NS + 12_000_000_000)
+    (text,) = suspension_texts(course, ReportClock(course))
+    assert text.startswith("From ")
+    assert text.endswith("because the sensor was recalibrated by Ann: how the load swung then is not known.")
+    assert [(begin_s, end_s) for begin_s, end_s, by in course.suspended.spans(12.0) if by] == [(1.0, 9.0)]
 
 
 def test_faults_are_stated_when_their_number_grows() -> None:
