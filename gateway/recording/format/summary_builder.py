@@ -232,7 +232,7 @@ class RecordedAlert:
     """Largest upper end of its 95 % interval."""
     limit_deg: float | None
     is_corrected: bool
-    """The first value was an upper bound, and the limit was not reached."""
+    """The first value was an upper bound, and the limit was not reached, by the gateway's word or by all that it saw."""
     incident: str | None
     text: str
     """The line for the operator when its level became the highest."""
@@ -264,6 +264,9 @@ def _recorded(period: AlertPeriod[AlertState]) -> RecordedAlert | None:
         return None
     is_before = first.statement.event == "standing"
     since_utc_ns = first.active.since_ns + first.time_ns - first.statement.log_time_ns
+    upper_deg, limit_deg = period.largest_upper_deg, highest.limit_deg
+    is_seen = period.ended == "cleared" and not is_before
+    is_below = is_seen and upper_deg is not None and limit_deg is not None and upper_deg < limit_deg
     return RecordedAlert(
         rule=period.rule,
         level=highest.level,
@@ -273,8 +276,8 @@ def _recorded(period: AlertPeriod[AlertState]) -> RecordedAlert | None:
         ended=period.ended or "standing",
         largest_deg=period.largest_deg,
         largest_upper_deg=period.largest_upper_deg,
-        limit_deg=highest.limit_deg,
-        is_corrected=any(step.statement.event == "corrected" for step in period.steps),
+        limit_deg=limit_deg,
+        is_corrected=is_below or any(step.statement.event == "corrected" for step in period.steps),
         incident=period.incident,
         text=highest.text,
         acknowledged_by=None if known is None else known.statement.acknowledged_by,

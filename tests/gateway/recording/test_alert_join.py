@@ -75,6 +75,18 @@ def test_trip_that_begins_in_one_segment_and_ends_in_another_is_one() -> None:
     assert (end.from_utc_ns, end.is_raised_before) == (utc(50), True)
 
 
+@pytest.mark.parametrize(("upper_deg", "is_corrected"), [(5.9, True), (6.1, False)])
+def test_an_alert_that_clears_before_its_bound_is_checked_was_a_bound_all_the_same(
+    upper_deg: float, is_corrected: bool
+) -> None:
+    raised = state(10, "raised", "swing", active("swing", "warn", 10, 6.5, "boot-1"))
+    cleared = state(13, "cleared", "swing", incident="boot-1", largest_deg=2.0, largest_upper_deg=upper_deg)
+    (alert,) = join_alerts([("boot", summary(raised, cleared))])
+    assert alert.is_corrected == is_corrected
+    (alert,) = join_alerts([("boot", summary(state(9, "standing", None, raised.active[0]), cleared))])
+    assert not alert.is_corrected  # nobody knows what it was before
+
+
 def test_rules_are_apart() -> None:
     swing, lean = active("swing", "warn", 10, 4.5), active("lean", "trip", 20, 8.0)
     segment = summary(
