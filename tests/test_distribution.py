@@ -51,4 +51,4 @@ def test_every_extra_whose_libraries_are_looked_for_is_one_of_the_distribution()
 
 
 def test_the_command_is_named_plumbline() -> None:
-    assert PROJECT["scripts"] == {"plumbline": "gateway.cli.main:main"}
+    assert PROJECT["scripts"] == {"plumbline": "gateway.cli.main:run_program"}
