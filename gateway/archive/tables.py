@@ -244,9 +244,8 @@ def recordings_table(files: Sequence[IndexedFile]) -> pa.Table:
 def indexed_file(row: dict[str, Any]) -> IndexedFile:
     """Return the file of a row of the table of recordings."""
     gateway = None if row["crane"] is None else (row["site"], row["crane"], row["sensor"])
-    own: dict[str, Any] = {
-        field.name: row.get(field.name) for field in fields(RecordingRow)
-    }  # an older table lacks columns
+    # an older table lacks columns
+    own: dict[str, Any] = {field.name: row.get(field.name) for field in fields(RecordingRow)}
     own["end_utc"] = _ns(own["end_utc"])
     return IndexedFile(gateway, row["recording"], row["trust"], _ns(row["utc"]), RecordingRow(**own))
 

@@ -139,9 +139,8 @@ def gateway_status(
     key: str, evidence: PageEvidence, seen_s: float | None, now_utc: datetime, *, duplicate: bool
 ) -> GatewayStatus:
     """Judge one gateway. `duplicate`: two gateways use this name at the same time."""
-    judged = verdict(
-        evidence if evidence.gateway else replace(evidence, doubt=None)
-    )  # nobody is there to prove himself
+    # nobody is there to prove who it is
+    judged = verdict(evidence if evidence.gateway else replace(evidence, doubt=None))
     alert, health, calibration = evidence.get(Alert), evidence.get(Health), evidence.get(Calibration)
     state: FleetWord = judged.word
     reasons = judged.reasons

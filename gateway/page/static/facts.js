@@ -46,13 +46,12 @@ function driftText(drift) {
 function showHealth(health) {
   setFact("drift", driftText(health.drift), health.drift?.state === "alarm");
   const lostShare = health.samples > 0 ? (100 * health.lost) / (health.samples + health.lost) : 0;
-  const faults = Object.values(health.faults).reduce((sum, n) => sum + n, 0);
   const state = health.state === "running" ? "" : `, ${text(`state_${health.state}`)}`;
   setFact("device", `${health.device_id ?? health.device_kind}${state}`, health.state !== "running");
   setFact("rate", isKnown(health.measured_rate_hz) ? fixed(health.measured_rate_hz, 1, "Hz") : NONE);
   setFact("lost", `${count(health.lost)} (${decimal(lostShare, lostShare < 10 ? 2 : 0)} %)`, lostShare > 1);
   setFact("recording", recordingText(health), Boolean(health.recording_error) || !health.recording);
-  setFact("faults", faults ? Object.entries(health.faults).map(faultText).join(", ") : text("none"));
+  setFact("faults", Object.entries(health.faults).map(faultText).join(", ") || text("none"));
 }
 
 // Return the name of a part that failed, or a device's own word for what went wrong, and how often.
