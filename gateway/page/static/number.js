@@ -5,7 +5,8 @@ import {text} from "./texts.js";
 export const NONE = "—";
 const known = (value) => typeof value === "number" && Number.isFinite(value);
 
-export const decimal = (value, digits) => value.toFixed(digits).replace(".", text("decimal_mark"));
+// A value that rounds to zero has no sign.
+export const decimal = (value, digits) => value.toFixed(digits).replace(/^-(?=[0.]*$)/, "").replace(".", text("decimal_mark"));
 export const degrees = (value) => (known(value) ? `${decimal(value, 1)}°` : NONE);
 export const upwards = (value) => degrees(known(value) ? Math.ceil(value * 10 - 1e-6) / 10 : value);
 export const fixed = (value, digits, unit) => (known(value) ? `${decimal(value, digits)} ${unit}` : NONE);

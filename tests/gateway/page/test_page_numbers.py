@@ -54,6 +54,8 @@ CALLS = [
     ("bullseye.js", "semiMajorDeg", {"phi_max_deg": 5, "azimuth_deg": 0, "lean_deg": 2, "lean_azimuth_deg": 180}, 3.0),
     ("number.js", "degrees", 4.25001, "4.3°"),
     ("number.js", "degrees", None, "—"),
+    ("number.js", "degrees", -0.04, "0.0°"),
+    ("number.js", "degrees", -0.06, "-0.1°"),
     ("number.js", "upwards", 4.21, "4.3°"),
     ("number.js", "upwards", 4.2, "4.2°"),
     ("number.js", "upwards", 0.004, "0.1°"),
