@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from devices.pendulum.small_swing import small_swing_period_s
 from gateway.measurement.source import Source
 from gateway.motion.estimate import MotionState
 from gateway.motion.gyro_reading import GyroPrior
@@ -184,7 +183,6 @@ def with_smoothed_angle(swing: SwingEstimate, motion: RecordingMotion) -> SwingE
     at = int(np.abs(history.time_s - largest.time_s).argmin())
     if motion.drives_too_long:
         return replace(swing, reasons=(DOUBTED.format(motion.longest_drive_s), *swing.reasons))
-    length_m = float(history.length_m[at]) if swing.length_m is None else swing.length_m
     azimuth_rad = float(history.azimuth_rad[at])
     return replace(
         swing,
@@ -193,11 +191,6 @@ def with_smoothed_angle(swing: SwingEstimate, motion: RecordingMotion) -> SwingE
         u_rad=largest.u_rad,
         coverage95_rad=largest.coverage95_rad,
         azimuth_rad=azimuth_rad - math.pi * round(azimuth_rad / math.pi),
-        length_m=length_m,
-        length_u_m=float(history.length_u_m[at]) if swing.length_u_m is None else swing.length_u_m,
-        period_s=small_swing_period_s(length_m, motion.housing.gravity_m_s2)
-        if swing.period_s is None
-        else swing.period_s,
         reasons=(BY_SMOOTHING, *swing.reasons),
     )
 

@@ -152,7 +152,7 @@ def as_text(source: Source, found: Measurement) -> str:
         ("recording", f"{source.name}, {samples}"),
         *(("remark", text) for text in _remarks(found.judged)),
         ("calibration", source.calibration),
-        ("swing", _swing_text(found.swing) + _judged_text(source, found)),
+        *_swing_rows(source, found),
         *(() if found.motion is None else motion_rows(found.motion)),
         (
             "formulas",
@@ -194,19 +194,24 @@ def _angle_text(angle_rad: float | None) -> str:
     return "-" if value is None else f"{value:.3f}°"
 
 
-def _swing_text(estimate: SwingEstimate) -> str:
-    reasons = f" ({'; '.join(estimate.reasons)})" if estimate.reasons else ""
-    if estimate.swinging is None:
-        return f"unknown{reasons}"
-    bound = "unknown" if estimate.coverage95_rad is None else _angle_text(estimate.coverage95_rad[1])
-    if not estimate.swinging:
-        return f"none, below {bound}{reasons}"
-    if estimate.coverage95_rad is None:
-        return f"{_angle_text(estimate.phi_max_rad)}, uncertainty unknown{reasons}"
-    low, high = (_angle_text(end) for end in estimate.coverage95_rad)
+def _swing_rows(source: Source, found: Measurement) -> list[tuple[str, str]]:
+    """Return label and text of each line: the angle, why it is as it is, and what else the fit of a pendulum found."""
+    estimate = found.swing
+    is_unknown, reasons = estimate.swinging is None, estimate.reasons
+    swing = ": ".join(["unknown", *reasons[:1]]) if is_unknown else _swing_text(estimate)
+    rows = [("swing", swing + _judged_text(source, found)), *(("", text) for text in reasons[is_unknown:])]
+    if not estimate.swinging or estimate.length_m is None or estimate.length_u_m is None:
+        return rows
+    length = f"{estimate.length_m:.4g} m ± {estimate.length_u_m:.2g} m by the period"
     measured_s = measured_period_s(estimate)
-    period = "" if measured_s is None else f", period {measured_s:.3g} s (small swing {estimate.period_s:.3g} s)"
-    if estimate.length_m is not None and estimate.length_u_m is not None:
-        period += f", rope {estimate.length_m:.4g} m +- {estimate.length_u_m:.2g} m by the period"
-    lean = f", lean {_angle_text(estimate.lean_rad)}"
-    return f"{_angle_text(estimate.phi_max_rad)}, 95 % within {low} to {high}{period}{lean}{reasons}"
+    period = "" if measured_s is None else f" of {measured_s:.3g} s (small swing {estimate.period_s:.3g} s)"
+    return [*rows, ("rope", f"{length}{period}, lean {_angle_text(estimate.lean_rad)}")]
+
+
+def _swing_text(estimate: SwingEstimate) -> str:
+    coverage = estimate.coverage95_rad
+    if not estimate.swinging:
+        return f"none, below {'unknown' if coverage is None else _angle_text(coverage[1])}"
+    if coverage is None:
+        return f"{_angle_text(estimate.phi_max_rad)}, uncertainty unknown"
+    return f"{_angle_text(estimate.phi_max_rad)}, 95 % within {_angle_text(coverage[0])} to {_angle_text(coverage[1])}"

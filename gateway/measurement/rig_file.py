@@ -103,7 +103,7 @@ def read_rig_of_recording(
         raise InputError(f"{path}: rope.length_m is missing, and nothing in {source.name} repeats as a swing; state it")
     u_rel = min(NOMINAL_RATIO * found.u_rel, MAX_LENGTH_U_REL)
     remark = (
-        f"rope length {found.length_m:.3g} m +- {found.length_m * found.u_rel:.2g} m by the period of {found.period_s:.3g} s, "
+        f"rope length {found.length_m:.3g} m ± {found.length_m * found.u_rel:.2g} m by the period of {found.period_s:.3g} s, "
         "because the rig states none"
     )
     # The length that swings like a rigid arm is shorter than the arm: a housing may be below it, so that is not checked.

@@ -88,7 +88,7 @@ def test_without_a_rig_the_swing_is_unknown_with_a_reason(plumbline: Plumbline, 
     write_recording(tmp_path / "log.csv", 5.0)
     done = plumbline("measure", tmp_path / "log.csv")
     assert done.returncode == 0
-    assert "unknown (where the housing is on the rope is not known: give --rig)" in done.stdout
+    assert "unknown: where the housing is on the rope is not known: give --rig" in done.stdout
 
 
 def test_files_of_a_gateway_are_one_recording_that_needs_no_rig(

@@ -42,6 +42,9 @@ least zero."""
 MAX_NAMED_ERRORS = 4
 MAX_PRIOR_SIGMA = 4.0
 """Prior standard deviations beyond which an error of the rig is no explanation."""
+MAX_BELOW_SHARE = 0.05
+"""Distance of the housing below the load, over the rope's length, beyond which a place is no explanation. Basis: a choice; a load
+is held by its hook, and a housing on the hook hangs no further below its centre."""
 REFIT_ITERATIONS = 12
 MIN_FITTED_BINS = 8
 """Fewest bins of a fit: a piece of a recording may lie in a gap. Basis: 24 readings determine the eight unknowns of a swing and
@@ -240,10 +243,13 @@ def _angle_u_rad(result: FitResult) -> float:
 
 
 def _has_plausible_errors(fit: SwingFit) -> bool:
-    """Return whether no error of the sensor is far outside its prior."""
+    """Return whether no error of the sensor is far outside its prior, and the housing not below the load."""
     first = N_STATES + len(fit.motion.parameters)
     deviation, sigma = fit.sensor.errors - fit.prior.mean[first:], fit.prior.sigma[first:]
-    return bool((np.abs(deviation) <= MAX_PRIOR_SIGMA * sigma)[sigma > 0].all())
+    length_m = fit.motion.length_m
+    position_m = fit.prior.rig.position_at(length_m) + fit.sensor.position_error_m
+    is_below = position_m > (1 + MAX_BELOW_SHARE) * length_m
+    return not is_below and bool((np.abs(deviation) <= MAX_PRIOR_SIGMA * sigma)[sigma > 0].all())
 
 
 def _significant_errors(result: FitResult) -> tuple[str, ...]:

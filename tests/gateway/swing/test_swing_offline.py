@@ -235,6 +235,22 @@ def test_unstated_errors_are_found_reported_and_part_of_the_uncertainty(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("stated_rho", [1.1, 1.2, 1.3])
+def test_a_housing_stated_below_its_load_gives_no_angle_that_is_wrong(simulated: Simulate, stated_rho: float) -> None:
+    recording = simulated(
+        amplitude_deg=12.0, length_m=2.0, rho=0.8, damping_ratio=0.0, duration_s=60.0, noise_g=1e-3, azimuth_deg=0.0
+    )
+    rig = MountedHousing(
+        length_m=2.0, position_m=2.0 * stated_rho, position_u_m=0.001, beside_u_m=0.015, mount_u_rad=None
+    )
+    estimate = estimate_swing(recording.time_s, recording.force_g, rig=rig)
+    assert estimate.swinging is None, (
+        "an opposite swing of 10.5 deg with a housing below the load explains this as well"
+    )
+    assert estimate.coverage95_rad is None
+
+
+@pytest.mark.slow
 def test_a_wrong_position_is_reported(simulated: Simulate) -> None:
     recording = simulated(rho=0.3, duration_s=60)
 
