@@ -95,7 +95,7 @@ class ReplayComparison:
     compared: Counter[str] = field(default_factory=Counter)
     differing: Counter[str] = field(default_factory=Counter)
     cut_off: Counter[str] = field(default_factory=Counter)
-    """Messages without a counterpart at the end of a segment that was cut off: no difference."""
+    """Messages without a counterpart at the end of the last file, or of one that was cut off: no difference."""
     first: ReplayDifference | None = None
     _recorded: dict[tuple[str, int], deque[RecordedMessage]] = field(default_factory=dict)
     """Those that wait for their counterpart, by topic and time."""

@@ -129,7 +129,7 @@ def _lines(result: ReplayResult, is_local: bool) -> Iterator[str]:
         yield f"{total} messages computed again, {differing} differ ({comparison.tolerance.description})"
         yield f"  {topics}"
         if cut_off := comparison.cut_off.total():
-            yield f"{cut_off} at the end of a segment that was cut off are not recorded, which is no difference"
+            yield f"{cut_off} at the end of the last file, or of one that was cut off, are not recorded, which is no difference"
     if comparison.first is not None:
         first = comparison.first
         yield f"first difference: {first.topic} at {_time(first.utc_ns, is_local)}, field {first.field or 'encoding'}"

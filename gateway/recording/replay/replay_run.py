@@ -107,7 +107,7 @@ class ReplayRun:
             self._check_continuity(step)
             self._take(step)
             self._newest = self._newest if step.block is None else step
-        self._end_waiting(LATEST_NS)
+        self._end_waiting(LATEST_NS, is_last=True)
         result = ReplayResult(
             self._mode,
             self._comparison,
@@ -145,15 +145,19 @@ class ReplayRun:
             why = f"{missing} blocks of the run are not in these files"
             self._compare_from(int(block.time_ns[0]) + WARM_UP_NS, step, why)
 
-    def _end_waiting(self, until_ns: int) -> None:
-        """Count what waits; where the end of the run was cut off, what follows from its last block may be missing."""
+    def _end_waiting(self, until_ns: int, *, is_last: bool = False) -> None:
+        """Count what waits.
+
+        What follows from the last block may be missing where the end of the run was cut off, and at the end of the last file, because
+        a file that was not given may go on with it.
+        """
         torn_from_ns = LATEST_NS
         newest = self._newest
         if newest is not None and newest.block is not None:
             ends = [
                 each for each in self._timeline.segments if each.boot_id == newest.boot_id
             ]  # the last may have no block
-            if newest.segment.is_torn or ends[-1].is_torn:
+            if is_last or newest.segment.is_torn or ends[-1].is_torn:
                 torn_from_ns = int(newest.block.time_ns[0])
         self._comparison.end_waiting(until_ns, torn_from_ns)
 

@@ -72,7 +72,7 @@ def test_what_a_kill_has_cut_off_before_a_restart_is_no_difference(
     assert (code, result["differing"]) == (0, {})
     assert result["cut_off"] == {"/acceleration": 1, "/alert": 1, "/condition": 1, "/motion": 1, "/tilt": 1}
     assert main(["record", "replay", str(restarted)]) == 0
-    assert "5 at the end of a segment that was cut off are not recorded" in capsys.readouterr().out
+    assert "5 at the end of the last file, or of one that was cut off, are not recorded" in capsys.readouterr().out
 
 
 @pytest.mark.slow
@@ -87,6 +87,19 @@ def test_a_last_block_whose_results_were_to_follow_in_the_next_segment_is_no_dif
     killed.log("about to be killed", START_NS + 8_000_000_000, "plumbline")
     killed.recorder.tick(START_NS + 10_000_000_000)
     killed.recorder.abandon("killed")
+    code, result = replay(tmp_path, capsys)
+    assert (code, result["differing"]) == (0, {})
+    assert {"/motion", "/tilt"} <= result["cut_off"].keys()
+
+
+@pytest.mark.slow
+def test_results_that_are_in_a_file_that_was_not_given_are_no_difference(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The first files of a run, whose next file begins with what follows from their last block."""
+    crane = KilledCrane(tmp_path)
+    crane.is_closed, crane.last_ns = True, START_NS + 7_000_000_000
+    crane.record(8.0)
     code, result = replay(tmp_path, capsys)
     assert (code, result["differing"]) == (0, {})
     assert {"/motion", "/tilt"} <= result["cut_off"].keys()
