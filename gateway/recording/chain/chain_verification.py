@@ -244,7 +244,7 @@ def _not_whole(numbered: Sequence[FileVerification]) -> list[str]:
     for after in numbered:
         if after.statement is None or (before := by_number.get(after.statement.previous_segment)) is None:
             continue
-        if before.is_destroyed or (before.is_altered and before.has_end):
+        if before.is_destroyed or (before.problems and before.has_end):
             continue  # said already, and nothing is cut off
         if before.statement is None or not before.is_final:
             wrong[before.path] = (

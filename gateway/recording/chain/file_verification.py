@@ -150,6 +150,8 @@ class _FileCheck:
         self._claimed: int | None = None
         self._stated_bytes = self._signed_end = 0
         """Bytes that the last statement tells of; place behind it."""
+        self._readable_bytes = 0
+        """Place behind the last record that can be read."""
         self._deletions: dict[str, str] = {}
         self._chunk_places: list[int] = []
         """Of the chunks since the last statement."""
@@ -164,14 +166,15 @@ class _FileCheck:
             for part in (frame[0], frame[2]):
                 self._hash.update(part)
                 self._checksum = zlib.crc32(part, self._checksum)
-        self._conclude()
         self._file.seek(max(0, self._found.size_bytes - len(MCAP0_MAGIC)))
         self._found.has_end = self._file.read() == MCAP0_MAGIC
+        self._conclude()
         return self._found
 
     def _next_frame(self) -> Frame | None:
         """Return the next record, behind damage where there is some."""
         place, size = self._file.tell(), self._found.size_bytes
+        self._readable_bytes = place
         if (frame := next_frame(self._file, size)) is None and find_chunk(self._file, size):
             behind = self._file.tell()
             self._problem(f"ALTERED: bytes {place} to {behind} are no record of MCAP")
@@ -221,6 +224,7 @@ class _FileCheck:
                     f"ALTERED: bytes {self._stated_bytes} to {place} are not what the gateway signed{self._damaged_chunks()}"
                 )
             self._found.is_altered = True
+            self._claimed = self._claimed or statement.segment
             return
         if statement.segment != self._claimed:
             self._problem(f"ALTERED: the signature at byte {place} is of segment {statement.segment}")
@@ -283,7 +287,10 @@ class _FileCheck:
     def _conclude(self) -> None:
         found = self._found
         found.segment = self._claimed if found.statement is None else found.statement.segment
-        if found.segment is None and found.statement is None:
+        if found.has_end and not found.is_final and not found.is_closed:  # nothing is cut off
+            if not found.problems:
+                self._problem(f"ALTERED: from byte {self._readable_bytes} on it cannot be read")
+        elif found.segment is None and found.statement is None:
             self._problem("NOT SIGNED: it has no number in a chain; a gateway of this version did not write it")
         elif found.is_final and not found.is_closed:
             self._problem("CUT or ALTERED: the end behind the final signature is missing or cannot be read")

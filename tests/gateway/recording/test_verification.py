@@ -78,15 +78,16 @@ def test_the_chunk_that_is_damaged_is_named(segments: list[Path]) -> None:
 
 
 @pytest.mark.slow
-def test_every_flipped_bit_of_a_file_is_found(record: Record, start_ns: int, tmp_path: Path) -> None:
-    (path,) = record(start_ns, segments=1)
-    whole = path.read_bytes()
-    changed = tmp_path / "changed.mcap"
+def test_every_flipped_bit_of_a_file_is_found_and_called_no_cut_or_removal(segments: list[Path]) -> None:
+    before, changed, after = segments
+    whole, others = changed.read_bytes(), [verify_file(path, None) for path in (before, after)]
     for place in range(8, len(whole), 251):
         content = bytearray(whole)
         content[place] ^= 1 << (place % 8)
         changed.write_bytes(content)
-        assert verify([changed]).answer == "differs", place
+        found = verify_chain([others[0], verify_file(changed, None), others[1]], (), None)
+        assert found.answer == "differs", place
+        assert not any(text.startswith(("CUT:", "REMOVED", "NOT SIGNED")) for text in problems(found)), place
 
 
 def test_a_removed_segment_is_named(segments: list[Path]) -> None:
