@@ -1,7 +1,8 @@
 """The contents of a timeline, for `plumbline record info`."""
 
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from devices.errors import RecordingError
@@ -115,7 +116,7 @@ class RecordingInfo:
     marks: list[RecordedMark]
     """Marks that somebody set over the bus."""
     faults: list[FaultCount]
-    """Each new count of faults and of dropped items."""
+    """Each new count of faults and of dropped items, added up over all starts of the gateway."""
     log: list[LogLine]
     """Warnings and errors, at most the first thousand of each segment."""
     log_count: int
@@ -237,14 +238,16 @@ def _calibration_changes(summaries: Sequence[SegmentSummary]) -> list[Calibratio
 
 
 def _fault_changes(read: Sequence[tuple[SegmentIndex, SegmentSummary]]) -> list[FaultCount]:
-    """Return each new count; every segment begins with the counts since the start of the gateway."""
+    """Return each new count, added up over all starts; every segment begins with the counts since the start of the gateway."""
     counts: dict[tuple[str, str], int] = {}
+    total: Counter[str] = Counter()
     changes = []
     for segment, summary in read:
         for fault in summary.faults:
             key = segment.boot_id, fault.name
-            if counts.get(key) != fault.count:
-                changes.append(fault)
+            if more := fault.count - counts.get(key, 0):
+                total[fault.name] += more
+                changes.append(replace(fault, count=total[fault.name]))
             counts[key] = fault.count
     return changes
 

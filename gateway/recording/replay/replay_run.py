@@ -148,8 +148,8 @@ class ReplayRun:
     def _end_waiting(self, until_ns: int, *, is_last: bool = False) -> None:
         """Count what waits.
 
-        What follows from the last block may be missing where the end of the run was cut off, and at the end of the last file, because
-        a file that was not given may go on with it.
+        What follows from the last block may be missing where the end of the run was cut off, and at the end of the last file,
+        because a file that was not given may go on with it.
         """
         torn_from_ns = LATEST_NS
         newest = self._newest

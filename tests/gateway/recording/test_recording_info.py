@@ -13,10 +13,12 @@ from gateway.errors import InputError
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.export.info_text import info_text
 from gateway.recording.export.recording_info import TopicInfo, summarise_timeline
+from gateway.recording.format.content import RecordingHeader
 from gateway.recording.format.segment_summary import RecordedPeak
 from gateway.recording.reading.interval import RecordingInterval, parse_recording_time
 from gateway.recording.reading.timeline import open_timeline
 from gateway.recording.segments.copying import recover
+from gateway.recording.segments.recorder import Recorder
 from tests.gateway.recording.conftest import SECOND_NS, MakeRecorder, Record
 from tests.gateway.recording.recorded_crane import RecordedCrane
 from tests.gateway.recording.recorded_files import summarise
@@ -196,25 +198,31 @@ def test_interval_is_summarised_as_if_the_rest_were_not_there(tmp_path: Path) ->
         summarise_timeline(timeline, RecordingInterval(parse_recording_time("60")))
 
 
-def test_fault_is_listed_when_its_count_changes_and_not_in_every_segment(
-    make_recorder: MakeRecorder,
+def test_fault_is_listed_when_its_count_changes_and_added_up_over_restarts(
+    header: RecordingHeader,
     every_message: dict[str, messages.Message | messages.Log],
     start_ns: int,
     tmp_path: Path,
 ) -> None:
-    recorder = make_recorder(segment_s=2.0, fsync_s=0.5)
-    recorder.start(start_ns)
     health = every_message["health"]
     assert isinstance(health, messages.Health)
-    for second, count in enumerate([0, 0, 0, 0, 0, 3, 3, 3, 3, 4]):
-        now_ns = start_ns + second * SECOND_NS
-        message = replace(health, time_ns=now_ns, sequence=second, faults={"overrun": count})
-        recorder.write(encode_message("health", message, now_ns))
-        recorder.tick(now_ns)
-    recorder.close()
+    for start, counts in enumerate([[0, 0, 0, 0, 0, 3, 3, 3, 3, 4], [5, 5, 6]]):
+        begin_ns = start_ns + start * 60 * SECOND_NS
+        recorder = Recorder(
+            tmp_path, replace(header, boot_id=f"boot-{start}"), segment_s=2.0, fsync_s=0.5, quota_mb=100.0
+        )
+        recorder.start(begin_ns)
+        for second, count in enumerate(counts):
+            now_ns = begin_ns + second * SECOND_NS
+            message = replace(health, time_ns=now_ns, sequence=second, faults={"overrun": count})
+            recorder.write(encode_message("health", message, now_ns))
+            recorder.tick(now_ns)
+        recorder.close()
     info = summarise_timeline(open_timeline([tmp_path]))
-    assert len(info.files) > 3
-    assert [(fault.utc_ns - start_ns, fault.count) for fault in info.faults] == [(5 * SECOND_NS, 3), (9 * SECOND_NS, 4)]
+    assert len(info.files) > 4
+    seconds = [((fault.utc_ns - start_ns) // SECOND_NS, fault.count) for fault in info.faults]
+    assert seconds == [(5, 3), (9, 4), (60, 9), (62, 10)]
+    assert "overrun: 10, first at" in info_text(info)
 
 
 def test_marks_are_listed(
