@@ -31,13 +31,17 @@ packet."""
 
 
 class WaitingFrames:
-    """The frames that wait for the page, oldest first. `put` never waits: too many of one kind replace their oldest, counted."""
+    """The frames that wait for the page, oldest first.
+
+    `put` never waits: too many of one kind replace their oldest, which is counted where each of them matters.
+    """
 
     def __init__(self) -> None:
         self._ready = threading.Condition()
         self._frames: deque[Frame] = deque()
         self._closed = False
-        self.replaced = 0
+        self.lost = 0
+        """Number of frames of `MAX_WAITING_FRAMES` that newer ones replaced."""
 
     def put(self, frame: Frame) -> None:
         """Add a frame."""
@@ -45,7 +49,7 @@ class WaitingFrames:
             waiting = [other for other in self._frames if other.kind == frame.kind]
             if len(waiting) >= MAX_WAITING_FRAMES.get(frame.kind, 1):
                 self._frames.remove(waiting[0])
-                self.replaced += 1
+                self.lost += frame.kind in MAX_WAITING_FRAMES
             self._frames.append(frame)
             self._ready.notify()
 
@@ -134,7 +138,7 @@ class PageChannel:
         self._lock = threading.Lock()
         self._latest: dict[str, Frame] = {}
         self._connection: _Connection | None = None
-        self._replaced_before = 0
+        self._lost_before = 0
         self.refused = 0
         """Number of messages that were too large."""
 
@@ -153,10 +157,13 @@ class PageChannel:
 
     @property
     def dropped(self) -> int:
-        """Number of messages that the page did not get: replaced by newer ones while it was slow, or too large."""
+        """Number of messages that the page did not get: more alerts and answers than may wait, or too large ones.
+
+        Of other topics a page that is slow gets the newest message alone, by design.
+        """
         with self._lock:
-            replaced = 0 if self._connection is None else self._connection.waiting.replaced
-            return self._replaced_before + replaced + self.refused
+            lost = 0 if self._connection is None else self._connection.waiting.lost
+            return self._lost_before + lost + self.refused
 
     def open(self, first: Frame) -> socket.socket:
         """Begin a channel whose first frame is `first`; return the page's end, which the caller closes after the start."""
@@ -172,7 +179,7 @@ class PageChannel:
         with self._lock:
             connection, self._connection = self._connection, None
             if connection is not None:
-                self._replaced_before += connection.waiting.replaced
+                self._lost_before += connection.waiting.lost
         if connection is not None:
             connection.close()
 
