@@ -5,7 +5,7 @@ import {Link} from "./link.js";
 import {ago, degrees, NONE, upwards} from "./number.js";
 import {bigNumber} from "./peak.js";
 import {addSymbols} from "./shapes.js";
-import {followLanguage, text} from "./texts.js";
+import {followLanguage, partName, text} from "./texts.js";
 import {timeWithZone} from "./time.js";
 import {setText} from "./facts.js";
 
@@ -77,7 +77,7 @@ function fill(card, gateway) {
   set(".state strong", text(`word_${gateway.word}`));
   set(".last", gateway.last_alarm === null ? "" : text("last_known", {words: text(`word_${gateway.last_alarm}`)}));
   set(".source", gateway.source);
-  set(".doubt", besides(gateway).filter((word) => word !== gateway.word).map((word) => text(`word_${word}`)).join(", "));
+  set(".doubt", besides(gateway).join(", "));
   fillName(card.querySelector(".name"), gateway);
   const value = bigNumber({sound: true}, {motion: gateway.motion, alert: {active: gateway.causes.alerts}}, {}); // a doubtful motion is not sent
   set(".why", cardSentence(gateway, value));
@@ -87,9 +87,10 @@ function fill(card, gateway) {
 }
 
 // Return what is wrong with a gateway beside the word of its card.
-function besides({authenticated, word, causes}) {
-  const isFaulty = causes.faulty_parts.length > 0 && !GONE.has(word);
-  return [...(authenticated ? [] : ["NOT AUTHENTICATED"]), ...(isFaulty ? ["FAULT"] : [])];
+function besides({authenticated, word, causes: {faulty_parts: parts}}) {
+  const isFaulty = parts.length > 0 && word !== "FAULT" && !GONE.has(word);
+  const faults = isFaulty ? [`${text("word_FAULT")}: ${parts.map(partName).join(", ")}`] : [];
+  return [...(authenticated || word === "NOT AUTHENTICATED" ? [] : [text("word_NOT AUTHENTICATED")]), ...faults];
 }
 
 // The card links to the crane's own page where its address is known.

@@ -71,6 +71,16 @@ def find_constant_axis(force_g: Array, axes: str = "xyz") -> str | None:
     return None
 
 
+UPRIGHT_AXES = {
+    ("x", True): "y,z,x",
+    ("x", False): "z,y,-x",
+    ("y", True): "x,-z,y",
+    ("y", False): "x,z,-y",
+    ("z", False): "x,-y,-z",
+}
+"""Definition: the right-handed axes whose z is the one that reads +1 g (True) or -1 g."""
+
+
 def find_implausible_mean(force_g: Array) -> str | None:
     """Return what the mean shows of a wrong unit or a wrong axes map, or None.
 
@@ -87,8 +97,17 @@ def find_implausible_mean(force_g: Array) -> str | None:
     if not 1.0 - depth - MAX_NORM_ERROR_G < norm_g < 1.0 + depth / 3 + MAX_NORM_ERROR_G:
         return f"the mean specific force is {norm_g:.3f} g, not 1 g: wrong unit or scale"
     if mean_g[2] < norm_g * np.cos(MAX_TILT_RAD):
-        return f"the mean of z is {mean_g[2]:+.3f} g: the housing is not upright on the rope; state its axes (--axes)"
+        return f"the mean of z is {mean_g[2]:+z.3f} g: the housing is not upright on the rope; {_axes_remedy(mean_g)}"
     return None
+
+
+def _axes_remedy(mean_g: Array) -> str:
+    """Return which axes to state, where one of those that were read carries most of the weight."""
+    up = int(np.abs(mean_g).argmax())
+    if abs(mean_g[up]) < np.linalg.norm(mean_g) * np.cos(MAX_TILT_RAD):
+        return "state its axes (--axes)"
+    axes = UPRIGHT_AXES["xyz"[up], bool(mean_g[up] > 0)]
+    return f"{'xyz'[up]} carries {mean_g[up]:+.3f} g: state its axes, of those as they are read now --axes {axes}"
 
 
 def lacks_gravity(force_g: Array) -> bool:

@@ -219,7 +219,7 @@ def test_cards_say_why_in_the_language_of_the_page(
     site.remove("crane-7")
     expect(window.locator("#cards .why")).to_have_text(
         [
-            "Grenzwert 6,0° überschritten. Wird Warnung klar unter 5,4°.",
+            "Grenzwert 6,0° überschritten. Wird zur Warnung, sobald klar unter 5,4°.",
             "Das Gateway wurde beendet oder ist nicht verbunden.",
             "Erwartet, und nie gesehen.",
             "Der Sensor ist nicht kalibriert. Der Winkel kann um mehrere Grad falsch sein.",
@@ -252,7 +252,7 @@ def test_a_card_with_an_alarm_says_that_a_part_is_faulty(
     scene.level, scene.standing_faults = "trip", {"recording": "no space left on device"}
     window = _open(browser, serve())
     expect(window.locator("#cards strong")).to_have_text(["LIMIT"])
-    expect(window.locator("#cards .doubt")).to_have_text(["FAULT"])
+    expect(window.locator("#cards .doubt")).to_have_text(["FAULT: recording"])
     scene.standing_faults = {}
     expect(window.locator("#cards .doubt")).to_have_text([""])
     window.close()

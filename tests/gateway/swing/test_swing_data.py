@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from devices.axes_map import map_axes, parse_axes_map
 from gateway.numerics.stats import smallest_steps
 from gateway.swing.data.bins import bin_samples, concatenate, merge
 from gateway.swing.data.input_checks import (
@@ -94,6 +95,13 @@ def swinging_g() -> NDArray[np.float64]:
 )
 def test_implausible_data_are_reported_with_their_fault(spoil: Callable[..., Any], fault: str) -> None:
     assert fault in present(find_fault(spoil(swinging_g())))
+
+
+@pytest.mark.parametrize("mounted", ["z,x,y", "z,y,-x", "x,-z,y", "x,z,-y", "x,-y,-z"])
+def test_the_axes_that_are_proposed_for_a_housing_that_is_not_upright_mend_it(mounted: str) -> None:
+    force_g = map_axes(swinging_g(), parse_axes_map(mounted))
+    proposed = present(find_fault(force_g)).partition("--axes ")[2]
+    assert find_fault(map_axes(force_g, parse_axes_map(proposed))) is None
 
 
 def test_a_swing_and_a_coarse_sensor_at_rest_have_no_fault() -> None:
