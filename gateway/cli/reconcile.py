@@ -37,10 +37,12 @@ def wants_plan(arguments: argparse.Namespace) -> bool:
     """Return whether a plan is asked for. Raises `InputError` for options that contradict each other."""
     from gateway.errors import InputError
 
-    if arguments.plan is None and arguments.log is None:
+    if arguments.plan is None and not arguments.logs:
         raise InputError("reconcile needs a recording: reconcile LOG --rig RIG; or --plan RIG without one")
-    if arguments.plan is not None and arguments.log is not None:
-        raise InputError(f"reconcile --plan {arguments.plan} reads no recording; leave {arguments.log} or --plan out")
+    if arguments.plan is not None and arguments.logs:
+        raise InputError(
+            f"reconcile --plan {arguments.plan} reads no recording; leave {arguments.logs[0]} or --plan out"
+        )
     if arguments.plan is None and arguments.effects is not None:
         raise InputError("reconcile --effects belongs to --plan RIG; add that, or leave --effects out")
     return arguments.plan is not None
@@ -74,11 +76,11 @@ def run_plan(arguments: argparse.Namespace) -> int:
     "Fit the nominal model to a recording, name the effects that it lacks, and test them on held-out data.",
     EXAMPLE,
     option(
-        "log",
+        "logs",
         type=Path,
-        nargs="?",
+        nargs="*",
         metavar="LOG",
-        help=".mcap of the gateway, or a table: time_s,ax_g,ay_g,az_g, or of another program",
+        help=".mcap files of one gateway, a folder of them, or one table: time_s,ax_g,ay_g,az_g, or of another program",
     ),
     add_interval,
     option("--rig", type=Path, metavar="RIG", help="rig.toml; an .mcap of the gateway contains its own"),
@@ -160,8 +162,8 @@ def run_reconcile(arguments: argparse.Namespace) -> int:
     _check_files(arguments)
     load_user_effects(arguments)
     part, options = interval(arguments), table_options(arguments)
-    found = None if arguments.rig is None else read_rig_of_recording(arguments.rig, [arguments.log], part, options)
-    cut = cut_to_free_swing(read_source([arguments.log], None if found is None else found.rig, part, options))
+    found = None if arguments.rig is None else read_rig_of_recording(arguments.rig, arguments.logs, part, options)
+    cut = cut_to_free_swing(read_source(arguments.logs, None if found is None else found.rig, part, options))
     source, found = cut.source, None if found is None else found.refined_by(cut.source)
     rig = None if found is None else found.rig
     remarks = [*(() if found is None else found.remarks), *(() if cut.free_swing is None else source.remarks[-1:])]
@@ -215,7 +217,7 @@ def _inputs(
 def _check_files(arguments: argparse.Namespace) -> None:
     from gateway.errors import InputError
 
-    if arguments.held_out is not None and arguments.held_out.resolve() == arguments.log.resolve():
+    if arguments.held_out is not None and arguments.held_out.resolve() in [log.resolve() for log in arguments.logs]:
         raise InputError(
             f"--held-out {arguments.held_out}: is LOG itself; leave it out, then the end of LOG is held out"
         )
@@ -227,7 +229,8 @@ def _check_files(arguments: argparse.Namespace) -> None:
             "--write-model": arguments.write_model,
         },
         {
-            "LOG": arguments.log,
+            "LOG": arguments.logs[0],
+            **{f"LOG {path}": path for path in arguments.logs[1:]},
             "--rig": arguments.rig,
             "--held-out": arguments.held_out,
             **{f"--effects-from {path}": path for path in arguments.effects_from},
@@ -278,12 +281,15 @@ def _report(arguments: argparse.Namespace, result: "Reconciliation", runtime_s: 
     from gateway import __version__
     from gateway.twin.report.page import render_report
 
-    computed = {"recording": str(arguments.log)}
+    computed = {"recording": ", ".join(map(str, arguments.logs))}
     computed["rig"] = "from the recording" if arguments.rig is None else str(arguments.rig)
     computed["held out"] = "the recording’s last third" if arguments.held_out is None else str(arguments.held_out)
     if arguments.effects_from:
         computed["effects of the user"] = ", ".join(map(str, arguments.effects_from))
     computed |= {"seed": str(arguments.seed), "time": f"{runtime_s:.1f} s"}
     return render_report(
-        result, title=f"Reconciliation of {arguments.log.name}", software=f"plumbline {__version__}", computed=computed
+        result,
+        title=f"Reconciliation of {arguments.logs[0].name}",
+        software=f"plumbline {__version__}",
+        computed=computed,
     )

@@ -102,15 +102,19 @@ def _judge_windows(source: Source, swings_freely: bool) -> Iterator[ConditionRes
             int(recording.lost_before[block].sum() + recording.unusable_before[block].sum()),
             _turning(source, monitor, block),
         )
-        motion = NOT_KNOWN
         if monitor is not None:
             monitor.update(time_s, force_g, is_clipped, None if source.rate_rad_s is None else source.rate_rad_s[block])
-            estimate = monitor.estimate(float(time_s[-1]))
-            motion = motion_context(estimate, source.housing, is_explained=monitor.is_explained)
-            if swings_freely and motion.state in DRIVEN_STATES:
-                motion = replace(motion, state="free", reasons=())
         if number % BLOCKS_PER_VERDICT == 0:
+            motion = _motion_at(float(time_s[-1]), monitor, source, swings_freely)
             yield judge_condition(window, motion, noise_g, source.permissible_norm_error_g)
+
+
+def _motion_at(time_s: float, monitor: MotionMonitor | None, source: Source, swings_freely: bool) -> MotionContext:
+    if monitor is None:
+        return NOT_KNOWN
+    motion = motion_context(monitor.estimate(time_s), source.housing, is_explained=monitor.is_explained)
+    is_free = swings_freely and motion.state in DRIVEN_STATES
+    return replace(motion, state="free", reasons=()) if is_free else motion
 
 
 def _motion_monitor(source: Source, noise_g: float | None) -> MotionMonitor | None:

@@ -116,6 +116,10 @@ def _rest(terminal: int) -> bytes:
         (["empty.mcap"], "empty.mcap: is empty"),
         (["wrong.csv", "--rig", "rig.toml"], "wrong.csv: which columns are the axes? give --columns X,Y,Z"),
         (["log.csv"], "log.csv: says nothing of its rig; give --rig RIG"),
+        (
+            ["log.csv", "wrong.csv", "--rig", "rig.toml"],
+            "log.csv: cannot be joined with other files; only .mcap files of",
+        ),
         (["log.csv", "--rig", "no_rope.toml"], "no_rope.toml: rope"),
         (["none.csv", "--rig", "rig.toml"], "none.csv: no such file"),
         (["log.csv", "--rig", "rig.toml", "--held-out", "wrong.csv"], "wrong.csv: which columns are the axes?"),

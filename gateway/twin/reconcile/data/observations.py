@@ -63,9 +63,11 @@ def make_upright(force_g: Array) -> Array:
 def estimate_amplitude_rad(time_s: Array, force_g: Array, used: NDArray[np.bool_]) -> float:
     """Return the amplitude at the start of a recording: at a turning point the rope carries cos(amplitude) of the weight.
 
-    This holds wherever the housing is on the rope. Of the samples (n, 3) only those in `used` (n,) count.
+    This holds wherever the housing is on the rope. Of the samples (n, 3) only those in `used` (n,) count; where none of the first
+    ones does, because the crane works, all others tell.
     """
-    return local_amplitude_rad(force_g[used & _is_initial(time_s)])
+    initial = used & _is_initial(time_s)
+    return local_amplitude_rad(force_g[initial if initial.any() else used])
 
 
 def local_amplitude_rad(force_g: Array) -> float:

@@ -196,6 +196,15 @@ def test_an_axis_that_was_not_measured_counts_for_nothing(rig: TwinRig) -> None:
     assert observations.reduced_chi2(simulated_g) == pytest.approx(1, abs=0.1)
 
 
+def test_the_amplitude_of_a_part_that_begins_while_the_crane_works_is_that_of_its_rest() -> None:
+    time_s = np.arange(0, 60, 0.05)
+    angle_rad = 0.3 * np.cos(2 * np.pi * time_s / 5)
+    force_g = np.column_stack([np.sin(angle_rad), 0 * time_s, np.cos(angle_rad)])
+    working = make_observations(time_s, force_g, None, np.full(3, 1e-3))
+    resting = replace(working, used=time_s > 40)
+    assert resting.amplitude_rad == pytest.approx(0.3, abs=0.01)
+
+
 def test_the_amplitude_of_a_long_swing_that_decays_is_large() -> None:
     """A bob on a string from 87 degrees, filmed for 260 s: the mean along the rope changes by more than its line is high."""
     random = np.random.default_rng(4)
