@@ -36,9 +36,9 @@ position_m = 0.56
 odr_hz = 100
 block_samples = 10
 [alerts]
-warn_deg = 7.2
-trip_deg = 7.2
-clear_deg = 7.2
+warn_deg = 1.4
+trip_deg = 1.4
+clear_deg = 1.4
 hold_s = 0
 """
 """A short rope and no hysteresis: a change of an alert every few seconds."""
@@ -280,6 +280,7 @@ def test_the_example_of_the_documentation_prints_the_changes(start_gateway: Star
     assert process.stdout is not None
     lines = (line for line in process.stdout if "raised" in line)
     assert next(lines).startswith(f"{KEY} ")
+    wait_until((tmp_path / "alerts.json").exists, "its position")
     process.kill()
     process.communicate()
     assert KEY in json.loads((tmp_path / "alerts.json").read_text())
