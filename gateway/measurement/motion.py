@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.measurement.axial_check import Contradiction, find_contradiction
 from gateway.measurement.source import Source
 from gateway.motion.estimate import MotionState
 from gateway.motion.gyro_reading import GyroPrior
@@ -37,7 +38,7 @@ CONTRADICTION_SQUARED, CONTRADICTION_SHARE = 9.0, 0.05
 """Squared difference of two angles over its variance that is a contradiction (three sigma), and the share of the time from which
 on a gyroscope is left out. Basis: a choice; chance has 0.3 % beyond three sigma, and a wrong gyroscope most of the time."""
 DOUBTED = (
-    "the smoothed motion is unreliable: it has trolley or bridge accelerate for {:.0f} s without a break, as no crane does; "
+    "it has trolley or bridge accelerate for {:.0f} s without a break, as no crane does; "
     "a load that swings in two ways, or a housing that is not where stated, looks like this"
 )
 BY_SMOOTHING = "largest angle from the smoothed motion, because the crane worked"
@@ -79,6 +80,8 @@ class RecordingMotion:
     """Part of the time at which the angle is known."""
     contradicts_rig: bool = False
     """A free swing shows that rig and sensor are not as stated, on which the motion rests."""
+    contradiction: Contradiction | None = None
+    """A free swing shows that the angles are wrong."""
     uses_gyro: bool | None = None
     """The motion includes a gyroscope; False: its rates contradict the accelerometer; None: there is none."""
 
@@ -95,7 +98,16 @@ class RecordingMotion:
     @property
     def is_doubted(self) -> bool:
         """The motion is unreliable, with its intervals."""
-        return self.contradicts_rig or self.drives_too_long
+        return self.doubt is not None
+
+    @property
+    def doubt(self) -> str | None:
+        """Why the motion is unreliable."""
+        if self.contradicts_rig:
+            return NOT_AS_STATED
+        if self.contradiction is not None:
+            return str(self.contradiction)
+        return DOUBTED.format(self.longest_drive_s) if self.drives_too_long else None
 
     @property
     def drives_too_long(self) -> bool:
@@ -136,7 +148,14 @@ def estimate_source_motion(source: Source, swing: SwingEstimate) -> RecordingMot
     known_share = float(np.isfinite(history.angle_rad).mean())
     contradicts_rig = any(reason.startswith(NOT_AS_STATED) for reason in swing.reasons)
     return RecordingMotion(
-        housing, history, history.phases(), history.largest_angle(), known_share, contradicts_rig, uses_gyro
+        housing,
+        history,
+        history.phases(),
+        history.largest_angle(),
+        known_share,
+        contradicts_rig,
+        find_contradiction(source, housing, history),
+        uses_gyro,
     )
 
 
@@ -181,8 +200,8 @@ def with_smoothed_angle(swing: SwingEstimate, motion: RecordingMotion) -> SwingE
     if unknown_s > MAX_UNKNOWN_PERIODS * motion.housing.small_swing_period_s:
         return swing
     at = int(np.abs(history.time_s - largest.time_s).argmin())
-    if motion.drives_too_long:
-        return replace(swing, reasons=(DOUBTED.format(motion.longest_drive_s), *swing.reasons))
+    if motion.doubt is not None:
+        return replace(swing, reasons=(f"the smoothed motion is unreliable: {motion.doubt}", *swing.reasons))
     azimuth_rad = float(history.azimuth_rad[at])
     return replace(
         swing,
@@ -200,7 +219,7 @@ def motion_json(motion: RecordingMotion) -> dict[str, Any]:
     largest = None
     if motion.largest is not None:
         moved = {"state": motion.state_at_largest, "crane_moved": motion.crane_moved_at_largest}
-        largest = _largest_json(motion.largest) | moved
+        largest = _largest_json(motion, motion.largest) | moved
     return {
         "largest": largest,
         "known_percent": 100 * motion.known_share,
@@ -211,19 +230,21 @@ def motion_json(motion: RecordingMotion) -> dict[str, Any]:
                 "state": phase.state,
                 "from_s": phase.from_s,
                 "to_s": phase.to_s,
-                "largest": None if phase.largest is None else _largest_json(phase.largest),
+                "largest": None if phase.largest is None else _largest_json(motion, phase.largest),
             }
             for phase in motion.phases
         ],
     }
 
 
-def _largest_json(largest: LargestAngle) -> dict[str, Any]:
+def _largest_json(motion: RecordingMotion, largest: LargestAngle) -> dict[str, Any]:
+    """Return an angle; without its uncertainty where the motion is doubted, whose intervals do not hold."""
+    coverage95_deg = [degrees(end_rad) for end_rad in largest.coverage95_rad]
     return {
         "time_s": largest.time_s,
         "angle_deg": degrees(largest.angle_rad),
-        "u_deg": degrees(largest.u_rad),
-        "coverage95_deg": [degrees(end_rad) for end_rad in largest.coverage95_rad],
+        "u_deg": None if motion.is_doubted else degrees(largest.u_rad),
+        "coverage95_deg": None if motion.is_doubted else coverage95_deg,
     }
 
 
@@ -244,8 +265,7 @@ def _largest_text(motion: RecordingMotion) -> str:
     if motion.largest is None or motion.state_at_largest is None:
         return "not known"
     moved = "the crane moved" if motion.crane_moved_at_largest else f"{STATE_TEXT[motion.state_at_largest]}"
-    why = NOT_AS_STATED if motion.contradicts_rig else f"one drive lasts longer than {MAX_DRIVE_S:.0f} s"
-    doubt = f"unreliable, because {why}: " if motion.is_doubted else ""
+    doubt = "unreliable: " if motion.is_doubted else ""
     text = f"{doubt}largest angle {_angle_text(motion, motion.largest)} at {motion.largest.time_s:.1f} s, {moved}"
     if motion.known_share > WHOLLY_KNOWN:
         return text

@@ -1,7 +1,6 @@
 """Detection of sensor faults that no motion of a load explains, in the newest readings of a live stream."""
 
 from collections import deque
-from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from gateway.numerics.array import Array
 from gateway.swing.data.bins import BINS_PER_PERIOD, Bins
 from gateway.swing.data.input_checks import find_constant_axis, find_implausible_mean
 from gateway.swing.detection.dead_axis import WINDOW_PERIODS, DeadAxis, compare_axes, contradiction_u_rel
-from gateway.swing.fit.harmonics import FREQUENCY_SPAN, find_harmonics
+from gateway.swing.fit.harmonics import refine_harmonics
 from gateway.swing.rig import MountedHousing
 
 CONSTANT_S = 3.0
@@ -19,9 +18,6 @@ CONSTANT_S = 3.0
 FEWEST_BINS = BINS_PER_PERIOD // 2
 """Bins before which nothing is judged. Basis: the axial force of a swing repeats after half a period."""
 CHECK_EVERY_BINS = BINS_PER_PERIOD // 3
-SEARCHES = (FREQUENCY_SPAN, (0.94, 1.06), (0.99, 1.01))
-"""Ranges of frequency that are searched one after the other, each relative to the result of the one before. Basis: the last one
-leaves an error of 0.1 %."""
 PERSISTENT = 3
 """Checks in a row that must find an axis silent: one period."""
 
@@ -97,12 +93,9 @@ class FaultDetector:
         bins = Bins(time_s, np.full(len(time_s), self._bin_s / np.sqrt(12)), means_g, count)
         noise_g = self._noise.sigma_g(0.0) * np.sqrt(count.mean())
         # the rope's length by the frequency, which no dead axis changes; that of the filter may be wrong then
-        rig = self._rig
-        for span in SEARCHES:
-            harmonics = find_harmonics(bins, noise_g, rig, span=span)
-            rig = replace(rig, length_m=rig.length_of(2 * np.pi * harmonics.frequency_hz))
-        self._axes.append(compare_axes(harmonics, self._rig, rig.length_m))
-        self._contradictions.append(contradiction_u_rel(harmonics, self._rig, rig.length_m))
+        harmonics, length_m = refine_harmonics(bins, noise_g, self._rig)
+        self._axes.append(compare_axes(harmonics, self._rig, length_m))
+        self._contradictions.append(contradiction_u_rel(harmonics, self._rig, length_m))
 
     @property
     def _silent_axis(self) -> str | None:

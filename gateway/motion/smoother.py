@@ -106,7 +106,7 @@ def _row(moments: Moments, gravity_m_s2: float) -> dict[str, Any]:
     pushing = side + complex(*mean[GUST].tolist())
     angle, length_m = Angle.of(u, covariance[GRAVITY, GRAVITY]), math.exp(mean[LN_LENGTH])
     major, _, _ = ellipse(u + pushing, -w / math.sqrt(gravity_m_s2 / length_m))
-    total = math.sqrt(float(np.trace(covariance[GRAVITY, GRAVITY])))
+    total = float(np.hypot(*sigma[GRAVITY]))
     named = motion_state(moments.weight, major, total, float(mean[HOIST_SPEED]), float(sigma[HOIST_SPEED]))
     known = angle.is_known
     return {

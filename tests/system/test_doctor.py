@@ -2,6 +2,8 @@
 
 import json
 import os
+import subprocess
+import sys
 import tarfile
 from pathlib import Path
 
@@ -9,7 +11,7 @@ import pytest
 
 from gateway.configuration.loading import load
 from gateway.daemon.doctor.checks import examine, examine_sensor_as_user
-from tests.system.conftest import JoinBus, Plumbline, StartGateway
+from tests.system.conftest import ROOT, JoinBus, Plumbline, StartGateway
 
 
 def _config(folder: Path, data_dir: Path, endpoint: str) -> Path:
@@ -36,6 +38,22 @@ def test_doctor_reports_the_state_of_a_running_gateway(
     gateway.process.kill()
     gateway.wait()
     assert "has been running" not in plumbline("doctor", "--config", config).stdout
+
+
+@pytest.mark.slow
+def test_suspended_alerts_are_not_well(
+    start_gateway: StartGateway, join_bus: JoinBus, plumbline: Plumbline, tmp_path: Path
+) -> None:
+    gateway = start_gateway()
+    peer = join_bus(gateway.endpoint)
+    peer.wait_for("calibration")
+    words = ["remote", "recalibrate", "--by", "ann", "--housing-off-rope", "--connect", gateway.endpoint]
+    with subprocess.Popen([sys.executable, "-m", "gateway", *words], cwd=ROOT, stdout=subprocess.DEVNULL) as follower:
+        peer.wait_for("alert", lambda alert: alert["validity"] == "suspended")
+        done = plumbline("doctor", "--config", _config(tmp_path, gateway.data_dir, gateway.endpoint))
+        follower.terminate()
+    assert done.returncode == 1
+    assert "BAD  alerts       swing unknown: SUSPENDED" in done.stdout
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from gateway.bus.authenticity import Authenticity
 from gateway.bus.client import StatusAnswer, open_client_session, query_status
 from gateway.bus.credentials import VARIABLE, gateway_credentials
 from gateway.configuration.model import Configuration
-from gateway.daemon.doctor import CheckResult
+from gateway.daemon.doctor import CheckResult, Grade
 from gateway.errors import InputError, PlumblineError
 from gateway.page.verdict import TRUSTED_CALIBRATIONS
 
@@ -78,6 +78,7 @@ def _report(topics: dict[str, Any]) -> Iterator[CheckResult]:
     if offer := health.get("offer"):
         yield CheckResult("note", "offered", f"record {offer['record']}: {offer['text']}")
     alert = topics.get("alert") or {}
-    yield CheckResult(
-        "good" if alert.get("level") == "normal" else "note", "alerts", alert.get("text") or "not known yet"
-    )
+    grade: Grade = "good" if alert.get("level") == "normal" else "note"
+    if alert.get("validity") == "suspended":
+        grade = "bad"  # nobody is warned until a person ends it
+    yield CheckResult(grade, "alerts", alert.get("text") or "not known yet")

@@ -60,7 +60,7 @@ class ChainVerification:
     extract_of: int | None = None
     """The files are a part of the segments 1 to this one at least; None: nothing says that there are others."""
     is_folder_extract: bool = False
-    """Others may have been removed: the folder was given as a whole, and lacks them."""
+    """Others may have been removed: the folder was given as a whole, and lacks them, or what would tell the newest."""
 
     @property
     def answer(self) -> Answer:
@@ -121,7 +121,8 @@ def verify_chain(
     named = tuple(dict.fromkeys(statement.gateway for _, statement in stated))
     heard, remembered = ([each for each in given if each.gateway in named] for given in (heard, remembered))
     problems += _rewritten(numbered, [*heard, *remembered])
-    states = _read_states(numbered, folders, remarks)
+    states, unproven = _read_states(numbered, folders)
+    remarks += unproven
     deletions = _join_deletions([file for file, _ in stated], states, problems)
     proven = max([0, *(state.final_segment for state in states), *(each.segment for each in heard)])
     newest = max([proven, *(each.segment for each in remembered)])
@@ -147,7 +148,7 @@ def verify_chain(
         key is not None,
         named,
         max(newest, last) if is_part or is_begun_later else None,
-        is_part and bool(entire),
+        (is_part and bool(entire)) or bool(unproven),
     )
 
 
@@ -163,9 +164,9 @@ def _not_given(missing: Sequence[MissingSegments], proven: int) -> Iterator[Miss
             yield replace(each, reason=NOT_GIVEN)
 
 
-def _read_states(numbered: Sequence[FileVerification], folders: Sequence[Path], remarks: list[str]) -> list[ChainState]:
-    """Return what the gateway has saved in the folders; where that is missing, add what it would prove."""
-    states = []
+def _read_states(numbered: Sequence[FileVerification], folders: Sequence[Path]) -> tuple[list[ChainState], list[str]]:
+    """Return what the gateway has saved in the folders, and where that is missing, what cannot be proved without it."""
+    states, unproven = [], []
     for folder in folders:
         try:
             state, reason = read_state(folder), f"{folder}: has no {STATE_NAME}"
@@ -175,8 +176,8 @@ def _read_states(numbered: Sequence[FileVerification], folders: Sequence[Path], 
         if state is not None:
             states.append(state)
         elif any(file.is_final for file in here):
-            remarks.append(f"{reason}: whether segments after {here[-1].segment} were removed cannot be proved")
-    return states
+            unproven.append(f"{reason}: whether segments after {here[-1].segment} were removed cannot be proved")
+    return states, unproven
 
 
 def _join_deletions(

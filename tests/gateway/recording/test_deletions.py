@@ -132,7 +132,7 @@ def test_a_deletion_is_stated_before_the_next_sync(record: Record, start_ns: int
     folder = record(start_ns, segments=8, quota_mb=QUOTA_MB, compacted=False, closed=False)[0].parent
     (folder / "chain.json").unlink()
     code, text, result = verify(capsys, folder)
-    assert (code, result["problems"]) == (0, [])
+    assert (code, result["problems"]) == (3, [])
     assert "deleted by the quota" in text
 
 
