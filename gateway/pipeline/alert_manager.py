@@ -85,7 +85,7 @@ class AlertManager:
         self._readings: dict[str, Reading | None] = dict.fromkeys(self._limits)
         self._why_unknown = "no reading yet"
         self._drift_alarm: str | None = None
-        self._is_disturbed = False
+        self._is_untrusted = False
 
     def judge(
         self,
@@ -94,14 +94,14 @@ class AlertManager:
         why_unknown: str,
         time_s: float,
         drift_alarm: str | None = None,
-        is_disturbed: bool = False,
+        is_untrusted: bool = False,
     ) -> Iterator[AlertChange]:
         """Compare the reading of each rule with its limits; yield one change for each rule whose level has changed.
 
         A known reading counts, whatever the crane does; None or missing: the angle is not known, and `why_unknown` states why.
-        `drift_alarm` is the reason why the calibration can no longer be trusted; None: there is none. Readings that are
-        disturbed count for the levels, and not for the largest angle. A first value that was only an upper bound is corrected
-        by a change of its own.
+        `drift_alarm` is the reason why the calibration can no longer be trusted; None: there is none. Readings that are not
+        trusted count for the levels, and not for the largest angle. A first value that was only an upper bound is corrected by a
+        change of its own.
         """
         self._why_unknown = why_unknown
         before = dict(self._states)
@@ -110,7 +110,7 @@ class AlertManager:
             # before the first value nothing is "normal"
             state = before.setdefault(rule, RuleState("unknown", time_s))
             self._states[rule] = judge(state, None if reading is None else reading.value_rad, limits, time_s)
-        self._drift_alarm, self._is_disturbed = drift_alarm, is_disturbed
+        self._drift_alarm, self._is_untrusted = drift_alarm, is_untrusted
         state = before.setdefault(CALIBRATION_RULE, RuleState("normal", time_s))
         self._states[CALIBRATION_RULE] = judge_alarm(state, is_active=drift_alarm is not None, time_s=time_s)
         yield from self._changes(before, time_s)
@@ -166,7 +166,7 @@ class AlertManager:
                 self._readings.get(rule),
                 limit_rad,
                 time_s,
-                is_disturbed=self._is_disturbed,
+                is_untrusted=self._is_untrusted,
             )
             if event != "standing":
                 found.append((rule, event, incident))

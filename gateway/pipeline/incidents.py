@@ -120,11 +120,11 @@ class IncidentRegister:
         limit_rad: float,
         time_s: float,
         *,
-        is_disturbed: bool = False,
+        is_untrusted: bool = False,
     ) -> tuple[AlertEventKind, Incident | None]:
         """Take the event of a rule and its reading; return the event as it is reported, and its incident.
 
-        A reading that is disturbed can raise an alert, and states no largest angle. A rule that returns to normal clears its
+        A reading that is not trusted can raise an alert, and states no largest angle. A rule that returns to normal clears its
         incident, also from unknown. `limit_rad` is that of the present level.
         """
         incident = self._open.get(rule)
@@ -132,7 +132,7 @@ class IncidentRegister:
             incident = self._raise(rule, incident, reading, limit_rad, time_s)
         if incident is None:
             return event, None
-        incident.add(None if is_disturbed else reading, time_s)
+        incident.add(None if is_untrusted else reading, time_s)
         if level == "normal":
             self._ended.append(self._open.pop(rule))
             return "cleared", incident

@@ -12,6 +12,9 @@ export function highest(alert) {
   return null;
 }
 
+// Return the other alarms of the level of one.
+export const besides = (alert, alarm) => (alert?.active ?? []).filter((one) => one.level === alarm.level && one.rule !== alarm.rule);
+
 // Return the lean that the page shows, in degrees: that of a lean alarm while one stands; null where it is not known.
 export const shownLean = ({alert, motion, swing}) =>
   (alert?.active ?? []).find((one) => one.rule === "lean")?.estimate_deg ?? motion?.lean_deg ?? swing?.lean_deg ?? null;

@@ -38,7 +38,7 @@ export class Bullseye {
     this.moving.replaceChildren();
     if (value !== null && !isLean(value)) this.drawAngle(value, swing);
     this.drawLean(swing);
-    this.drawLoad(motion);
+    if (state.verdict.sound) this.drawLoad(motion);
     if (this.moving.childElementCount === 0) addShape(this.moving, "text", {class: "none", x: 0, y: -8}, text("never"));
     this.svg.classList.toggle("doubtful", !state.verdict.sound);
     this.svg.setAttribute("aria-label", describe(value, swing, state.page.directions));

@@ -1,6 +1,6 @@
 // The operator's sentence: what happens, and what to expect, in two lines at most.
 
-import {highest} from "./alarm.js";
+import {besides, highest} from "./alarm.js";
 import {degrees, isKnown} from "./number.js";
 import {hasText, text} from "./texts.js";
 
@@ -15,7 +15,7 @@ export function sentence(verdict, state, value, keep = asItIs, waitedS = 0) {
   const {motion, alert, calibration} = state.topics;
   const ageS = (topic) => (state.age_s[topic] ?? 0) + waitedS;
   switch (verdict.word) {
-    case "TRIP": case "WARN": return alarmSentence(highest(alert), value, motion, keep, ageS);
+    case "TRIP": case "WARN": return alarmSentence(alert, value, motion, keep, ageS);
     case "SUSPENDED": return text(isActive(calibration?.session) ? "suspended" : "suspended_after");
     case "UNCALIBRATED": return text("uncalibrated");
     case "DISTURBED": return text("disturbed");
@@ -49,21 +49,24 @@ const seenKey = (motion, value) =>
   motion?.state === "rest" && value?.isResting === false ? "free" : SEEN[motion?.state] ?? motion?.state ?? "unknown";
 
 // Return why an alarm stands, and what follows; nothing follows yet where the limit is still to come.
-function alarmSentence(alarm, value, motion, keep, ageS) {
+function alarmSentence(alert, value, motion, keep, ageS) {
+  const alarm = highest(alert);
   if (alarm === null) return "";
   if (!isKnown(alarm.limit_deg)) return text(`${alarm.rule}_alarm`); // the calibration has none
   const cause = causeKey(motion), limit = text(`at_${alarm.level}`, {angle: degrees(alarm.limit_deg)});
   const form = value === null ? "alarm_unknown" : keep("alarm", alarmForm(alarm, value, ageS("motion")));
-  const next = form === "alarm_coming" ? "" : whatFollows(alarm, ageS("alert"));
+  const others = besides(alert, alarm).map(({rule}) => `also_${rule}`).filter(hasText).map((key) => text(key));
+  const next = others.length > 0 ? others.join(" ") : form === "alarm_coming" ? "" : whatFollows(alarm, ageS("alert"));
   return [cause === null ? "" : text(keep("cause", cause)), text(form, {limit}), next].join(" ").trim();
 }
 
 // Return what the number and the largest angle since the alarm began say of its limit.
 function alarmForm(alarm, value, ageS) {
-  if (hasText(`${alarm.rule}_alarm`)) return `${alarm.rule}_alarm`;
-  const isReached = value.angleDeg >= alarm.limit_deg, isComing = value.inS > ageS;
-  if (alarm.largest_deg >= alarm.limit_deg || (isReached && !isComing)) return "alarm_exceeded";
-  return isReached ? "alarm_coming" : "alarm_possible";
+  const isBelow = value.angleDeg + (value.halfDeg ?? 0) < alarm.limit_deg;
+  if (hasText(`${alarm.rule}_alarm`)) return isBelow && hasText(`${alarm.rule}_passed`) ? `${alarm.rule}_passed` : `${alarm.rule}_alarm`;
+  if (alarm.largest_deg >= alarm.limit_deg) return "alarm_exceeded";
+  if (value.angleDeg >= alarm.limit_deg && value.inS > ageS) return "alarm_coming";
+  return isBelow && isKnown(value.halfDeg) ? "alarm_passed" : "alarm_possible";
 }
 
 // Return what follows a level, and when, or below which angle: the gateway compares a part of the uncertainty with it too.

@@ -1,8 +1,8 @@
 // Holds what a text is about for a time, so that it can be read.
 
 const HELD_S = 2;
-const YIELDING = new Set(["rest", "uncertain", "bound", "alarm_coming"]); // not held against a number that denies them
-const PRESSING = "uncertain"; // said at once
+const YIELDING = new Set(["rest", "bound", "alarm_coming"]); // not held against a number that denies them
+const PRESSING = new Set(["uncertain", "alarm_exceeded"]); // said at once
 
 export class Steady {
   constructor(clockS) {
@@ -14,7 +14,7 @@ export class Steady {
   keep = (part, form) => {
     const now = this.clockS();
     const held = this.forms.get(part);
-    if (held !== undefined && held.form !== form && form !== PRESSING && !YIELDING.has(held.form) && now - held.sinceS < HELD_S) return held.form;
+    if (held !== undefined && held.form !== form && !PRESSING.has(form) && !YIELDING.has(held.form) && now - held.sinceS < HELD_S) return held.form;
     if (held?.form !== form) this.forms.set(part, {form, sinceS: now});
     return form;
   };

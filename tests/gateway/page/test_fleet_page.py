@@ -219,7 +219,7 @@ def test_cards_say_why_in_the_language_of_the_page(
     site.remove("crane-7")
     expect(window.locator("#cards .why")).to_have_text(
         [
-            "Grenzwert 6,0° überschritten. Wird zur Warnung, sobald klar unter 5,4°.",
+            "Grenzwert 6,0° überschritten. Warnung erst klar unter 5,4°.",
             "Das Gateway wurde beendet oder ist nicht verbunden.",
             "Erwartet, und nie gesehen.",
             "Der Sensor ist nicht kalibriert. Der Winkel kann um mehrere Grad falsch sein.",

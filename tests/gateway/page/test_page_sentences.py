@@ -37,7 +37,7 @@ def test_a_sentence_keeps_its_form_for_two_seconds(page: PageUnderTest, browser:
 
 ALARM = """([active, value]) => import('/sentence.js').then(({sentence}) =>
   sentence({word: active.level === 'trip' ? 'TRIP' : 'WARN'},
-           {age_s: {alert: 0.4}, topics: {alert: {active: [active]}}}, value && {angleDeg: value[0], inS: value[1]}))"""
+           {age_s: {alert: 0.4}, topics: {alert: {active: [active]}}}, value && {angleDeg: value[0], inS: value[1], halfDeg: value[2]}))"""
 
 SWING = {
     "rule": "swing",
@@ -60,7 +60,9 @@ LEAN = {**SWING, **ENDS, "rule": "lean", "limit_deg": 3.0, "next_below_deg": 2.4
 BECOMES_WARNING = "Becomes a warning clearly below 5.4°."
 ALARMS = [
     ({**SWING, **FALLS}, (8.1, 1.8), "Limit 6.0° about to be exceeded."),
-    ({**SWING, **FALLS}, (6.0, 0.0), f"Limit 6.0° exceeded. {BECOMES_WARNING}"),
+    ({**SWING, **FALLS}, (6.0, 0.0), f"Limit 6.0° may be exceeded. {BECOMES_WARNING}"),
+    ({**SWING, **FALLS}, (5.8, 0.0, 0.3), f"Limit 6.0° may be exceeded. {BECOMES_WARNING}"),
+    ({**SWING, **FALLS}, (5.5, 0.0, 0.3), f"Limit 6.0° may have been exceeded. {BECOMES_WARNING}"),
     ({**SWING, **FALLS}, (5.8, 0.0), f"Limit 6.0° may be exceeded. {BECOMES_WARNING}"),
     ({**LARGE, **FALLS}, (4.1, 1.8), f"Limit 6.0° exceeded. {BECOMES_WARNING}"),
     ({**LARGE, **FALLS, "ends_in_s": 2.5}, (4.1, 0.0), "Limit 6.0° exceeded. Becomes a warning in 3 s."),
@@ -69,7 +71,10 @@ ALARMS = [
     ({**SWING, **FALLS}, None, f"The angle is not known now, and the alarm stays. {BECOMES_WARNING}"),
     (WARNING, (4.4, 0.0), "Warning level 4.0° exceeded. Ends clearly below 3.0°."),
     ({**LEAN, "value_deg": 4.02}, (4.0, 0.0), "The rope leans too far. Limit 3.0°. Ends clearly below 2.4°."),
+    ({**LEAN, "ends_in_s": 1.2}, (2.0, 0.0), "The rope leaned too far. Limit 3.0°. Ends in 1 s."),
 ]
+TWO_ALARMS = """(active) => import('/sentence.js').then(({sentence}) =>
+  sentence({word: 'TRIP'}, {age_s: {}, topics: {alert: {active}}}, {angleDeg: 4.1, inS: 0, halfDeg: 0.3}))"""
 
 
 def test_an_alarm_says_what_its_limit_is_and_what_follows_and_no_second_angle(
@@ -78,6 +83,14 @@ def test_an_alarm_says_what_its_limit_is_and_what_follows_and_no_second_angle(
     screen = Screen(browser, page.url)
     for active, value, expected in ALARMS:
         assert screen.page.evaluate(ALARM, [active, value]) == expected
+
+
+def test_no_end_of_an_alarm_is_told_while_another_of_its_level_stands(page: PageUnderTest, browser: Browser) -> None:
+    screen = Screen(browser, page.url)
+    swing = {**LARGE, **FALLS, "ends_in_s": 1.0}
+    told = screen.page.evaluate(TWO_ALARMS, [swing, {**LEAN, "level": "trip"}])
+    assert told == "Limit 6.0° exceeded. The rope leans too far as well."
+    assert screen.page.evaluate(TWO_ALARMS, [swing, WARNING]) == "Limit 6.0° exceeded. Becomes a warning in 1 s."
 
 
 DOING = """(motion) => import('/sentence.js').then(({sentence}) =>

@@ -38,7 +38,7 @@ class Site:
         in_s: float = 0.0,
         now_deg: float | None = None,
         lean_deg: float | None = 1.0,
-        is_disturbed: bool = False,
+        is_untrusted: bool = False,
     ) -> "Site":
         """Judge the same readings every tenth of a second; `now_deg`: the best estimate of the present angle, +- 0.5 deg."""
         swing = None if swing_deg is None else Reading(math.radians(swing_deg), in_s)
@@ -49,7 +49,7 @@ class Site:
         for _ in range(round(seconds / STEP_S)):
             readings = {"swing": swing, "lean": lean}
             self.changes += self.manager.judge(
-                readings, why_unknown="no angle", time_s=self.now_s, is_disturbed=is_disturbed
+                readings, why_unknown="no angle", time_s=self.now_s, is_untrusted=is_untrusted
             )
             self.now_s += STEP_S
         return self
@@ -74,9 +74,9 @@ def test_a_trip_steps_down_and_clears() -> None:
     ]
 
 
-def test_a_disturbed_time_raises_an_alert_and_states_no_largest_angle() -> None:
-    site = Site().feed(1.0).feed(6.5, now_deg=6.2).feed(13.0, now_deg=12.0, is_disturbed=True)
-    site.feed(20.0, 3.0, now_deg=19.0, is_disturbed=True).feed(6.5, now_deg=6.1)
+def test_an_untrusted_time_raises_an_alert_and_states_no_largest_angle() -> None:
+    site = Site().feed(1.0).feed(6.5, now_deg=6.2).feed(13.0, now_deg=12.0, is_untrusted=True)
+    site.feed(20.0, 3.0, now_deg=19.0, is_untrusted=True).feed(6.5, now_deg=6.1)
     active = site.active()
     assert active.level == "trip"
     assert active.largest_deg == pytest.approx(6.2)
