@@ -73,6 +73,11 @@ async def check_refusals(site: OpcuaSite) -> None:
             await site.connect(**arguments)
     with pytest.raises(ua.UaError, match="No matching endpoints"):
         await Client(site.url).connect()
+    site.trust("stranger")  # the folder counts at each new link
+    await (await site.connect("stranger")).disconnect()
+    with pytest.raises((ua.UaStatusCodeError, ua.UaError)):
+        await site.connect()
+    site.trust("scada")
 
 
 def serve(bridge: RunningBridge, consuming: Coroutine[None, None, None]) -> str:
