@@ -16,9 +16,8 @@ from collections.abc import Callable
 
 from gateway.bridge.plant_snapshot import PlantSnapshot
 from gateway.bridge.plant_values import PLANT_VALUES, PlantValue
-from gateway.bridge.settings import ModbusSection
+from gateway.bridge.settings import ModbusSection, cannot_listen
 from gateway.configuration.section import host_and_port
-from gateway.errors import InputError
 
 log = logging.getLogger("plumbline.modbus")
 LOOK_S = 0.1
@@ -65,9 +64,7 @@ class ModbusServer:
         try:
             server = await asyncio.start_server(self._accept, host, port, limit=MOST_WAITING_BYTES)
         except OSError as error:
-            raise InputError(
-                f"{self._section.listen} cannot be used ({error.strerror}); change modbus.listen"
-            ) from error
+            raise cannot_listen("modbus.listen", self._section.listen, error) from error
         started()
         try:
             async with asyncio.TaskGroup() as tasks:
