@@ -16,7 +16,8 @@ KEY = "plumbline/v1/yard/crane-1/hook"
     ("toml", "why"),
     [
         ("[modbuss]\n", "modbuss: unknown key; did you mean modbus?"),
-        ("[modbus]\nport = 502\n", "modbus.port: unknown key; known are listen, max_connections, idle_s"),
+        ("[modbus]\nport = 502\n", "modbus.port: unknown key; known are listen, clients, max_connections, idle_s"),
+        ('[modbus]\nclients = ["10.0.0.7/8"]\n', "modbus.clients.0: 10.0.0.7/8 has host bits set"),
         ("\ufeff[modbus]\nidle_s = 0\n", "modbus.idle_s: Input should be greater than 0"),
         ('[mqtt]\nposition_file = "{folder}/nowhere/position.json"\n', "/nowhere is no folder; make it"),
         ('[modbus]\nlisten = "5020"\n', "modbus.listen: 5020 is not an address with a port"),
