@@ -75,7 +75,7 @@ def encode_alert(event: AlertEvent) -> bytes:
     return json.dumps({"missed": None if missed is None else {"first": missed.first, "last": missed.last}}).encode()
 
 
-STATE = "state"
+STATE, BATTERY = "state", "battery_percent"
 SHOWN: dict[str, tuple[str, dict[str, object]]] = {
     "angle_deg": (
         "Angle",
@@ -87,7 +87,7 @@ SHOWN: dict[str, tuple[str, dict[str, object]]] = {
     ),
     "level": ("Level", {"device_class": "enum", "options": list(LEVEL_CODES)}),
     STATE: ("State", {"device_class": "enum", "options": list(STATE_CODES)}),
-    "battery_percent": ("Battery", {"unit_of_measurement": "%", "device_class": "battery"}),
+    BATTERY: ("Battery", {"unit_of_measurement": "%", "device_class": "battery"}),
     "calibration_age_days": (
         "Calibration age",
         {"unit_of_measurement": "d", "device_class": "duration", "suggested_display_precision": 0},
@@ -100,12 +100,14 @@ NODE_NAMES = {"/": "_-", "_": "__", ".": "_d"}
 """How Home Assistant, which knows letters, digits, '_' and '-', is told the rest, so that no two gateways have one id."""
 
 
-def discovery(topics: MqttTopics, prefix: str) -> dict[str, bytes]:
-    """Return the retained messages by which Home Assistant finds the entities, by topic."""
+def discovery(topics: MqttTopics, prefix: str, *, has_battery: bool) -> dict[str, bytes]:
+    """Return the retained messages by which Home Assistant finds the entities, by topic; a wired sensor has no battery."""
     node = "plumbline_" + "".join(NODE_NAMES.get(each, each) for each in topics.place)
     device = {"identifiers": [topics.key], "name": topics.place, "manufacturer": "Plumbline"}
     found = {}
     for name, (title, kind) in SHOWN.items():
+        if name == BATTERY and not has_battery:
+            continue
         entity = {
             "name": title,
             "unique_id": f"{topics.key}/{name}",

@@ -62,7 +62,7 @@ class MqttPublisher:
         """Begin to connect. Raises `InputError` for files that cannot be used."""
         self._section, self._topics, self._snapshot, self._alerts = section, topics, snapshot, alerts
         self._is_v5 = section.version == "5"
-        self._connected, self._greet = False, False
+        self._connected = self._greet = self._has_battery = False
         self._connected_s = float("-inf")
         self._acknowledged: dict[int, ReasonCode] = {}
         """What the broker has answered to a message, by its number."""
@@ -194,10 +194,15 @@ class MqttPublisher:
         """Publish what a broker that has lost its memory needs. A refusal of the first state shows in the log."""
         self._refused.clear()
         self._put(self._topics.state, encode_state(PlantSnapshot(state=PlantState.NO_DATA)), qos=1)
-        if self._section.home_assistant is not None:
-            for topic, payload in discovery(self._topics, self._section.home_assistant).items():
-                self._put(topic, payload, qos=1, expires=False)
+        self._announce()
         self._published_s = float("-inf")
+
+    def _announce(self) -> None:
+        """Let Home Assistant find the entities."""
+        if self._section.home_assistant is not None:
+            found = discovery(self._topics, self._section.home_assistant, has_battery=self._has_battery)
+            for topic, payload in found.items():
+                self._put(topic, payload, qos=1, expires=False)
 
     def _deliver(self, now_s: float) -> None:
         """Send the oldest change, and note it when the broker has taken it: at most one is on its way, so that none overtakes."""
@@ -228,6 +233,9 @@ class MqttPublisher:
     def _publish_state(self, now_s: float) -> None:
         """Publish a new state at once and a new reading when it is due; not while the broker takes nothing."""
         snapshot = self._snapshot()
+        if snapshot.battery_percent is not None and not self._has_battery:
+            self._has_battery = True
+            self._announce()
         word = (snapshot.state, snapshot.level, snapshot.active_alerts, snapshot.alert_number)
         is_due = now_s - self._published_s >= self._section.interval_s
         if (is_due or word != self._published) and not self._client.want_write():
