@@ -90,7 +90,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     """Return the content of a TOML file. Raises `OSError`, and `ValueError`, which says that the file is none, and why."""
     content = read_bounded(path, MAX_TOML_BYTES)
     try:
-        return parse_toml(content.decode())
+        return parse_toml(content.decode("utf-8-sig"))  # some editors begin a text with a byte order mark
     except UnicodeDecodeError:
         raise ValueError("is not UTF-8 text; a TOML file is needed") from None
     except ValueError as error:

@@ -1,9 +1,9 @@
-"""What is known of a gateway, from link, liveliness and the last alert message: pure; time and patience are arguments."""
+"""What is known of a gateway, from link, liveliness, any sign of life and the last alert message: pure; time is an argument."""
 
 from dataclasses import dataclass
 from enum import StrEnum
 
-from gateway.messages import Alert, Validity
+from gateway.messages import Alert, Message, Validity
 
 HEARTBEAT_S = 1.0
 """Longest usual interval between two messages of the alerts, and of the gateway's health. Definition: the period at which both
@@ -44,23 +44,36 @@ class GatewayPresence:
     """By its liveliness token; None: nothing is known of it."""
     alert: Alert | None = None
     """The last alert message."""
-    heard_s: float = float("-inf")
+    alert_s: float = float("-inf")
     """Time of its arrival."""
+    heard_s: float = float("-inf")
+    """Time at which any message of it arrived last: one whose sensor is silent sends its health."""
     connected_s: float = float("-inf")
     """Time at which the link was there first, or again."""
 
-    def hear(self, alert: Alert, now_s: float) -> None:
-        """Take an alert message."""
-        self.alert, self.heard_s = alert, now_s
+    @property
+    def was_there(self) -> bool:
+        """Whether anything was ever known of it."""
+        return self.is_alive is not None or self.heard_s > float("-inf")
+
+    def hear(self, message: Message, now_s: float) -> None:
+        """Take a message that counts as the gateway's own."""
+        self.heard_s = now_s
+        if isinstance(message, Alert):
+            self.alert, self.alert_s = message, now_s
+
+    def forget(self) -> None:
+        """Forget what came: it may have been forged."""
+        self.alert = None
+        self.alert_s = self.heard_s = float("-inf")
 
     def judge(self, now_s: float, patience_s: float, *, is_linked: bool) -> GatewayState:
         """Return the present state; `is_linked`: somebody is connected, the gateway or a router."""
         if not is_linked:
             return GatewayState.LINK_GONE
-        is_late = is_overdue(now_s - self.heard_s, patience_s)
-        if self.is_alive is False or (is_late and is_overdue(now_s - self.connected_s, patience_s)):
+        if self.is_alive is False or is_overdue(now_s - max(self.heard_s, self.connected_s), patience_s):
             return GatewayState.GATEWAY_GONE
-        if is_late or self.alert is None:
+        if self.alert is None or is_overdue(now_s - self.alert_s, patience_s):
             return GatewayState.NOT_KNOWN
         return stated_state(self.alert)
 

@@ -11,7 +11,7 @@ from gateway.cli.main import parser
 from tests.drawings import bench_setups
 from tests.drawings.clamp import clamp_drawing
 from tests.drawings.mounting import mounting_picture
-from tests.generated_configuration import configuration_page
+from tests.generated_configuration import bridge_settings_page, configuration_page
 from tests.generated_effects import effects_page
 from tests.generated_plant import plant_values_page
 
@@ -87,6 +87,7 @@ def _examples(epilog: str) -> list[str]:
 
 
 PAGES: dict[str, Callable[[], str]] = {
+    "reference/bridge_settings.md": bridge_settings_page,
     "reference/commands.md": commands_page,
     "reference/configuration.md": configuration_page,
     "reference/effects.md": effects_page,

@@ -1,5 +1,6 @@
 """The link of a bridge to its gateway: it is sought again for ever, and asked at any time what is known."""
 
+import logging
 import threading
 import time
 from collections.abc import Sequence
@@ -8,13 +9,14 @@ from datetime import UTC, datetime
 import zenoh
 
 from gateway.bridge.heard_messages import READ_TOPICS, HeardMessages
-from gateway.bridge.plant_snapshot import PlantSnapshot
+from gateway.bridge.plant_snapshot import STATE_CODES, PlantSnapshot, PlantState
 from gateway.bus.alert_receiver import AlertReceiver
 from gateway.bus.credentials import Credentials
 from gateway.bus.fleet_client import FleetClient
 from gateway.bus.fleet_inbox import FleetBatch, FleetInbox
 from gateway.bus.session import UnreachableError
 
+log = logging.getLogger("plumbline.bridge")
 RETRY_S = 0.5
 """Pause before the next attempt to connect. Basis: a choice; a gateway that starts is found at once, and it costs little."""
 LINK_LOOK_S = 0.1
@@ -45,6 +47,7 @@ class GatewayReader:
         self._lock = threading.Lock()
         self._closing = threading.Event()
         self._linked = False
+        self._state: PlantState | None = None
         self._looked_s = float("-inf")
         self._client: FleetClient | None = None
         self._seeker = threading.Thread(target=self._seek, name="bridge-link", daemon=True)
@@ -61,7 +64,11 @@ class GatewayReader:
                     client.request_latest()  # the calibration comes every ten seconds only
             batch = FleetBatch() if client is None else client.receive()
             self._heard.take(batch, now_s, is_linked=self._linked)
-            return self._heard.snapshot(time.monotonic(), datetime.now(UTC))
+            snapshot = self._heard.snapshot(time.monotonic(), datetime.now(UTC))
+            if snapshot.state is not self._state:
+                self._state = snapshot.state
+                log.info("%s: %s: %s", self.key, snapshot.state, STATE_CODES[snapshot.state].meaning)
+            return snapshot
 
     def receive_alerts(self, position: str) -> AlertReceiver:
         """Return a receiver of the alerts behind a position, over the same link. Raises `InputError` for one that is none."""

@@ -14,6 +14,7 @@ from gateway.bus.fleet_inbox import FleetArrival, FleetBatch
 from gateway.gateway_state import GatewayPresence, is_overdue
 from gateway.messages import Alert, Calibration, Health, Level, Message, Motion
 from gateway.messages.calibration import created_utc
+from gateway.messages.header import ReasonCode
 from gateway.motion.estimate import MotionEstimate, PeakEstimate
 from gateway.numerics.stats import NORMAL_975
 from gateway.topics import adapter
@@ -26,6 +27,7 @@ HEALTH_PATIENCE_S = 2.0
 """Battery and source are not known when the next health message is overdue by this time. Basis: three are missing."""
 HEARTBEATS = 65_536
 """Definition: the numbers of a register."""
+WITHOUT_SAMPLES: ReasonCode = "no_samples"
 ALARMS: tuple[Level, ...] = ("warn", "trip")
 IDENTITY_FAULT = "identity"
 """The standing fault of a gateway that hears another one of its name."""
@@ -86,13 +88,13 @@ class HeardMessages:
         except ValidationError:
             self.invalid += 1
             return False
+        if arrival.live:
+            self._presence.hear(message, arrival.at_s)
         match message:
-            case Motion() if arrival.live:  # a repeated one must not look fresh
-                if self._reading is not None and message.time_ns == self._reading.motion.time_ns:
+            case Motion() if arrival.live:
+                if not self._is_new(message):
                     return False
                 self._reading = _Reading(message, arrival.at_s)
-            case Alert() if arrival.live:
-                self._presence.hear(message, arrival.at_s)
             case Health() if arrival.live or self._health is None:
                 self._health = message
                 self._health_s = arrival.at_s if arrival.live else self._health_s
@@ -106,34 +108,44 @@ class HeardMessages:
         """Return whether a message counts as the gateway's own."""
         if doubt is None and not self._is_signed:  # what came before may have been forged
             self._is_signed = True
-            self._presence.alert, self._presence.heard_s = None, -math.inf
+            self._presence.forget()
             self._reading = self._health = self._calibration = None
         return doubt is None or (self._allow_unsigned and not self._is_signed and doubt.kind == "unsigned")
 
     def _judge(self, now_s: float) -> PlantState:
         """Return the one word that decides whether the measured values are known."""
         stated = STATED[self._presence.judge(now_s, PATIENCE_S, is_linked=self._linked)]
-        if stated in UNHEARD:
-            return stated if stated is PlantState.LINK_GONE else self._doubted(now_s, stated)
+        if stated is PlantState.LINK_GONE:
+            return stated
+        if stated is PlantState.GATEWAY_GONE:
+            return self._doubted(now_s, stated if self._presence.was_there else PlantState.NO_DATA)
         health = self._current_health()
-        if self._presence.alert is None or health is None:
-            return self._doubted(now_s, PlantState.NO_DATA)
+        if health is None:
+            # a gateway whose sensor was never there sends its health alone
+            has_had_time = self._presence.alert is None and is_overdue(now_s - self._presence.connected_s, PATIENCE_S)
+            is_alone = has_had_time and self._health is not None
+            return PlantState.STALE if is_alone else self._doubted(now_s, PlantState.NO_DATA)
         if IDENTITY_FAULT in health.standing_faults:
             return PlantState.DUPLICATE
         if stated is PlantState.FINE and not self._demonstration:
             stated = WITHOUT_SENSOR.get(_kind(self._presence.alert, health), stated)
-        return self._judge_reading(now_s) if stated is PlantState.FINE else stated
+        if stated in (PlantState.FINE, PlantState.NOT_KNOWN) and self._is_stale(now_s):
+            return PlantState.STALE
+        is_known = self._reading is not None and _known(self._reading.motion.angle_deg) is not None
+        return PlantState.NOT_KNOWN if stated is PlantState.FINE and not is_known else stated
 
     def _doubted(self, now_s: float, unheard: PlantState) -> PlantState:
         """Return the state where nothing is heard that counts as the gateway's own."""
         is_doubted = self._doubt is not None and self._doubt[0].kind != "unproved" and now_s - self._doubt[1] <= DOUBT_S
         return PlantState.NOT_AUTHENTICATED if is_doubted else unheard
 
-    def _judge_reading(self, now_s: float) -> PlantState:
-        """Return the state by the newest reading, where nothing else speaks against it."""
-        if self._reading is None or now_s - self._reading.at_s > MAX_READING_AGE_S:
-            return PlantState.STALE
-        return PlantState.FINE if _known(self._reading.motion.angle_deg) is not None else PlantState.NOT_KNOWN
+    def _is_new(self, motion: Motion) -> bool:
+        """Return whether a motion has a new sample behind it: a gateway without samples repeats that it knows nothing."""
+        is_repeated = self._reading is not None and motion.time_ns == self._reading.motion.time_ns
+        return not is_repeated and WITHOUT_SAMPLES not in (motion.reason_codes or ())
+
+    def _is_stale(self, now_s: float) -> bool:
+        return self._reading is None or now_s - self._reading.at_s > MAX_READING_AGE_S
 
     def _current_health(self) -> Health | None:
         """Return the last health message; None where it is of another start than the alerts: its source may be another one."""
@@ -148,19 +160,22 @@ class HeardMessages:
         reading, alert = self._reading, self._presence.alert
         known: dict[str, Any] = {}
         if state not in UNHEARD:
-            known |= self._stated(state, now_s, now_utc)
+            known |= self._stated(now_s, now_utc)
         if state is PlantState.FINE and reading is not None:
             known |= _measured(reading.motion)
+        level = _level(alert, state)
+        if alert is not None and level != "unknown":
+            known["active_alerts"] = sum(each.level in ALARMS for each in alert.active)
         return PlantSnapshot(
             state=state,
             heartbeat=self._heartbeat,
             age_s=None if reading is None else max(0.0, now_s - reading.at_s),
             sample_time_ns=None if reading is None else reading.motion.time_ns,
-            level=_level(alert, state),
+            level=level,
             **known,
         )
 
-    def _stated(self, state: PlantState, now_s: float, now_utc: datetime) -> dict[str, Any]:
+    def _stated(self, now_s: float, now_utc: datetime) -> dict[str, Any]:
         """Return what a gateway that is heard says of itself."""
         alert, health, calibration = self._presence.alert, self._current_health(), self._calibration
         created = None if calibration is None else created_utc(calibration)
@@ -174,7 +189,6 @@ class HeardMessages:
             known |= {"battery_percent": _known(health.battery_percent), "battery_v": _known(health.battery_v)}
         if alert is not None:
             known |= {"alert_number": alert.alert_number, "boot_id": alert.boot_id}
-            known["active_alerts"] = None if state in WITHOUT_SENSOR.values() else len(alert.active)
         return known
 
 

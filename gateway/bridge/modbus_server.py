@@ -13,12 +13,12 @@ import socket
 import struct
 import time
 from collections.abc import Callable
+from ipaddress import IPv6Address, ip_address, ip_network
 
 from gateway.bridge.plant_snapshot import PlantSnapshot
 from gateway.bridge.plant_values import PLANT_VALUES, PlantValue
-from gateway.bridge.settings import ModbusSection
+from gateway.bridge.settings import ModbusSection, cannot_listen
 from gateway.configuration.section import host_and_port
-from gateway.errors import InputError
 
 log = logging.getLogger("plumbline.modbus")
 LOOK_S = 0.1
@@ -56,6 +56,9 @@ class ModbusServer:
         self._section, self._snapshot = section, snapshot
         self._used_s: dict[asyncio.StreamWriter, float] = {}
         """Connections, and when each has sent its last request."""
+        self._allowed = None if section.clients is None else [ip_network(each) for each in section.clients]
+        self._strangers = 0
+        """Connections that were refused because of their address."""
         self._is_full = False
         """Whether the log has said so since the last connection that was taken."""
 
@@ -65,9 +68,7 @@ class ModbusServer:
         try:
             server = await asyncio.start_server(self._accept, host, port, limit=MOST_WAITING_BYTES)
         except OSError as error:
-            raise InputError(
-                f"{self._section.listen} cannot be used ({error.strerror}); change modbus.listen"
-            ) from error
+            raise cannot_listen("modbus.listen", self._section.listen, error) from error
         started()
         try:
             async with asyncio.TaskGroup() as tasks:
@@ -86,6 +87,8 @@ class ModbusServer:
     async def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         peer = writer.get_extra_info("peername")
         try:
+            if not self._is_allowed(peer[0]):
+                return
             if not self._make_room():
                 if not self._is_full:
                     log.warning("%s is refused: %d connections are in use", peer, len(self._used_s))
@@ -101,6 +104,17 @@ class ModbusServer:
         finally:
             self._used_s.pop(writer, None)
             writer.transport.abort()
+
+    def _is_allowed(self, address: str) -> bool:
+        """Return whether an address may connect; others are counted, and the log says so at 1, 10, 100 of them."""
+        given = ip_address(address.partition("%")[0])
+        plain = (given.ipv4_mapped or given) if isinstance(given, IPv6Address) else given
+        if self._allowed is None or any(plain in network for network in self._allowed):
+            return True
+        self._strangers += 1
+        if f"{self._strangers}".strip("0") == "1":
+            log.warning("%s is refused: it is not among modbus.clients (%d so far)", address, self._strangers)
+        return False
 
     def _make_room(self) -> bool:
         """Return whether one more connection may be held; the one that is idle for the longest time makes room for it."""

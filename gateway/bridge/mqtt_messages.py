@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from gateway.bridge.plant_snapshot import UNHEARD, PlantSnapshot
+from gateway.bridge.plant_snapshot import LEVEL_CODES, STATE_CODES, UNHEARD, PlantSnapshot
 from gateway.bridge.plant_values import PLANT_VALUES
 from gateway.bus.alert_receiver import AlertReceiver
 from gateway.bus.alert_sequence import AlertEvent
@@ -75,13 +75,19 @@ def encode_alert(event: AlertEvent) -> bytes:
     return json.dumps({"missed": None if missed is None else {"first": missed.first, "last": missed.last}}).encode()
 
 
+STATE, BATTERY = "state", "battery_percent"
 SHOWN: dict[str, tuple[str, dict[str, object]]] = {
     "angle_deg": (
         "Angle",
         {"unit_of_measurement": "°", "suggested_display_precision": 1, "state_class": "measurement"},
     ),
-    "level": ("Level", {"device_class": "enum", "options": ["unknown", "normal", "warn", "trip"]}),
-    "battery_percent": ("Battery", {"unit_of_measurement": "%", "device_class": "battery"}),
+    "angle_u95_deg": (
+        "Angle, half of the 95 % interval",
+        {"unit_of_measurement": "°", "suggested_display_precision": 1, "entity_category": "diagnostic"},
+    ),
+    "level": ("Level", {"device_class": "enum", "options": list(LEVEL_CODES)}),
+    STATE: ("State", {"device_class": "enum", "options": list(STATE_CODES)}),
+    BATTERY: ("Battery", {"unit_of_measurement": "%", "device_class": "battery"}),
     "calibration_age_days": (
         "Calibration age",
         {"unit_of_measurement": "d", "device_class": "duration", "suggested_display_precision": 0},
@@ -90,23 +96,30 @@ SHOWN: dict[str, tuple[str, dict[str, object]]] = {
 """Names and kinds of the entities in Home Assistant, by value. Definition: its MQTT discovery."""
 
 
-def discovery(topics: MqttTopics, prefix: str) -> dict[str, bytes]:
-    """Return the retained messages by which Home Assistant finds the entities, by topic."""
-    node = "plumbline_" + "".join(each if each.isalnum() else "_" for each in topics.place)
+NODE_NAMES = {"/": "_-", "_": "__", ".": "_d"}
+"""How Home Assistant, which knows letters, digits, '_' and '-', is told the rest, so that no two gateways have one id."""
+
+
+def discovery(topics: MqttTopics, prefix: str, *, has_battery: bool) -> dict[str, bytes]:
+    """Return the retained messages by which Home Assistant finds the entities, by topic; a wired sensor has no battery."""
+    node = "plumbline_" + "".join(NODE_NAMES.get(each, each) for each in topics.place)
     device = {"identifiers": [topics.key], "name": topics.place, "manufacturer": "Plumbline"}
     found = {}
     for name, (title, kind) in SHOWN.items():
+        if name == BATTERY and not has_battery:
+            continue
         entity = {
             "name": title,
             "unique_id": f"{topics.key}/{name}",
             "state_topic": topics.state,
             "value_template": f"{{{{ value_json.{name} }}}}",
-            "availability_topic": topics.state,
-            "availability_template": "{{ 'online' if value_json.available else 'offline' }}",
             "expire_after": EXPIRE_AFTER_S,
             "device": device,
             **kind,
         }
+        if name != STATE:  # it says why the others are not available
+            entity["availability_topic"] = topics.state
+            entity["availability_template"] = "{{ 'online' if value_json.available else 'offline' }}"
         found[f"{prefix}/sensor/{node}/{name}/config"] = json.dumps(entity).encode()
     return found
 

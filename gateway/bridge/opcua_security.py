@@ -2,7 +2,6 @@
 
 import hmac
 import logging
-from pathlib import Path
 
 from asyncua import Server, ua
 from asyncua.common.utils import ServiceError
@@ -13,6 +12,7 @@ from asyncua.crypto.validator import CertificateValidator, CertificateValidatorO
 from asyncua.server.address_space import MethodService
 from cryptography import x509
 
+from gateway.bridge.opcua_certificate import check_identity, load_x509
 from gateway.bridge.settings import OpcuaSection
 from gateway.errors import InputError
 
@@ -88,18 +88,21 @@ async def secure(server: Server, section: OpcuaSection, users_of: TrustStore) ->
     """Let a server take encrypted links of trusted applications and named users alone. Raises `InputError`."""
     if section.certificate is None or section.key is None:
         raise InputError("opcua.certificate and opcua.key are needed: a certificate of this server with an RSA key")
+    uri = check_identity(section.certificate, section.key)
     try:
         await users_of.load()
-        await server.load_certificate(section.certificate)
-        await server.load_private_key(section.key)
     except (OSError, ValueError) as error:
-        raise InputError(f"opcua: certificate, key, trusted or revoked cannot be used: {error}") from error
+        raise InputError(f"opcua.revoked: {section.revoked} has a file that is no revocation list: {error}") from error
+    await server.load_certificate(section.certificate)
+    await server.load_private_key(section.key)
+    await server.set_application_uri(uri)
     server.set_security_policy(POLICIES, permission_ruleset=SimpleRoleRuleset())
     server.set_identity_tokens([ua.X509IdentityToken, ua.UserNameIdentityToken])
     checker = CertificateValidator(CHECKED, users_of)
 
     async def validate(certificate: x509.Certificate, application: ua.ApplicationDescription) -> None:
         try:
+            await _read_again(users_of)
             await checker.validate(certificate, application)
         except ServiceError as error:
             log.warning(
@@ -108,24 +111,26 @@ async def secure(server: Server, section: OpcuaSection, users_of: TrustStore) ->
             raise
 
     server.set_certificate_validator(validate)
-    if (uri := _application_uri(section.certificate)) is not None:
-        await server.set_application_uri(uri)
 
 
 def trust_store(section: OpcuaSection) -> TrustStore:
     """Return the store of the certificates in the folders of the settings; it is loaded later. Raises `InputError`."""
     if section.trusted is None or not section.trusted.is_dir():
         raise InputError("opcua.trusted is needed: a folder with the certificates of the clients, or of their CA")
+    files = [each for each in sorted(section.trusted.glob("*.*")) if each.suffix.lower() in (".der", ".pem")]
+    if not files:
+        raise InputError(
+            f"opcua.trusted: {section.trusted} has no certificate (*.der, *.pem) of a client, or of its CA; put one there"
+        )
+    for each in files:
+        load_x509(each, "opcua.trusted")
     return TrustStore([section.trusted], [] if section.revoked is None else [section.revoked])
 
 
-def _application_uri(certificate: Path) -> str | None:
-    """Return the name of the application in a certificate, which clients compare with the server's."""
-    content = certificate.read_bytes()
+async def _read_again(users_of: TrustStore) -> None:
+    """Read the folders anew: who was taken out of them is refused. Raises `ServiceError` where they cannot be read."""
     try:
-        is_text = content.lstrip().startswith(b"-----")
-        loaded = x509.load_pem_x509_certificate(content) if is_text else x509.load_der_x509_certificate(content)
-        names = loaded.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
-    except (ValueError, x509.ExtensionNotFound):
-        return None
-    return next(iter(names.get_values_for_type(x509.UniformResourceIdentifier)), None)
+        await users_of.load()
+    except (OSError, ValueError) as error:
+        log.error("opcua.trusted, revoked: nobody is trusted: %s", error)
+        raise ServiceError(ua.StatusCodes.BadCertificateUntrusted) from error

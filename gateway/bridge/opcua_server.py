@@ -13,11 +13,10 @@ from gateway.bridge.opcua_security import COMMANDS, PlantUsers, ReadingMethods, 
 from gateway.bridge.opcua_values import NAMESPACE, OpcuaAlerts, data_value, engineering_unit, is_measured
 from gateway.bridge.plant_snapshot import BRIDGE_GONE, PlantSnapshot, PlantState
 from gateway.bridge.plant_values import PLANT_VALUES, PlantValue
-from gateway.bridge.settings import OpcuaSection, read_password
+from gateway.bridge.settings import OpcuaSection, cannot_listen, read_password
 from gateway.bus.alert_receiver import AlertReceiver
 from gateway.bus.alert_sequence import AlertEvent
 from gateway.configuration.section import host_and_port, written
-from gateway.errors import InputError
 from gateway.topics import KEY_PREFIX
 
 STEP_S = 0.1
@@ -55,7 +54,7 @@ class OpcuaServer:
         try:
             await server.start()
         except OSError as error:
-            raise InputError(f"{section.listen} cannot be used ({error.strerror}); change opcua.listen") from error
+            raise cannot_listen("opcua.listen", section.listen, error) from error
         started()
         try:
             async with asyncio.TaskGroup() as tasks:

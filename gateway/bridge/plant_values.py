@@ -68,7 +68,11 @@ PLANT_VALUES: tuple[PlantValue, ...] = (
         unit="ms",
     ),
     PlantValue(name="level", meaning="highest level of the alerts", register=4, high=3, codes=LEVEL_CODES),
-    PlantValue(name="active_alerts", meaning="number of active alerts", register=5),
+    PlantValue(
+        name="active_alerts",
+        meaning="number of warnings and alarms that stand; not known where the level is unknown",
+        register=5,
+    ),
     _angle("angle_deg", 6, 32, "angle between rope and vertical now"),
     _angle("angle_u95_deg", 7, 34, "half the width of its 95 % interval"),
     _angle("phi_max_deg", 8, 36, "largest angle of the last period"),

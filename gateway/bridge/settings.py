@@ -1,22 +1,35 @@
 """The settings of the bridges: a file of their own, so that the gateway never reads the passwords and keys of other servers."""
 
+from collections.abc import Mapping
+from ipaddress import ip_network
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationError, field_validator, model_validator
 
 from gateway.configuration.bus_section import is_loopback
+from gateway.configuration.loading import suggest
 from gateway.configuration.section import Address, Section
-from gateway.errors import InputError, describe_problems
+from gateway.errors import InputError, describe_problem
 from gateway.file_input import read_toml, reason_of
 
+
+def _check_network(text: str) -> str:
+    ip_network(text)  # its error names the text
+    return text
+
+
+Network = Annotated[str, AfterValidator(_check_network)]
 TopicPrefix = Annotated[str, Field(pattern=r"^[^/+#$\s][^+#\s]*$", max_length=100)]
 
 
 class ModbusSection(Section):
-    """The server of Modbus TCP, which anybody may read who reaches it."""
+    """The server of Modbus TCP, which knows no passwords."""
 
     listen: Address = Field("127.0.0.1:5020", description="where to serve; default: only this machine")
+    clients: list[Network] | None = Field(
+        None, description="addresses and networks that may connect, such as 10.0.0.7 and 10.0.1.0/24; default: all"
+    )
     max_connections: int = Field(8, ge=1, le=64, description="connections at the same time; further ones are closed")
     idle_s: float = Field(30, gt=0, le=3600, description="a connection without a request is closed after this time")
 
@@ -112,9 +125,24 @@ def load_settings(path: Path | None) -> BridgeSettings:
     try:
         return BridgeSettings.model_validate(read_toml(path))
     except ValidationError as error:
-        raise InputError(f"{path}: " + "; ".join(describe_problems(error))) from error
+        raise InputError(f"{path}: " + "; ".join(map(_describe, error.errors(include_url=False)))) from error
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: {reason_of(error)}; config/bridge.toml is an example") from error
+
+
+def _describe(problem: Mapping[str, Any]) -> str:
+    """Return the place of a problem, what is wrong, and for an unknown key what was probably meant."""
+    place = problem["loc"]
+    name = ".".join(map(str, place)) or "content"
+    if problem["type"] != "extra_forbidden":
+        return f"{name}: {describe_problem(problem)}"
+    section = BridgeSettings if len(place) == 1 else type(getattr(BridgeSettings(), place[0]))
+    return f"{name}: unknown key{suggest(place[-1], section.model_fields)}"
+
+
+def cannot_listen(setting: str, address: str, error: OSError) -> InputError:
+    """Return the error of an address that cannot be used, with the system's reason alone: asyncio repeats the address in it."""
+    return InputError(f"{address} cannot be used ({str(error.strerror).rpartition(': ')[2]}); change {setting}")
 
 
 def read_password(path: Path | None, key: str) -> str | None:

@@ -24,20 +24,21 @@ from gateway.bus.authenticity import UNANSWERED, Authenticity, Doubt
 from gateway.bus.client import open_client_session
 from gateway.bus.credentials import Credentials, load_credentials
 from gateway.bus.fleet_inbox import LARGEST_STATE_BYTES
-from gateway.bus.heard_gateway import AlertArrival, HeardGateway, read_states, write_states
+from gateway.bus.heard_gateway import AlertArrival, Heard, HeardGateway, read_states, write_states
 from gateway.bus.session import UnreachableError
 from gateway.bus.untrusted import GATEWAY_KEY, make_question, read_attachment, send_question
 from gateway.gateway_state import GatewayPresence, GatewayState, is_overdue
-from gateway.messages import Alert
+from gateway.messages import Alert, Health
 from gateway.topics import ALIVE, ANY_GATEWAY, adapter
 
+HEARD: tuple[Heard, ...] = ("alert", "health")
 INBOX = 4096
 """Messages that may wait. Basis: a choice; sixteen for each of the gateways, and a bound of the memory."""
 MOST_FOLLOWED = 256
 """Bound of the memory that a peer with invented names can take. Basis: a choice; more than a site has cranes."""
 PATIENCE_S = 0.6
-"""A gateway whose alert message is overdue by this time is silent. Basis: a choice; a lost packet is repeated within less, and
-with the heartbeat of a second silence shows in less than two."""
+"""A gateway whose next sign of life is overdue by this time is silent. Basis: a choice; a lost packet is repeated within less,
+and with the heartbeat of a second silence shows in less than two."""
 STEP_S = 0.1
 """Longest wait before the states are judged again. Basis: a choice; a tenth of the heartbeat."""
 ANSWER_S = 2.0
@@ -65,7 +66,6 @@ class AlertReceiver:
         state_file: Path | None = None,
         states: str = "{}",
         credentials: Credentials | None = None,
-        authenticity: Authenticity | None = None,
         session: Callable[[], zenoh.Session] | None = None,
     ) -> None:
         """Connect to a gateway or router.
@@ -73,15 +73,14 @@ class AlertReceiver:
         `since` is the number behind which changes are wanted from a gateway that is met for the first time (0: all that it
         has; None: those from now on). `state_file` keeps the last numbers over a restart; a consumer that stores `states_json`
         together with what it does gives them back as `states`. `credentials` are for links with TLS, and tell the keys of
-        gateways; `authenticity` judges messages where the caller does that, too. `session` returns the caller's own one, which
-        he closes himself, and raises `UnreachableError` where it is not open yet. Raises `InputError` for a file that cannot
-        be read, `BusError` for an endpoint of wrong form.
+        gateways. `session` returns the caller's own one, which he closes himself, and raises `UnreachableError` where it is not
+        open yet. Raises `InputError` for a file that cannot be read, `BusError` for an endpoint of wrong form.
         """
         self._pattern, self._since, self._state_file = pattern, since, state_file
         self._arrivals: queue.Queue[AlertArrival] = queue.Queue(INBOX)
         self._gateways: dict[str, HeardGateway] = {}
         credentials = credentials or load_credentials()
-        self._authenticity = authenticity or Authenticity(credentials.signers)
+        self._authenticity = Authenticity(credentials.signers)
         self._find_session = session or partial(open_client_session, connect, credentials, CONNECT_MS)
         self._is_own_session = session is None
         self._held: list[AlertArrival] = []
@@ -89,7 +88,7 @@ class AlertReceiver:
         self._session: zenoh.Session | None = None
         self._linked = False
         self.refused = 0
-        """Messages that are no alerts of a gateway: too large, damaged, forged, or under a key that nobody asked for."""
+        """Messages that are neither alert nor health of a gateway: too large, damaged, forged, or under a key not asked for."""
         self.dropped = 0
         """Messages that came faster than they were read; missed changes are fetched."""
         for key, state in read_states(state_file, states).items():
@@ -156,19 +155,21 @@ class AlertReceiver:
             session = self._find_session()
         except UnreachableError:
             return
-        self._subscriber = session.declare_subscriber(f"{self._pattern}/alert", self._receive_alert)
+        self._subscribers = [
+            session.declare_subscriber(f"{self._pattern}/{topic}", partial(self._receive, topic)) for topic in HEARD
+        ]
         self._liveliness = session.liveliness().declare_subscriber(
             f"{self._pattern}/{ALIVE}", self._receive_alive, history=True
         )
         self._session = session
 
-    def _receive_alert(self, sample: zenoh.Sample) -> None:
-        key = str(sample.key_expr).removesuffix("/alert")
+    def _receive(self, topic: Heard, sample: zenoh.Sample) -> None:
+        key = str(sample.key_expr).removesuffix(f"/{topic}")
         if len(sample.payload) > LARGEST_STATE_BYTES:
             self.refused += 1
         else:
             payload, attachment = sample.payload.to_bytes(), read_attachment(sample)
-            self._put(AlertArrival(key, payload, attachment=attachment, at_s=time.monotonic()))
+            self._put(AlertArrival(key, payload, topic=topic, attachment=attachment, at_s=time.monotonic()))
 
     def _receive_alive(self, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr).removesuffix(f"/{ALIVE}")
@@ -212,8 +213,25 @@ class AlertReceiver:
                 yield from self._take_page(gateway, arrival, arrival.request, arrival.payload)
             else:
                 self.refused += 1
+        elif arrival.topic == "health":
+            self._judge_health(gateway, arrival, arrival.payload)
         else:
             yield from self._judge_alert(gateway, arrival, arrival.payload)
+
+    def _judge_health(self, gateway: HeardGateway, arrival: AlertArrival, payload: bytes) -> None:
+        """Take a sign of life if it is the gateway's, as an alert; one that cannot be judged yet is followed by others."""
+        doubt = self._authenticity.judge_message(arrival.key, "health", payload, arrival.attachment, arrival.at_s)
+        if doubt is UNANSWERED:
+            return
+        try:
+            health: Health = adapter("health").validate_json(payload)
+        except ValidationError:
+            self.refused += 1
+            return
+        if not gateway.admit(doubt):
+            self.refused += 1
+        elif doubt is None or not gateway.is_authentic:
+            gateway.presence.hear(health, time.monotonic())
 
     def _judge_alert(self, gateway: HeardGateway, arrival: AlertArrival, payload: bytes) -> Iterator[AlertEvent]:
         """Take an alert if it is the gateway's, or no key of it is known; it waits until the gateway has answered."""
@@ -236,6 +254,8 @@ class AlertReceiver:
             self.refused += 1
             return
         if doubt is None or not gateway.is_authentic:
+            if gateway.presence.alert is None:
+                gateway.state = None  # it is stated again where only a sign of life was heard: with what stands
             gateway.presence.hear(alert, time.monotonic())
         for change in gateway.sequence.take(alert):
             yield AlertEvent(arrival.key, change=change, doubt=doubt)
@@ -291,8 +311,9 @@ class AlertReceiver:
         self._linked = is_linked
         for key, gateway in self._gateways.items():
             state, doubt = gateway.judge(now_s, PATIENCE_S, is_linked=is_linked)
-            is_awaited = gateway.state is None and gateway.presence.alert is None and state is GatewayState.NOT_KNOWN
-            if state != gateway.state and not is_awaited:
+            has_had_time = is_overdue(now_s - gateway.presence.connected_s, PATIENCE_S)
+            is_awaited = gateway.state is None and gateway.presence.alert is None and not has_had_time
+            if state != gateway.state and not (is_awaited and state is GatewayState.NOT_KNOWN):
                 gateway.state = state
                 yield AlertEvent(key, state=state, standing=gateway.presence.alert, doubt=doubt)
 

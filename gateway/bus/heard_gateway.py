@@ -4,6 +4,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -14,6 +15,8 @@ from gateway.gateway_state import GatewayPresence, GatewayState
 
 DOUBTED = GatewayState.FINE, GatewayState.NOT_KNOWN, GatewayState.GATEWAY_GONE
 """States that are not stated where somebody else may have sent."""
+Heard = Literal["alert", "health"]
+"""The topics that are heard: the health is a sign of life where the sensor is silent, and with it the alerts."""
 _STATES = TypeAdapter(dict[str, SequenceState])
 
 
@@ -60,13 +63,14 @@ class AlertArrival:
 
     key: str
     payload: bytes | None = None
-    """Of an alert, or of the answer to a request."""
+    """Of a message, or of the answer to a request."""
     request: AlertRequest | None = None
     attachment: bytes | None = None
     at_s: float = 0.0
     doubt: Doubt | None = None
     """Of an answer."""
     is_alive: bool | None = None
+    topic: Heard = "alert"
 
 
 def write_states(gateways: Mapping[str, HeardGateway]) -> str:
@@ -84,5 +88,5 @@ def read_states(path: Path | None, states: str) -> dict[str, SequenceState]:
     except (OSError, ValidationError) as error:
         where = "states" if path is None else str(path)
         raise InputError(
-            f"{where}: is no state of a receiver of alerts; delete it to begin with the next change"
+            f"{where}: is no position among the alerts; delete it to begin with the next change"
         ) from error

@@ -56,7 +56,7 @@ def run_mqtt(arguments: argparse.Namespace) -> int:
     """Publish to an MQTT broker."""
     require_extra("mqtt")
     return _run_bridge(
-        arguments, _serve_mqtt, lambda settings: f"publishing to MQTT at {settings.mqtt.host}:{settings.mqtt.port}"
+        arguments, _serve_mqtt, lambda settings: f"bridge to the MQTT broker {settings.mqtt.host}:{settings.mqtt.port}"
     )
 
 

@@ -43,6 +43,9 @@ class ModbusPlant:
         number = self._read(1)
         return next((word for word, code in STATE_CODES.items() if code.number == number), None)
 
+    def age_s(self) -> float:
+        return (self._read(3) or 0) / 1000
+
     def close(self) -> None:
         """Nothing is held."""
 
@@ -67,6 +70,9 @@ class MqttPlant:
     def state(self) -> str | None:
         return self._last().get("state")
 
+    def age_s(self) -> float:
+        return (self._last().get("age_ms") or 0) / 1000
+
     def close(self) -> None:
         """End subscriber and broker."""
         self._subscriber.close()
@@ -77,19 +83,25 @@ class OpcuaSite:
     """The certificates of a server and of clients, of which the server trusts one, and its settings."""
 
     def __init__(self, folder: Path) -> None:
-        self.keys, trusted, password = folder / "keys", folder / "trusted", folder / "opcua-password"
+        self.keys, self.trusted, password = folder / "keys", folder / "trusted", folder / "opcua-password"
         self.server, _ = issue(self.keys, "server")
         for name in ("scada", "stranger"):
             issue(self.keys, name)
-        trusted.mkdir()
-        shutil.copy(self.keys / "scada.der", trusted)
+        self.trusted.mkdir()
+        self.trust("scada")
         password.write_text("secret\n")
         port = unused_port()
         self.url = f"opc.tcp://127.0.0.1:{port}/plumbline"
         self.settings = (
             f'[opcua]\nlisten = "127.0.0.1:{port}"\ncertificate = "{self.server}"\nkey = "{self.keys}/server-key.pem"\n'
-            f'trusted = "{trusted}"\nuser = "ann"\npassword_file = "{password}"\nmax_connections = 24\n'
+            f'trusted = "{self.trusted}"\nuser = "ann"\npassword_file = "{password}"\nmax_connections = 24\n'
         )
+
+    def trust(self, name: str) -> None:
+        """Put the certificate of an application into the folder, in place of those that are there."""
+        for each in self.trusted.iterdir():
+            each.unlink()
+        shutil.copy(self.keys / f"{name}.der", self.trusted)
 
     async def connect(
         self, name: str = "scada", user: str | None = "ann", password: str = "secret", timeout_s: float = 10

@@ -187,11 +187,12 @@ def test_a_consumer_tells_a_sensor_that_is_gone_and_one_without_calibration(
 ) -> None:
     radio = Radio()
     toml = f'[device]\nkind = "witmotion"\nport = "{radio.port}"\n[rope]\nlength_m = 6\n[housing]\nposition_m = 4\n'
-    start_gateway(toml, environment=connected(router))
+    start_gateway(f"{toml}[alerts]\nstale_s = 3\n", environment=connected(router))
     follower = Follower(router)
     follower.until_state(GatewayState.UNCALIBRATED)
     radio.talks.clear()
     follower.until_state(GatewayState.SENSOR_GONE)
+    assert GatewayState.GATEWAY_GONE not in [event.state for event in follower.events]
     radio.talks.set()
     follower.until_state(GatewayState.UNCALIBRATED)
     follower.receiver.close()

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from asyncua import Client, Node, ua
 
+from gateway.bridge.opcua_values import SEVERITY
 from gateway.bridge.plant_values import PLANT_VALUES
 from tests.system.conftest import BusPeer, StartGateway
 from tests.system.plant_clients import OpcuaSite, read_node
@@ -73,6 +74,11 @@ async def check_refusals(site: OpcuaSite) -> None:
             await site.connect(**arguments)
     with pytest.raises(ua.UaError, match="No matching endpoints"):
         await Client(site.url).connect()
+    site.trust("stranger")  # the folder counts at each new link
+    await (await site.connect("stranger")).disconnect()
+    with pytest.raises((ua.UaStatusCodeError, ua.UaError)):
+        await site.connect()
+    site.trust("scada")
 
 
 def serve(bridge: RunningBridge, consuming: Coroutine[None, None, None]) -> str:
@@ -99,7 +105,7 @@ async def check_events(client: Client, start_again: Callable[[], object]) -> Non
     await until(lambda: len(events.taken) >= 2 and len(everywhere.taken) >= 2, "events")
     first = events.taken[0]
     assert first.ConditionName in ("swing", "lean")
-    assert (first.AlertNumber > 0, bool(first.BootId), first.Level in ("unknown", "normal")) == (True, True, True)
+    assert (first.AlertNumber > 0, bool(first.BootId), first.Severity) == (True, True, SEVERITY[first.Level])
     both = {each.EventId for each in everywhere.taken[:2]}
     await until(lambda: both <= {each.EventId for each in events.taken}, "the same events at both nodes")
     await subscription.delete()

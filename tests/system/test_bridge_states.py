@@ -18,6 +18,7 @@ from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow
 
+STALE_S = 4
 PlantKind = type[ModbusPlant] | type[MqttPlant] | type[OpcuaPlant]
 PLANTS: tuple[PlantKind, ...] = (ModbusPlant, MqttPlant, OpcuaPlant)
 
@@ -52,6 +53,13 @@ class Plant:
         self._until(lambda client: client.state() in states, " or ".join(map(str, states)))
         if PlantState.FINE not in states:
             assert [client.angle_deg() for client in self.clients.values()] == [None] * len(self.clients)
+
+    def ages_s(self) -> list[float]:
+        """By Modbus and MQTT."""
+        modbus, mqtt = self.clients["modbus"], self.clients["mqtt"]
+        assert isinstance(modbus, ModbusPlant)
+        assert isinstance(mqtt, MqttPlant)
+        return [modbus.age_s(), mqtt.age_s()]
 
     def end(self) -> None:
         for bridge in self.bridges.values():
@@ -113,10 +121,14 @@ def test_a_gateway_that_hangs_or_is_killed_or_bridges_that_do_leave_no_angle(
 def test_without_calibration_or_samples_there_is_no_angle(start_gateway: StartGateway, join_plant: JoinPlant) -> None:
     radio = Radio()
     toml = f'[device]\nkind = "witmotion"\nport = "{radio.port}"\n[rope]\nlength_m = 6\n[housing]\nposition_m = 4\n'
-    plant = join_plant(start_gateway(toml), demonstration=False)
+    plant = join_plant(start_gateway(f"{toml}[alerts]\nstale_s = {STALE_S}\n"), demonstration=False)
     plant.until_state(PlantState.UNCALIBRATED)
     radio.talks.clear()
+    plant.until_state(PlantState.STALE)  # the gateway is well, and its alerts are silent as long as nothing is stale
     plant.until_state(PlantState.SENSOR_GONE)
+    assert (
+        min(plant.ages_s()) > STALE_S - 1
+    )  # of the last sample, though the gateway says twice a second that it knows nothing
     radio.talks.set()
     plant.until_state(PlantState.UNCALIBRATED)
     radio.close()

@@ -91,7 +91,6 @@ def run_watch(arguments: argparse.Namespace) -> int:
                 since=since,
                 state_file=resume,
                 credentials=credentials,
-                authenticity=authenticity,
             ) as receiver:
                 printer.print_all(_alerts_and_messages(receiver, samples, messages))
         else:

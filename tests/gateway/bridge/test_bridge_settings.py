@@ -6,6 +6,7 @@ import pytest
 
 from gateway.cli.main import main
 from gateway.errors import BAD_INPUT
+from tests.system.opcua_site import issue
 
 KEY = "plumbline/v1/yard/crane-1/hook"
 
@@ -14,7 +15,11 @@ KEY = "plumbline/v1/yard/crane-1/hook"
 @pytest.mark.parametrize(
     ("toml", "why"),
     [
-        ("[modbuss]\n", "modbuss: Extra inputs are not permitted"),
+        ("[modbuss]\n", "modbuss: unknown key; did you mean modbus?"),
+        ("[modbus]\nport = 502\n", "modbus.port: unknown key; known are listen, clients, max_connections, idle_s"),
+        ('[modbus]\nclients = ["10.0.0.7/8"]\n', "modbus.clients.0: 10.0.0.7/8 has host bits set"),
+        ("\ufeff[modbus]\nidle_s = 0\n", "modbus.idle_s: Input should be greater than 0"),
+        ('[mqtt]\nposition_file = "{folder}/nowhere/position.json"\n', "/nowhere is no folder; make it"),
         ('[modbus]\nlisten = "5020"\n', "modbus.listen: 5020 is not an address with a port"),
         ("[modbus]\nmax_connections = 0\n", "modbus.max_connections"),
         ("[mqtt\n", "config/bridge.toml is an example"),
@@ -24,7 +29,7 @@ KEY = "plumbline/v1/yard/crane-1/hook"
         ('[mqtt]\nprefix = "a/#"\n', "mqtt.prefix"),
         ('[mqtt]\nuser = "crane"\npassword_file = "/nowhere"\n', "mqtt.password_file: /nowhere: cannot be read"),
         ('[mqtt]\nca = "/nowhere"\n', "mqtt.ca, certificate and key cannot be used"),
-        ('[mqtt]\nposition_file = "{folder}/bridge.toml"\n', "is no position of a bridge; delete it"),
+        ('[mqtt]\nposition_file = "{folder}/bridge.toml"\n', "bridge.toml: is no position among the alerts; delete it"),
     ],
 )
 def test_a_wrong_setting_is_told_in_one_line(
@@ -61,6 +66,8 @@ def test_opc_ua_is_not_served_without_certificates(
 ) -> None:
     settings = tmp_path / "bridge.toml"
     settings.write_text(toml.replace("{folder}", str(tmp_path)))
+    issue(tmp_path, "client")
+    (tmp_path / "client-key.pem").unlink()
     arguments = ("--settings", str(settings), "--gateway", KEY, "--connect", "tcp/127.0.0.1:1")
     assert main(["bridge", "opcua", *arguments]) == BAD_INPUT
     assert why in capsys.readouterr().err

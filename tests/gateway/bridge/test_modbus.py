@@ -49,7 +49,7 @@ REGISTER_OF = {value.name: value.register for value in PLANT_VALUES}
 class Serving:
     """The server in a thread, with what it is to say."""
 
-    def __init__(self, **settings: float) -> None:
+    def __init__(self, **settings: float | list[str]) -> None:
         self.port = unused_port()
         self.snapshot, self.looks = FINE, 0
         self._server = ModbusServer(
@@ -234,6 +234,17 @@ def test_idle_connections_make_room_for_others_and_leave_one_in_use_alone() -> N
     for each in held:
         each.close()
     serving.stop()
+
+
+def test_only_clients_that_are_named_are_answered_and_others_counted(caplog: pytest.LogCaptureFixture) -> None:
+    named, others = Serving(clients=["10.0.0.7", "127.0.0.0/8"]), Serving(clients=["10.0.0.0/24"])
+    assert is_answered(named.port)
+    assert [is_answered(others.port) for _ in range(10)] == [False] * 10
+    lines = [record.getMessage() for record in caplog.records]
+    refusal = "127.0.0.1 is refused: it is not among modbus.clients"
+    assert [line for line in lines if "refused" in line] == [f"{refusal} (1 so far)", f"{refusal} (10 so far)"]
+    named.stop()
+    others.stop()
 
 
 def test_random_bytes_and_a_flood_that_is_not_read_leave_others_their_answers(serving: Serving) -> None:

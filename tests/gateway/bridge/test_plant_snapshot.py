@@ -85,6 +85,13 @@ def say(topic: str, **changes: Any) -> Any:
     return change
 
 
+def lose_samples(listener: Listener) -> None:
+    listener.changes["alert"]["validity"] = "no_samples"
+    listener.changes["motion"] = {"state": "unknown", "angle_deg": None, "reason_codes": ["no_samples"]}
+    for step in range(6):
+        listener.hear(10.5 + step / 2)
+
+
 def repeat_the_sample(listener: Listener) -> None:
     for step in range(11, 31):
         listener.hear(step / 10 + 10, ("alert", "health"))
@@ -99,7 +106,10 @@ def repeat_the_sample(listener: Listener) -> None:
         (lose_token, PlantState.GATEWAY_GONE),
         (lambda _: None, PlantState.GATEWAY_GONE),
         (hear_without("motion"), PlantState.STALE),
-        (hear_without("alert"), PlantState.GATEWAY_GONE),
+        (hear_without("alert"), PlantState.NOT_KNOWN),
+        (hear_without("motion", "alert"), PlantState.STALE),
+        (hear_without("motion", "health"), PlantState.STALE),
+        (lose_samples, PlantState.SENSOR_GONE),
         (repeat_the_sample, PlantState.STALE),
         (say("alert", validity="no_samples"), PlantState.SENSOR_GONE),
         (say("alert", validity="uncalibrated"), PlantState.UNCALIBRATED),
@@ -223,6 +233,28 @@ def test_stored_messages_prove_nothing_but_the_calibration(listener: Listener) -
     snapshot = listener.snapshot(10.1)
     assert snapshot.state is PlantState.FINE
     assert snapshot.calibration_age_days == pytest.approx(5.0)
+
+
+def test_age_and_time_are_those_of_the_newest_sample_while_the_sensor_is_gone(listener: Listener) -> None:
+    listener.hear(10.0)
+    lose_samples(listener)
+    snapshot = listener.snapshot(13.5)
+    assert (snapshot.age_ms, snapshot.sample_time_ns) == (3500, SAMPLE_TIME_NS + 10**10)
+
+
+def test_a_gateway_that_was_never_heard_has_not_stopped(listener: Listener) -> None:
+    listener.take(0.0)
+    assert listener.snapshot(20.0).state is PlantState.NO_DATA
+    listener.hear(20.0, ("health",))
+    assert listener.snapshot(20.1).state is PlantState.STALE  # its sensor was never there: it has no alerts
+    assert listener.snapshot(30.0).state is PlantState.GATEWAY_GONE
+
+
+@pytest.mark.parametrize(("level", "count"), [("normal", 0), ("unknown", None), ("warn", 1), ("trip", 1)])
+def test_a_rule_that_is_not_known_is_no_active_alert(listener: Listener, level: Level, count: int | None) -> None:
+    listener.scene.level = level
+    listener.hear(10.0)
+    assert listener.snapshot(10.1).active_alerts == count
 
 
 def test_the_age_grows_to_its_largest(listener: Listener) -> None:

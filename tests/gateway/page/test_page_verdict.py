@@ -92,7 +92,7 @@ def test_the_page_is_never_calmer_than_what_receivers_of_alerts_are_told(
     whole = evidence_of(scene)
     alert = replace(present(whole.get(Alert)), validity=validity)
     judged = verdict(replace(whole, latest={**whole.latest, "alert": alert}))
-    told = GatewayPresence(is_alive=True, alert=alert, heard_s=0.0, connected_s=0.0).judge(0.0, 1.0, is_linked=True)
+    told = GatewayPresence(is_alive=True, alert=alert, alert_s=0.0, heard_s=0.0).judge(0.0, 1.0, is_linked=True)
     word = STATED_VERDICTS[told][0] if told in STATED_VERDICTS else None
     assert (word is None) == (told is GatewayState.FINE)
     assert judged.sound == (word is None and level != "unknown")
