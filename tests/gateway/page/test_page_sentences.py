@@ -37,7 +37,8 @@ def test_a_sentence_keeps_its_form_for_two_seconds(page: PageUnderTest, browser:
 
 ALARM = """([active, value]) => import('/sentence.js').then(({sentence}) =>
   sentence({word: active.level === 'trip' ? 'TRIP' : 'WARN'},
-           {age_s: {alert: 0.4}, topics: {alert: {active: [active]}}}, value && {angleDeg: value[0], inS: value[1], halfDeg: value[2]}))"""
+           {age_s: {alert: 0.4}, topics: {alert: {active: [active]}}},
+           value && {angleDeg: value[0], inS: value[1], halfDeg: value[2]}))"""
 
 SWING = {
     "rule": "swing",
