@@ -98,6 +98,7 @@ def test_a_search_ends_after_the_time_that_it_is_given(log: Path, tmp_path: Path
     assert answer["ended_early"]
     assert len(answer["ranking"]) == 1
     assert answer["reason"].endswith("this is the best answer so far.")
+    assert "no effect of the vocabulary" not in answer["reason"], "most of them were not tried"
 
 
 def _rest(terminal: int) -> bytes:

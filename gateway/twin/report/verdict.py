@@ -141,6 +141,13 @@ def unexplained(compared: Comparison) -> str:
     return f"The residual of the best model is {size}: {compared.remainder.sentence}."
 
 
+UNKNOWN_CAUSE = {
+    False: "No effect in the catalogue explains the difference; its cause is unknown.",
+    True: "The cause of the difference was not found before the search was ended.",
+}
+"""By whether the search was ended early."""
+
+
 def _sentence(result: Reconciliation) -> str:
     effects = confirmed_effects(result)
     names = join_names([f"{'the true size of ' if effect.is_stated else ''}{effect.name}" for effect in effects])
@@ -157,7 +164,7 @@ def _sentence(result: Reconciliation) -> str:
         case "named_with_remainder":
             return f"The nominal model lacks {names}, and a further effect that is not known."
         case "unmodelled":
-            return "No effect in the catalogue explains the difference; its cause is unknown."
+            return UNKNOWN_CAUSE[result.ended_early]
 
 
 def _group_sentence(candidates: tuple[str, ...], *, with_remainder: bool) -> str:

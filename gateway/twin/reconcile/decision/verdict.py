@@ -210,12 +210,16 @@ def decide(evidence: Evidence, log: Observations, linearise: Callable[[], Substi
 
 
 ENDED_EARLY = "The search was ended early: this is the best answer so far."
+NOT_YET = "The nominal model does not explain the data, nor does what had been tried by then."
 
 
 def as_best_so_far(decision: Decision) -> Decision:
     """Return the decision of a search that was ended early: it does not say that nothing else explains the data."""
-    reason = VerdictReason.BEST_SO_FAR if decision.reason is VerdictReason.UNIQUE else decision.reason
-    text = reason.value if decision.reason is VerdictReason.UNIQUE else decision.text
+    reason, text = decision.reason, decision.text
+    if reason is VerdictReason.UNIQUE:
+        reason, text = VerdictReason.BEST_SO_FAR, VerdictReason.BEST_SO_FAR.value
+    elif decision.verdict == "unmodelled":
+        text = NOT_YET
     return replace(decision, reason=reason, text=f"{text} {ENDED_EARLY}")
 
 

@@ -174,6 +174,8 @@ def _averaged(count: int, log: Curves) -> str:
 def _verdict(result: Reconciliation, names: Sequence[str]) -> str:
     if result.verdict == "unmodelled" and result.law is not None:
         return f"unmodelled: {result.law.text}"
+    if result.verdict == "unmodelled" and result.ended_early:
+        return "something is missing; what, had not been found when the search was ended"
     return f"{VERDICT_SENTENCES[result.verdict]} {', '.join(names)}"
 
 
