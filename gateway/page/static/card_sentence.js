@@ -4,7 +4,7 @@ import {sentence} from "./sentence.js";
 import {hasText, partName, text} from "./texts.js";
 
 // Return the sentence of a card beside its number; empty where all is well and the limits are those of commissioning.
-export function cardSentence({word, alive, causes, motion}, value) {
+export function cardSentence({word, alive, causes, motion, authenticated}, value) {
   switch (word) {
     case "OK": return causes.limits_changed ? text("note_limits") : "";
     case "MISSING": return text("fleet_missing");
@@ -15,7 +15,7 @@ export function cardSentence({word, alive, causes, motion}, value) {
     case "BATTERY LOW": return text("note_battery");
     case "UNKNOWN": return causes.validity === "no_samples" ? text("reason_no_samples") : doubt(causes) ?? text("unknown");
     case "DISTURBED": return doubt(causes) ?? text("disturbed");
-    default: return sentence({word}, operatorState(alive, causes, motion), value);
+    default: return !authenticated && value === null ? text("fleet_not_authenticated") : sentence({word}, operatorState(alive, causes, motion), value);
   }
 }
 

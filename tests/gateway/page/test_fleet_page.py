@@ -258,6 +258,23 @@ def test_a_card_with_an_alarm_says_that_a_part_is_faulty(
     window.close()
 
 
+UNPROVED = """([authenticated, value]) => import('/card_sentence.js').then(({cardSentence}) => {
+  const swing = {rule: 'swing', level: 'trip', limit_deg: 6, largest_deg: 7};
+  const causes = {alerts: [swing], faulty_parts: [], failed_gates: []};
+  return cardSentence({word: 'TRIP', alive: true, causes, motion: null, authenticated}, value);
+})"""
+
+
+def test_a_number_that_is_not_shown_for_want_of_proof_is_not_called_unknown(
+    site: Site, serve: Callable[..., str], browser: Browser
+) -> None:
+    window = _open(browser, serve())
+    expect(window.locator("#notice")).not_to_be_empty()
+    assert window.evaluate(UNPROVED, [False, None]).startswith("It is not proved that this comes from the gateway")
+    assert window.evaluate(UNPROVED, [True, None]).startswith("The angle is not known now, and the alarm stays.")
+    window.close()
+
+
 def test_every_word_gate_and_part_has_a_text() -> None:
     parts = {
         name
