@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from devices.block import DeviceInfo, SampleBlock
+from gateway.bench.thermal.hysteresis import play
 from gateway.bench.thermal.output import thermal_figure
 from gateway.bench.thermal.ramp_calibration import LIMITS_BY_PART, ThermalCalibration, calibrate_ramps, judge_interval
-from gateway.bench.thermal.ramp_regression import AxisRegression, play
+from gateway.bench.thermal.ramp_regression import AxisRegression
 from gateway.bench.thermal.rest_calibration import learn_at_rest
 from gateway.bench.thermal.slow_noise import NoiseRatios, RecordingNoise
 from gateway.calibration.acceptance import add_content_hash, change_since, make_record
