@@ -22,9 +22,9 @@ PLAY_STARTS = (0.0, 1.0)
 one that was cooled before."""
 NUMBERS = range(1 + len(PLAY_WIDTHS_C) * len(PLAY_STARTS))
 """Numbers of the hypotheses. Definition: 0 is none, then those of `play_forms`."""
-PRIOR_PLAY_G = 0.0005
+PRIOR_PLAY_G = 0.00025
 """Standard deviation of the displacement to either side that is expected, g. Basis: a choice; data sheets that state a hysteresis
-state a tenth of a milligravity to a milligravity."""
+state a tenth of a milligravity to a milligravity from side to side."""
 MIN_PROBABILITY = 1e-3
 """Least probability of a hypothesis that is kept. Basis: a choice; below it the mean does not change."""
 
