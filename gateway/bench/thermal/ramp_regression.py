@@ -91,11 +91,12 @@ def _needed(full: RecordingCoefficients) -> tuple[int, int]:
     """Return the degrees of offset and sensitivity; the last four coefficients are T and T² of both."""
     u = np.sqrt(np.diag(full.covariance))
     row = np.eye(len(u))
-    limit = [student_quantile(QUADRATIC_LEVEL, max(full.freedom_of(row[place]), 1.0)) for place in (-3, -1)]
-    offset, sensitivity = (
-        2 if abs(full.values[place]) > each * u[place] else 1 for place, each in zip((-3, -1), limit, strict=True)
-    )
-    return offset, sensitivity
+
+    def degree(place: int) -> int:
+        limit = student_quantile(QUADRATIC_LEVEL, max(full.freedom_of(row[place]), 1.0))
+        return 2 if abs(full.values[place]) > limit * u[place] else 1
+
+    return degree(-3), degree(-1)
 
 
 @cache
