@@ -116,13 +116,16 @@ class _Days:
         return np.array([place, x, y, y - x, *means, *windless, line[1], -line[0], *(means[1:] + line)])
 
     def estimates(self) -> dict[str, InstalledEstimate]:
-        """Return the determined parameters, with the jackknife's variance over the days (Efron 1982)."""
+        """Return the determined parameters, with the jackknife's variance over the days (Efron 1982).
+
+        Its degrees of freedom follow from the share of each day in the variance (GUM G.4.1).
+        """
         every = np.ones(len(self.windows))
         values = self.values(every)
         left_out = np.array([self.values(every - one) for one in np.eye(len(every))])
-        shares = np.einsum("dii->di", self.information)
         swinging = (self.direction != 0).any(axis=(1, 2)).astype(float)
-        columns = [shares[:, PLACE], shares[:, SCALE_X], shares[:, SCALE_Y], shares[:, [SCALE_X, SCALE_Y]].min(axis=1)]
+        place, x, _, y = np.linalg.inv(self.information.sum(axis=0) + np.diag(self.prior))
+        columns = [np.einsum("i,dij,j->d", row, self.information, row) for row in (place, x, y, y - x)]
         found = {}
         names = [*MOVING, *RESTING, *LINES]
         for name, value, others, share in zip(

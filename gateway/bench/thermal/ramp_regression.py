@@ -5,22 +5,20 @@ and 10), across it the offset and the little that the axis leans: offset + force
 shows. All ramps are fitted at once, each with its own constant, so they need not have the same temperatures. A square is kept
 only where it is significant.
 
-The lag between thermometer and element is a parameter common to all axes and ramps. A hysteresis is a play (backlash): the offset
-is displaced to one side while the element warms and to the other while it cools, and crosses over within a width of temperature.
-Each axis has a size of its own; whether there is any, how wide it is, and on which side a ramp begins are open: the result is the
-mean over all of these, weighted by their evidence (Hoeting et al. 1999).
+The lag between thermometer and element is a parameter common to all axes and ramps; a hysteresis has a size of its own in each
+axis.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
-from itertools import product
 from typing import Literal, get_args
 
 import numpy as np
 
-from gateway.bench.thermal.ramp import Ramp, element_c, fit_lag
-from gateway.bench.thermal.slow_noise import NoiseGrid, RecordingCoefficients, RecordingNoise, System, block_means
+from gateway.bench.thermal.hysteresis import NUMBERS, PRIOR_PLAY_G, Explanation, explain, mean_over, play_forms
+from gateway.bench.thermal.ramp import Ramp, element_c
+from gateway.bench.thermal.slow_noise import NoiseGrid, RecordingCoefficients, System, block_means
 from gateway.calibration.pose import FACES
 from gateway.numerics.array import Array
 from gateway.numerics.stats import student_quantile
@@ -29,20 +27,10 @@ PLACES_PER_BLOCK = 8
 """Temperatures of a block by which a hysteresis is followed. Basis: a choice; a turn in a block is seen to an eighth of it."""
 N_BLOCKS = 48
 """Number of blocks of a ramp. Basis: a choice; the shape of a ramp shows, and noise down to a fortieth of its duration."""
+FULL = ((2, 2),) * 3
+"""Definition: degrees of offset and sensitivity of the three axes with all squares."""
 QUADRATIC_LEVEL = 0.995
 """One-sided probability of the test of a square. Basis: one straight line in a hundred gets a square by chance."""
-
-PLAY_WIDTHS_C = (2.0, 4.0, 8.0, 16.0)
-"""Widths of a hysteresis that may be, °C. Basis: a choice; a narrower one is a step between warming and cooling, a wider one does
-not turn within a ramp, and a width between them is a change of shape to first order."""
-PLAY_STARTS = (0.0, 1.0)
-"""Sides on which a ramp begins: in the middle of the play, and on the side of cooling. Definition: a part that has stood, and one
-that was cooled before the ramp."""
-PRIOR_PLAY_G = 0.0005
-"""Standard deviation of the displacement to either side that is expected, g. Basis: a choice; data sheets that state a hysteresis
-state a tenth of a milligravity to a milligravity."""
-MIN_PROBABILITY = 1e-3
-"""Least probability of a hypothesis that is kept. Basis: a choice; below it the mean does not change."""
 Cause = Literal["noise", "drift in time", "lag of the thermometer", "hysteresis"]
 CAUSES: tuple[Cause, ...] = get_args(Cause)
 
@@ -90,39 +78,25 @@ class RampRegression:
 def fit_ramps(ramps: Sequence[Ramp], reference_c: float) -> RampRegression:
     """Fit offset and sensitivity of all axes to ramps on all six faces."""
     model = _RampModel(ramps, reference_c)
-    full = model.explain([(2, 2)] * 3)
-    best = full[0]
-    degrees = [_needed(fit) for fit in model.fits(best, best.lag_s)]
-    every = model.explain(degrees, {one.play: one.lag_s for one in full})
-    kept = sum(one.probability > MIN_PROBABILITY for one in every)
-    share = sum(one.probability for one in every[:kept])
-    found = [replace(one, probability=one.probability / share) for one in every[:kept]]
+    full = explain(model.grid, lambda lag_s, play: model.systems(lag_s, play, FULL), dict.fromkeys(NUMBERS, 0.0))
+    degrees = [_needed(model.fit(axis, FULL, full[0], full[0].lag_s)) for axis in range(3)]
+    found = explain(
+        model.grid, lambda lag_s, play: model.systems(lag_s, play, degrees), {one.play: one.lag_s for one in full}
+    )
     lag_s = sum(one.probability * one.lag_s for one in found)
-    return RampRegression(tuple(model.axis_regression(axis, found) for axis in range(3)), lag_s)
+    return RampRegression(tuple(model.axis_regression(axis, degrees, found) for axis in range(3)), lag_s)
 
 
 def _needed(full: RecordingCoefficients) -> tuple[int, int]:
     """Return the degrees of offset and sensitivity; the last four coefficients are T and T² of both."""
     u = np.sqrt(np.diag(full.covariance))
     row = np.eye(len(u))
-    limit = [student_quantile(QUADRATIC_LEVEL, max(full.freedom_of(row[place]), 1.0)) for place in (-3, -1)]
-    offset, sensitivity = (
-        2 if abs(full.values[place]) > each * u[place] else 1 for place, each in zip((-3, -1), limit, strict=True)
-    )
-    return offset, sensitivity
 
+    def degree(place: int) -> int:
+        limit = student_quantile(QUADRATIC_LEVEL, max(full.freedom_of(row[place]), 1.0))
+        return 2 if abs(full.values[place]) > limit * u[place] else 1
 
-@dataclass(frozen=True, slots=True)
-class _Explanation:
-    """One hypothesis on the hysteresis, with what it makes of the ramps."""
-
-    play: int
-    """Its row in the plays of the model."""
-    degrees: Sequence[tuple[int, int]]
-    lag_s: float
-    u_lag_s: float
-    noise: RecordingNoise
-    probability: float
+    return degree(-3), degree(-1)
 
 
 @cache
@@ -135,7 +109,7 @@ class _RampModel:
 
     def __init__(self, ramps: Sequence[Ramp], reference_c: float) -> None:
         blocks = min(N_BLOCKS, *(len(ramp.mean) for ramp in ramps))
-        self._grid = _noise_grid(blocks)
+        self.grid = _noise_grid(blocks)
         self._blocks = blocks
         self._ramps, self._reference_c = ramps, reference_c
         self._reading = np.array([block_means(ramp.mean, blocks) for ramp in ramps])
@@ -148,40 +122,15 @@ class _RampModel:
         places = blocks * min(PLACES_PER_BLOCK, min(len(ramp.mean) for ramp in ramps) // blocks)
         temperature_c = np.array([block_means(ramp.temperature_c[:, None], places)[:, 0] for ramp in ramps])
         width_g = PRIOR_PLAY_G * float(np.abs(np.diag(up - down)).mean()) / 2
-        forms = []
-        for width_c, start in product(PLAY_WIDTHS_C, PLAY_STARTS):
-            narrow, middle, wide = (play(temperature_c, width_c * 2**octaves, start) for octaves in (-0.5, 0.0, 0.5))
-            forms.append(np.stack([middle, wide - narrow], axis=-1))
-        in_blocks = np.array(forms).reshape(len(forms), len(ramps), blocks, -1, 2).mean(axis=3)
+        forms = play_forms(temperature_c)
+        in_blocks = forms.reshape(len(forms), len(ramps), blocks, -1, 2).mean(axis=3)
         in_blocks -= in_blocks.mean(axis=(1, 2), keepdims=True)  # the offset is that of the mean side in the ramps
         self._known_powers: dict[float, Array] = {}
         self._variance = [0.0] * 3
         self._plays = [np.zeros((len(ramps), blocks, 0)), *(width_g * in_blocks)]
-        straight = self.systems(0.0, 0, [(2, 2)] * 3)
-        white, _ = self._grid.estimate(straight)
+        straight = self.systems(0.0, 0, FULL)
+        white, _ = self.grid.estimate(straight)
         self._variance = [white.solve(*system).sigma ** 2 for system in straight]
-
-    def explain(
-        self, degrees: Sequence[tuple[int, int]], lags_s: Mapping[int, float] | None = None
-    ) -> list[_Explanation]:
-        """Return all hypotheses, the most probable first."""
-        found, evidence = [], []
-        for number in range(len(self._plays)) if lags_s is None else lags_s:
-            lag_s = 0.0 if lags_s is None else lags_s[number]
-            noise, _ = self._grid.estimate(self.systems(lag_s, number, degrees))
-
-            def residuals(at_s: float, number: int = number, noise: RecordingNoise = noise) -> Array:
-                return np.array([noise.residual(*system) for system in self.systems(at_s, number, degrees)])
-
-            lag_s, u_lag_s, of_lag = fit_lag(residuals, lag_s)
-            noise, of_noise = self._grid.estimate(self.systems(lag_s, number, degrees))
-            before = np.log(0.5 if number == 0 else 0.5 / (len(self._plays) - 1))
-            evidence.append(of_lag + of_noise + float(before))
-            found.append(_Explanation(number, degrees, lag_s, u_lag_s, noise, 0.0))
-        weight = np.exp(np.array(evidence) - max(evidence))
-        weight /= weight.sum()
-        order = np.argsort(-weight).tolist()
-        return [replace(found[number], probability=float(weight[number])) for number in order]
 
     def systems(self, lag_s: float, number: int, degrees: Sequence[tuple[int, int]]) -> list[System]:
         """Return the system of each axis for a play."""
@@ -212,25 +161,27 @@ class _RampModel:
             self._known_powers[lag_s] = np.array(powers)
         return self._known_powers[lag_s]
 
-    def fits(self, one: _Explanation, lag_s: float, axes: Sequence[int] = range(3)) -> list[RecordingCoefficients]:
-        """Return the fits of axes by a hypothesis at a lag."""
-        systems = self.systems(lag_s, one.play, one.degrees)
-        return [one.noise.solve(*systems[axis]) for axis in axes]
+    def fit(
+        self, axis: int, degrees: Sequence[tuple[int, int]], one: Explanation, lag_s: float
+    ) -> RecordingCoefficients:
+        """Return the fit of an axis by a hypothesis at a lag."""
+        return one.noise.solve(*self.systems(lag_s, one.play, degrees)[axis])
 
-    def axis_regression(self, axis: int, explanations: Sequence[_Explanation]) -> AxisRegression:
+    def axis_regression(
+        self, axis: int, degrees: Sequence[tuple[int, int]], explanations: Sequence[Explanation]
+    ) -> AxisRegression:
         """Return the polynomials of an axis: the mean over the hypotheses, and their spread in the covariance."""
-        share = np.array([one.probability for one in explanations])
-        each, inside, rows, fits = zip(*(self._polynomials(axis, one) for one in explanations), strict=True)
-        values = share @ np.array(each)
-        apart = np.array(each) - values
-        causes = [*np.tensordot(share, np.array(inside), 1), (share[:, None] * apart).T @ apart]
-        n_offset = explanations[0].degrees[axis][0] + 1
-        return AxisRegression(values[:n_offset], values[n_offset:], np.array(causes), rows[0], fits[0])
+        each, inside, rows, fits = zip(*(self._polynomials(axis, degrees, one) for one in explanations), strict=True)
+        values, causes = mean_over(explanations, each, inside)
+        n_offset = degrees[axis][0] + 1
+        return AxisRegression(values[:n_offset], values[n_offset:], causes, rows[0], fits[0])
 
-    def _polynomials(self, axis: int, one: _Explanation) -> tuple[Array, Array, Array, RecordingCoefficients]:
+    def _polynomials(
+        self, axis: int, degrees: Sequence[tuple[int, int]], one: Explanation
+    ) -> tuple[Array, Array, Array, RecordingCoefficients]:
         """Return coefficients, their covariances by noise, drift and lag, their rows in those of the fit, and the fit."""
-        fit, ahead = (self.fits(one, lag_s, (axis,))[0] for lag_s in (one.lag_s, one.lag_s + one.u_lag_s))
-        n_offset, n_scale = one.degrees[axis]
+        fit, ahead = (self.fit(axis, degrees, one, lag_s) for lag_s in (one.lag_s, one.lag_s + one.u_lag_s))
+        n_offset, n_scale = degrees[axis]
         up, down = self._weight[2 * axis], self._weight[2 * axis + 1]
         count, scale = len(self._ramps), [self._scale_c ** -(power + 1) for power in range(2)]
         first = count + self._plays[one.play].shape[2]
@@ -242,14 +193,3 @@ class _RampModel:
         by_drift = rows @ fit.drift_root @ fit.drift_root.T @ rows.T
         causes = [rows @ fit.covariance @ rows.T - by_drift, by_drift, np.outer(by_lag, by_lag)]
         return rows @ fit.values, np.array(causes), rows, fit
-
-
-def play(temperature_c: Array, width_c: float, start: float) -> Array:
-    """Return the side of a hysteresis, from -1 in warming to 1 in cooling, for series of temperatures along the last axis."""
-    half_c = width_c / 2
-    centre = temperature_c[..., 0] + start * half_c
-    sides = []
-    for now_c in np.moveaxis(temperature_c, -1, 0):
-        centre = np.clip(centre, now_c - half_c, now_c + half_c)
-        sides.append((centre - now_c) / half_c)
-    return np.stack(sides, axis=-1)

@@ -10,15 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.bench.thermal.ramp import AVERAGE_S, element_c, fit_lag
-from gateway.bench.thermal.slow_noise import (
-    NoiseGrid,
-    NoiseRatios,
-    RecordingCoefficients,
-    RecordingNoise,
-    System,
-    block_means,
-)
+from gateway.bench.thermal.hysteresis import NUMBERS, PRIOR_PLAY_G, Explanation, explain, mean_over, play_forms
+from gateway.bench.thermal.ramp import AVERAGE_S, element_c
+from gateway.bench.thermal.slow_noise import NoiseGrid, RecordingCoefficients, System, block_means
 from gateway.calibration.calibration_fit import CalibrationFit, FitWarning, WarningKind
 from gateway.calibration.correction import ZERO_G_OFFSET_LIMIT_G_PER_K
 from gateway.calibration.input_files import FileReadings
@@ -182,32 +176,54 @@ class _RestModel:
     def __init__(self, rests: _Rests, along: int, known_c: float) -> None:
         self._rests, self._along, self._known_c = rests, along, known_c
         self._blocks = min(REST_BLOCKS, len(rests.corrected_g))
-        self.place = block_means(rests.place[:, None], self._blocks)[:, 0]
-        self.grid = NoiseGrid(self.place, has_drift=False)
+        self._place = self._in_blocks(rests.place)
+        self.grid = NoiseGrid(self._place, has_drift=False)
+        forms = play_forms(rests.element_c(0.0)[None])[:, 0]
+        in_blocks = np.stack([block_means(each, self._blocks) for each in forms])
+        self._plays = [
+            np.zeros((self._blocks, 0)),
+            *(PRIOR_PLAY_G * (in_blocks - in_blocks.mean(axis=1, keepdims=True))),
+        ]
+        self._variance_g2 = 0.0
+        fits = [self._straight(readings) for readings in np.delete(rests.corrected_g, along, axis=1).T]
+        self._across_g = np.array([fit.values[1] for fit in fits])
+        self.u_across_g = np.array([np.sqrt(fit.covariance[1, 1]) for fit in fits])
+        """Of the change of the axes across the rope, g/°C, without which their readings are the lean, shape (2,)."""
+        self._variance_g2 = self._straight(self._error_g(0.0, self._across_g)).sigma ** 2
 
-    def system(self, lag_s: float, readings: Array) -> System:
-        """Return design and readings, (w,), against temperature and a drift in time."""
-        change_c = block_means((self._rests.element_c(lag_s) - self._known_c)[:, None], self._blocks)[:, 0]
-        blocks = block_means(readings[:, None], self._blocks)[:, 0]
-        return np.column_stack([change_c, self.place])[None], blocks[None], np.zeros(2)
+    def _in_blocks(self, values: Array) -> Array:
+        return block_means(values[:, None], self._blocks)[:, 0]
 
-    def error_g(self, lag_s: float, across_g: Array) -> Array:
-        """Return the error of the axis along the rope, (w,): its reading less what |m| = 1 leaves it beside the lean.
+    def _change_c(self, lag_s: float) -> Array:
+        return self._rests.element_c(lag_s) - self._known_c
 
-        `across_g`, (2,), is the change of the axes across the rope, g/°C, without which their readings are the lean.
-        """
-        change_c = self._rests.element_c(lag_s) - self._known_c
-        lean = np.delete(self._rests.corrected_g, self._along, axis=1) - np.outer(change_c, across_g)
+    def _system(self, lag_s: float, play: int, readings: Array) -> System:
+        """Return design and readings, (w,), against temperature, a drift in time and a hysteresis."""
+        plays = self._plays[play]
+        design = np.column_stack([self._in_blocks(self._change_c(lag_s)), self._place, plays])
+        known = np.append(np.zeros(2), np.full(plays.shape[1], self._variance_g2))
+        return design[None], self._in_blocks(readings)[None], known
+
+    def _straight(self, readings: Array) -> RecordingCoefficients:
+        """Return the fit of readings, (w,), without lag and hysteresis."""
+        system = self._system(0.0, 0, readings)
+        return self.grid.estimate([system])[0].solve(*system)
+
+    def _error_g(self, lag_s: float, across_g: Array) -> Array:
+        """Return the error of the axis along the rope, (w,): its reading less what |m| = 1 leaves it beside the lean."""
+        lean = np.delete(self._rests.corrected_g, self._along, axis=1) - np.outer(self._change_c(lag_s), across_g)
         reading = self._rests.corrected_g[:, self._along]
         return np.asarray(reading - np.sign(reading) * np.sqrt(np.maximum(0.0, 1 - (lean**2).sum(axis=1))))
 
-    def across(self, lag_s: float) -> tuple[Array, Array]:
-        """Return the change of the axes across the rope, g/°C, and its variance, shape (2,) each."""
-        fits = []
-        for readings in np.delete(self._rests.corrected_g, self._along, axis=1).T:
-            system = self.system(lag_s, readings)
-            fits.append(self.grid.estimate([system])[0].solve(*system))
-        return np.array([fit.values[1] for fit in fits]), np.array([fit.covariance[1, 1] for fit in fits])
+    def systems(self, lag_s: float, play: int) -> list[System]:
+        """Return the system of the axis along the rope."""
+        return [self._system(lag_s, play, self._error_g(lag_s, self._across_g))]
+
+    def fit(self, one: Explanation, lag_s: float, more_across_g: Array) -> tuple[RecordingCoefficients, Array]:
+        """Return the fit by a hypothesis at a lag, and the changes of the three axes, g/°C."""
+        across_g = self._across_g + more_across_g
+        fit = one.noise.solve(*self._system(lag_s, one.play, self._error_g(lag_s, across_g)))
+        return fit, np.insert(across_g, self._along, fit.values[1])
 
 
 def _slope_of_axis(rests: _Rests, along: int, known_c: float, to_axis: Array) -> tuple[float, float, float]:
@@ -216,26 +232,21 @@ def _slope_of_axis(rests: _Rests, along: int, known_c: float, to_axis: Array) ->
     `to_axis`, (3,), is what the sensitive axis reads of errors along the three axes of the corrected frame.
     """
     model = _RestModel(rests, along, known_c)
-    noise, lag_s, u_lag_s = RecordingNoise(model.place, NoiseRatios()), 0.0, 0.0
-    for _ in range(3):
-        across_g, variance = model.across(lag_s)
-
-        def residuals(at_s: float, change_g: Array = across_g, noise: RecordingNoise = noise) -> Array:
-            return noise.residual(*model.system(at_s, model.error_g(at_s, change_g)))[None]
-
-        lag_s, u_lag_s, _ = fit_lag(residuals, lag_s)
-        noise, _ = model.grid.estimate([model.system(lag_s, model.error_g(lag_s, across_g))])
-
-    def fit(at_s: float, change_g: Array) -> RecordingCoefficients:
-        return noise.solve(*model.system(at_s, model.error_g(at_s, change_g)))
-
-    def slope(at_s: float, change_g: Array) -> float:
-        return float(to_axis @ np.insert(change_g, along, fit(at_s, change_g).values[1]))
-
-    found, best = fit(lag_s, across_g), slope(lag_s, across_g)
-    shifted = [slope(lag_s + u_lag_s, across_g), *(slope(lag_s, across_g + u) for u in np.diag(np.sqrt(variance)))]
-    u = np.linalg.norm([to_axis[along] * np.sqrt(found.covariance[1, 1]), *(other - best for other in shifted)])
-    return best, float(u), found.coverage_factor(np.array([0.0, 1.0, 0.0]))
+    explanations = explain(model.grid, model.systems, dict.fromkeys(NUMBERS, 0.0))
+    values, covariances, fits = [], [], []
+    for one in explanations:
+        fit, changes_g = model.fit(one, one.lag_s, np.zeros(2))
+        shifted = [model.fit(one, one.lag_s + one.u_lag_s, np.zeros(2))[1]]
+        shifted += [model.fit(one, one.lag_s, more_g)[1] for more_g in np.diag(model.u_across_g)]
+        parts = np.array(
+            [*(to_axis @ (each - changes_g) for each in shifted), to_axis[along] * np.sqrt(fit.covariance[1, 1])]
+        )
+        values.append(np.array([to_axis @ changes_g]))
+        covariances.append(np.square(parts)[:, None, None])
+        fits.append(fit)
+    mean, causes = mean_over(explanations, values, covariances)
+    row = np.eye(len(fits[0].values))[1]
+    return float(mean[0]), float(np.sqrt(causes.sum())), fits[0].coverage_factor(row)
 
 
 def _model(

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from devices.block import DeviceInfo, SampleBlock
+from gateway.bench.thermal.hysteresis import play
 from gateway.bench.thermal.output import thermal_figure
 from gateway.bench.thermal.ramp_calibration import LIMITS_BY_PART, ThermalCalibration, calibrate_ramps, judge_interval
-from gateway.bench.thermal.ramp_regression import AxisRegression, play
+from gateway.bench.thermal.ramp_regression import AxisRegression
 from gateway.bench.thermal.rest_calibration import learn_at_rest
 from gateway.bench.thermal.slow_noise import NoiseRatios, RecordingNoise
 from gateway.calibration.acceptance import add_content_hash, change_since, make_record
@@ -62,7 +63,6 @@ def test_planted_coefficients_are_recovered(calibrations: dict[str, ThermalCalib
         ):
             half = (found.ci95[1] - found.ci95[0]) / 2
             assert abs(found.value - value) < 1.6 * half  # about 3 standard uncertainties
-            assert not found.is_quadratic
         assert entry.offset_mg_per_c.ci95[1] - entry.offset_mg_per_c.ci95[0] < 0.05
         assert entry.zero_g == pytest.approx(zero_g[axis], abs=5e-4 * sensitivity[axis])
         assert entry.sensitivity == pytest.approx(sensitivity[axis], rel=5e-4)
@@ -114,6 +114,12 @@ def test_an_interval_on_a_limit_is_undecided(
     low: float, high: float, limits: tuple[float, float] | None, verdict: str | None
 ) -> None:
     assert judge_interval(low, high, limits) == verdict
+
+
+def test_a_sensor_without_a_square_gets_none(calibrations: dict[str, ThermalCalibration]) -> None:
+    for entry in (entry for found in calibrations.values() for entry in found.summary):
+        assert not entry.offset_mg_per_c.is_quadratic
+        assert not entry.sensitivity_percent_per_c.is_quadratic
 
 
 @pytest.mark.slow

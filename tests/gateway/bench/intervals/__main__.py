@@ -1,9 +1,11 @@
 """Counts intervals that hold over planted sessions: `python -m tests.gateway.bench.intervals --sessions 600`.
 
 `--kinds` takes those whose names contain a text; `--write` puts their rows into the table of the page, each as it comes.
+`--results` keeps each session in a folder, from which a campaign of the same code goes on.
 """
 
 import argparse
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -14,16 +16,24 @@ PAGE = Path(__file__).parents[4] / "docs" / "evidence" / "bench_methods.md"
 MARKS = ("<!-- written by python -m tests.gateway.bench.intervals --write -->", "<!-- end -->")
 HEAD = ("| sessions of | sessions | intervals | hold / % |", "|---|---|---|---|")
 KINDS = {**temperature.KINDS, **service.KINDS, **workshop.KINDS}
-SLOW = {"laser, JPEG of quality 75": 3, **dict.fromkeys(service.KINDS, 3)}
-"""Kinds that have a fraction of the sessions: those that take more than 10 minutes otherwise."""
 
 
-def row(kind: str, sessions: int) -> str:
+def hits(kind: str, sessions: int, folder: Path) -> list[list[bool]]:
+    """Return for each interval of each session whether it holds; those that the folder has are not run again."""
+    file = folder / f"{kind}.txt"
+    known = file.read_text().split() if file.exists() else []
+    with file.open("a") as out:
+        for seed in range(len(known), sessions):
+            known.append("".join(str(int(hit)) for hit in KINDS[kind](seed)))
+            print(known[-1], file=out, flush=True)
+    return [[hit == "1" for hit in session] for session in known[:sessions]]
+
+
+def row(kind: str, found: list[list[bool]]) -> str:
     """Return the row of a kind."""
-    hits = [KINDS[kind](seed) for seed in range(sessions)]
-    every = np.concatenate(hits).astype(float)
-    u_percent = 100 * np.std([np.mean(each) for each in hits]) / np.sqrt(sessions)
-    return f"| {kind} | {sessions} | {every.size} | {100 * every.mean():.1f} ± {u_percent:.1f} |"
+    every = np.concatenate(found).astype(float)
+    u_percent = 100 * np.std([np.mean(each) for each in found]) / np.sqrt(len(found))
+    return f"| {kind} | {len(found)} | {every.size} | {100 * every.mean():.1f} ± {u_percent:.1f} |"
 
 
 def write(found: str) -> None:
@@ -41,13 +51,15 @@ def main() -> None:
     parser.add_argument("--sessions", type=int, default=600)
     parser.add_argument("--kinds", default="")
     parser.add_argument("--write", action="store_true")
+    parser.add_argument("--results", type=Path)
     arguments = parser.parse_args()
-    for kind in KINDS:
-        if arguments.kinds in kind:
-            found = row(kind, arguments.sessions // SLOW.get(kind, 1))
-            print(found, flush=True)
-            if arguments.write:
-                write(found)
+    with tempfile.TemporaryDirectory() as scratch:
+        for kind in KINDS:
+            if arguments.kinds in kind:
+                found = row(kind, hits(kind, arguments.sessions, arguments.results or Path(scratch)))
+                print(found, flush=True)
+                if arguments.write:
+                    write(found)
 
 
 if __name__ == "__main__":

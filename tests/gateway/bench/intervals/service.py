@@ -11,7 +11,9 @@ from gateway.bench.installed.free_motion import FreeMotionFinder
 from gateway.bench.installed.installed_calibration import InstalledCalibration, calibrate_installed
 from gateway.calibration.acceptance import add_content_hash
 from gateway.calibration.correction import correction_for
+from gateway.calibration.methods.zeroing import PLUMB_U_DEG
 from gateway.calibration.record import CalibrationRecord
+from gateway.pipeline.rig import BESIDE_U_M
 from gateway.swing.rig import MountedHousing
 from tests.gateway.bench.planted.service import Installed, Recorded, Weeks, draw_installed, weeks_of_service
 
@@ -55,10 +57,13 @@ def service(weeks: Weeks) -> Callable[[int], list[bool]]:
 
     def session(seed: int) -> list[bool]:
         random = np.random.default_rng([7, seed])
-        crane = replace(draw_installed(random), beside_m=random.normal(0, 0.01, 2))
-        found = weeks_of_service(random, crane, weeks)
+        crane = replace(draw_installed(random), beside_m=random.normal(0, BESIDE_U_M, 2))
+        lean_x_rad, lean_y_rad = random.normal(0, np.radians(PLUMB_U_DEG), 2).tolist()
+        found = weeks_of_service(random, crane, replace(weeks, steady_lean_rad=(lean_x_rad, lean_y_rad)))
         result = calibrated(found, believed(crane, random.normal(0, 0.01 * crane.length_m)))
         truth = crane.deviations(found) | {"place_m": crane.above_load_m}
+        truth["across_x_g"] += lean_x_rad
+        truth["across_y_g"] += lean_y_rad
         shown = {name: row for name, row in result.rows.items() if name in truth}
         return [
             abs(row.value - truth[name] * IN_UNITS.get(name.split("_")[-1], 100)) < row.half

@@ -179,4 +179,8 @@ def service_at_rest(
         tilt[swing, 0] += 0.1 * np.sin(phase)
         start += rest + work
     up = np.column_stack([np.sin(tilt), np.sqrt(1 - (np.sin(tilt) ** 2).sum(axis=1))])
-    return time_s, truth.reading_g(up, element_c) + disturb(random, count, added), measured_c
+    raw = truth.reading_g(up, element_c) + disturb(random, count, added)
+    if added.loop_g:
+        side = loop(element_c, random.uniform(2, 8), float(random.random() < 0.5))
+        raw += np.outer(side, added.loop_g / 2 * random.choice([-1, 1], 3))
+    return time_s, raw, measured_c
