@@ -26,15 +26,7 @@ def _hints() -> Iterator[tuple[str, str, str]]:
 @pytest.mark.slow
 def test_every_installation_hint_names_this_distribution_and_one_of_its_extras() -> None:
     hints = list(_hints())
-    assert {extra for _, _, extra in hints} == {
-        "archive",
-        "foxglove",
-        "laser",
-        "opcua",
-        "relay",
-        "security",
-        "twin",
-    }
+    assert {extra for _, _, extra in hints} == {"archive", "laser", "relay", "security", "twin"}
     for file, distribution, extra in hints:
         assert (file, distribution) == (file, PROJECT["name"])
         assert extra in PROJECT["optional-dependencies"]

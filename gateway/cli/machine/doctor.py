@@ -100,6 +100,8 @@ def _summary(results: "list[CheckResult]") -> str:
     gateway = next((result for result in results if result.place == "gateway"), None)
     if gateway is None:
         return "all well"
+    if any(result.values.get("suspended") for result in results):
+        return "running, and alerts are suspended"
     return "running, all well" if gateway.values.get("runs", True) else "all well for a start: no gateway runs"
 
 

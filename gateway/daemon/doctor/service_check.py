@@ -15,6 +15,9 @@ from gateway.page.verdict import TRUSTED_CALIBRATIONS
 MAX_LOST_SHARE = 0.01
 """Share of lost samples from which on it is reported. Basis: a choice; a late block loses less, and a bad wire more."""
 
+UNDER_WAY = ("collecting", "review")
+"""Phases of a recalibration in which a person is at work."""
+
 
 def examine_running(configuration: Configuration) -> Iterator[CheckResult]:
     """Report the state of the running gateway: sampling, recording, calibration, alerts."""
@@ -79,6 +82,7 @@ def _report(topics: dict[str, Any]) -> Iterator[CheckResult]:
         yield CheckResult("note", "offered", f"record {offer['record']}: {offer['text']}")
     alert = topics.get("alert") or {}
     grade: Grade = "good" if alert.get("level") == "normal" else "note"
-    if alert.get("validity") == "suspended":
+    is_suspended = alert.get("validity") == "suspended"
+    if is_suspended and (calibration.get("session") or {}).get("phase") not in UNDER_WAY:
         grade = "bad"  # nobody is warned until a person ends it
-    yield CheckResult(grade, "alerts", alert.get("text") or "not known yet")
+    yield CheckResult(grade, "alerts", alert.get("text") or "not known yet", {"suspended": is_suspended})

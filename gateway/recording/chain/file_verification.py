@@ -150,6 +150,8 @@ class _FileCheck:
         self._claimed: int | None = None
         self._stated_bytes = self._signed_end = 0
         """Bytes that the last statement tells of; place behind it."""
+        self._is_read = False
+        """Whether the end of the data was reached."""
         self._readable_bytes = 0
         """Place behind the last record that can be read."""
         self._deletions: dict[str, str] = {}
@@ -160,6 +162,7 @@ class _FileCheck:
         while (frame := self._next_frame()) is not None:
             place = self._file.tell() - len(frame[0]) - len(frame[2])
             if frame[1] == Opcode.DATA_END:
+                self._is_read = True
                 self._check_end(frame, place)
                 break
             self._check_record(frame, place)
@@ -287,9 +290,10 @@ class _FileCheck:
     def _conclude(self) -> None:
         found = self._found
         found.segment = self._claimed if found.statement is None else found.statement.segment
-        if found.has_end and not found.is_final and not found.is_closed:  # nothing is cut off
-            if not found.problems:
-                self._problem(f"ALTERED: from byte {self._readable_bytes} on it cannot be read")
+        if found.has_end and not self._is_read:
+            self._problem(f"ALTERED: from byte {self._readable_bytes} on it cannot be read")
+        elif found.has_end and found.statement is None and found.problems:
+            return  # nothing is cut off, and what is damaged is said
         elif found.segment is None and found.statement is None:
             self._problem("NOT SIGNED: it has no number in a chain; a gateway of this version did not write it")
         elif found.is_final and not found.is_closed:

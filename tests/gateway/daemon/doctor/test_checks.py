@@ -1,10 +1,13 @@
-"""`plumbline doctor` says what keeps the relay from working, and switches nothing."""
+"""`plumbline doctor` says what keeps the relay from working, and switches nothing; suspended alerts are told."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from gateway.bus.client import StatusAnswer
 from gateway.configuration.model import Configuration
+from gateway.daemon.doctor import service_check
 from gateway.daemon.doctor.checks import check_relay
 from tests.gateway.daemon.outputs.relay_script import ScriptedRelay
 
@@ -34,3 +37,16 @@ def test_an_output_that_is_not_there_is_bad(relay: dict[str, object], problem: s
     ((grade, text),) = check(**relay)
     assert grade == "bad"
     assert problem in text
+
+
+@pytest.mark.parametrize(("phase", "grade"), [("collecting", "note"), ("review", "note"), ("rejected", "bad")])
+def test_alerts_that_nobody_is_about_to_raise_again_are_bad(
+    phase: str, grade: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    topics: dict[str, dict[str, Any]] = {
+        "alert": {"level": "unknown", "validity": "suspended", "text": "swing unknown: SUSPENDED"},
+        "calibration": {"status": "factory", "session": {"phase": phase}},
+    }
+    monkeypatch.setattr(service_check, "query_gateway", lambda _: StatusAnswer(topics=topics, doubt=None))
+    alerts = next(result for result in service_check.examine_running(Configuration()) if result.place == "alerts")
+    assert alerts.grade == grade
