@@ -12,8 +12,9 @@ export function highest(alert) {
   return null;
 }
 
-// Return the other alarms of the level of one.
-export const besides = (alert, alarm) => (alert?.active ?? []).filter((one) => one.level === alarm.level && one.rule !== alarm.rule);
+// Return the other alarms of the level of one whose reading is not below their limit.
+export const besides = (alert, alarm) =>
+  (alert?.active ?? []).filter((one) => one.level === alarm.level && one.rule !== alarm.rule && !(one.estimate_deg < one.limit_deg));
 
 // Return the lean that the page shows, in degrees: that of a lean alarm while one stands; null where it is not known.
 export const shownLean = ({alert, motion, swing}) =>

@@ -54,17 +54,17 @@ function alarmSentence(alert, value, motion, keep, ageS) {
   if (alarm === null) return "";
   if (!isKnown(alarm.limit_deg)) return text(`${alarm.rule}_alarm`); // the calibration has none
   const cause = causeKey(motion), limit = text(`at_${alarm.level}`, {angle: degrees(alarm.limit_deg)});
-  const form = value === null ? "alarm_unknown" : keep("alarm", alarmForm(alarm, value, ageS("motion")));
+  const form = value === null ? "alarm_unknown" : keep("alarm", alarmForm(alarm, value, motion, ageS("motion")));
   const others = besides(alert, alarm).map(({rule}) => `also_${rule}`).filter(hasText).map((key) => text(key));
   const next = others.length > 0 ? others.join(" ") : form === "alarm_coming" ? "" : whatFollows(alarm, ageS("alert"));
-  return [cause === null ? "" : text(keep("cause", cause)), text(form, {limit}), next].join(" ").trim();
+  return [cause === null || form.endsWith("_passed") ? "" : text(keep("cause", cause)), text(form, {limit}), next].join(" ").trim();
 }
 
 // Return what the number and the largest angle since the alarm began say of its limit.
-function alarmForm(alarm, value, ageS) {
+function alarmForm(alarm, value, motion, ageS) {
   const isBelow = value.angleDeg + (value.halfDeg ?? 0) < alarm.limit_deg;
   if (hasText(`${alarm.rule}_alarm`)) return isBelow && hasText(`${alarm.rule}_passed`) ? `${alarm.rule}_passed` : `${alarm.rule}_alarm`;
-  if (alarm.largest_deg >= alarm.limit_deg) return "alarm_exceeded";
+  if (Math.max(alarm.largest_deg ?? 0, motion?.angle_deg ?? 0) >= alarm.limit_deg) return "alarm_exceeded";
   if (value.angleDeg >= alarm.limit_deg && value.inS > ageS) return "alarm_coming";
   return isBelow && isKnown(value.halfDeg) ? "alarm_passed" : "alarm_possible";
 }

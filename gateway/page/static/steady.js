@@ -2,7 +2,7 @@
 
 const HELD_S = 2;
 const YIELDING = new Set(["rest", "bound", "alarm_coming"]); // not held against a number that denies them
-const PRESSING = new Set(["uncertain", "alarm_exceeded"]); // said at once
+const PRESSING = new Set(["uncertain", "alarm_exceeded", "alarm_coming"]); // said at once
 
 export class Steady {
   constructor(clockS) {

@@ -91,6 +91,8 @@ def test_no_end_of_an_alarm_is_told_while_another_of_its_level_stands(page: Page
     swing = {**LARGE, **FALLS, "ends_in_s": 1.0}
     told = screen.page.evaluate(TWO_ALARMS, [swing, {**LEAN, "level": "trip"}])
     assert told == "Limit 6.0° exceeded. The rope leans too far as well."
+    low = {**LEAN, "level": "trip", "estimate_deg": 1.2}
+    assert screen.page.evaluate(TWO_ALARMS, [swing, low]) == "Limit 6.0° exceeded. Becomes a warning in 1 s."
     assert screen.page.evaluate(TWO_ALARMS, [swing, WARNING]) == "Limit 6.0° exceeded. Becomes a warning in 1 s."
 
 
