@@ -122,12 +122,18 @@ def _by_whom(clock: ReportClock, change: LimitChange) -> str:
 
 
 def suspension_texts(course: Course, clock: ReportClock) -> Iterator[str]:
-    """Yield when no alert was judged because the sensor was recalibrated, and by whom."""
-    for begin_s, end_s, by in course.suspended.spans(course.end_s):
+    """Yield when no alert was judged because the sensor was recalibrated, and by whom.
+
+    The first state that the report has may have begun before it, and the last one may end after it.
+    """
+    spans = course.suspended.spans(course.end_s)
+    for number, (begin_s, end_s, by) in enumerate(spans, start=1):
         if by and end_s > course.begin_s:
+            before = " or before" if number == 1 or begin_s < course.begin_s else ""
+            end = "the end of this report or beyond it" if number == len(spans) else f"{clock.time(end_s)} UTC"
             yield (
-                f"From {clock.both(max(begin_s, course.begin_s))} to {clock.time(end_s)} UTC alerts were suspended, because the "
-                f"sensor was recalibrated by {by}: how the load swung then is not known."
+                f"From {clock.both(max(begin_s, course.begin_s))}{before} to {end} alerts were suspended, because the sensor was "
+                f"recalibrated by {by}: how the load swung then is not known."
             )
 
 

@@ -124,8 +124,18 @@ def test_a_recalibration_during_an_alert_is_told_in_words() -> None:
     ).course(ORIGIN_NS, ORIGIN_NS + 12_000_000_000)
     (text,) = suspension_texts(course, ReportClock(course))
     assert text.startswith("From ")
+    assert " or b" not in text
     assert text.endswith("because the sensor was recalibrated by Ann: how the load swung then is not known.")
     assert [(begin_s, end_s) for begin_s, end_s, by in course.suspended.spans(12.0) if by] == [(1.0, 9.0)]
+
+
+def test_a_recalibration_that_reaches_beyond_a_report_has_no_begin_and_no_end() -> None:
+    course = built(
+        (0.0, calibration(id="s1", phase="collecting", by="Ann", suspended=True)),
+        (5.5, calibration(id="s1", phase="review", by="Ann", suspended=True)),
+    ).course(ORIGIN_NS, ORIGIN_NS + 12_000_000_000)
+    (text,) = suspension_texts(course, ReportClock(course))
+    assert " or before to the end of this report or beyond it alerts were suspended" in text
 
 
 def test_faults_are_stated_when_their_number_grows() -> None:
