@@ -80,6 +80,8 @@ def _report(topics: dict[str, Any]) -> Iterator[CheckResult]:
     yield CheckResult("good" if trusted else "note", "calibration", calibration.get("text") or "not known yet")
     if offer := health.get("offer"):
         yield CheckResult("note", "offered", f"record {offer['record']}: {offer['text']}")
+    if changed := health.get("changed_limits"):
+        yield CheckResult("note", "limits", f"not those of commissioning: {'; '.join(changed)}")
     alert = topics.get("alert") or {}
     grade: Grade = "good" if alert.get("level") == "normal" else "note"
     is_suspended = alert.get("validity") == "suspended"

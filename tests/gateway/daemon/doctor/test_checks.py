@@ -39,6 +39,16 @@ def test_an_output_that_is_not_there_is_bad(relay: dict[str, object], problem: s
     assert problem in text
 
 
+def test_limits_that_are_not_those_of_commissioning_are_noted(monkeypatch: pytest.MonkeyPatch) -> None:
+    changed = ["alerts.trip_deg is 14, and was 5.5"]
+    topics: dict[str, dict[str, Any]] = {
+        "health": {"state": "running", "uptime_s": 9, "software": "0", "changed_limits": changed}
+    }
+    monkeypatch.setattr(service_check, "query_gateway", lambda _: StatusAnswer(topics=topics, doubt=None))
+    limits = next(result for result in service_check.examine_running(Configuration()) if result.place == "limits")
+    assert (limits.grade, limits.text) == ("note", f"not those of commissioning: {changed[0]}")
+
+
 @pytest.mark.parametrize(("phase", "grade"), [("collecting", "note"), ("review", "note"), ("rejected", "bad")])
 def test_alerts_that_nobody_is_about_to_raise_again_are_bad(
     phase: str, grade: str, monkeypatch: pytest.MonkeyPatch
