@@ -29,9 +29,9 @@ from gateway.units import degrees
 
 FEWEST_PERIODS = 1.2
 """Shortest free swing that is judged, in periods. Basis: a choice; three turning points."""
-MAX_UNEXPLAINED_SHARE = 0.4
-"""By harmonics. Basis: with a wrong place, what is called free takes in a part of a drive, 0.13 to 0.41; of 25 cranes with the
-right place none is doubted by it."""
+MAX_DRIVEN_SHARE = 0.4
+"""Part of the motion that is no harmonic, up to which a swing is compared. Basis: with a wrong place, what is called free takes
+in a part of a drive, 0.13 to 0.41; of 25 cranes with the right place none is doubted by it."""
 STATED_SIGMA = 2.0
 """Standard uncertainties of the smoothed angle that are allowed for. Basis: a choice; what the interval of 95 % contains."""
 
@@ -90,7 +90,7 @@ def _contradictions(source: Source, housing: MountedHousing, history: MotionHist
 
 def _compare(harmonics: Harmonics, rho: float, swing: MotionHistory) -> tuple[float, float] | None:
     """Return the amplitude by the smoothed motion and by the axial force where they do not belong together."""
-    if harmonics.unexplained > MAX_UNEXPLAINED_SHARE or harmonics.noise_share > MAX_NOISE_SHARE:
+    if harmonics.unexplained > MAX_DRIVEN_SHARE or harmonics.noise_share > MAX_NOISE_SHARE:
         return None
     axial_gain = rho / 2 + 0.25
     by_axial = -complex(harmonics.amplitude_g[2]) / axial_gain

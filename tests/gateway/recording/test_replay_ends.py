@@ -76,30 +76,19 @@ def test_what_a_kill_has_cut_off_before_a_restart_is_no_difference(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("is_followed", [True, False])
 def test_a_last_block_whose_results_were_to_follow_in_the_next_segment_is_no_difference(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], *, is_followed: bool
 ) -> None:
-    """Killed just after a new segment has begun, which has a line of the log alone."""
+    """Killed just after a new segment has begun, which has a line of the log alone, or the first files of a run alone."""
     crane = KilledCrane(tmp_path)
     crane.is_closed, crane.last_ns = True, START_NS + 7_000_000_000
     crane.record(8.0)
-    killed = HastyCrane(tmp_path, BOOT_ID, START_NS + 8_000_000_000)
-    killed.log("about to be killed", START_NS + 8_000_000_000, "plumbline")
-    killed.recorder.tick(START_NS + 10_000_000_000)
-    killed.recorder.abandon("killed")
-    code, result = replay(tmp_path, capsys)
-    assert (code, result["differing"]) == (0, {})
-    assert {"/motion", "/tilt"} <= result["cut_off"].keys()
-
-
-@pytest.mark.slow
-def test_results_that_are_in_a_file_that_was_not_given_are_no_difference(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The first files of a run, whose next file begins with what follows from their last block."""
-    crane = KilledCrane(tmp_path)
-    crane.is_closed, crane.last_ns = True, START_NS + 7_000_000_000
-    crane.record(8.0)
+    if is_followed:
+        killed = HastyCrane(tmp_path, BOOT_ID, START_NS + 8_000_000_000)
+        killed.log("about to be killed", START_NS + 8_000_000_000, "plumbline")
+        killed.recorder.tick(START_NS + 10_000_000_000)
+        killed.recorder.abandon("killed")
     code, result = replay(tmp_path, capsys)
     assert (code, result["differing"]) == (0, {})
     assert {"/motion", "/tilt"} <= result["cut_off"].keys()
