@@ -100,7 +100,7 @@ class AlertManager:
 
         A known reading counts, whatever the crane does; None or missing: the angle is not known, and `why_unknown` states why.
         `drift_alarm` is the reason why the calibration can no longer be trusted; None: there is none. Readings that are not
-        trusted count for the levels, and not for the largest angle. A first value that was only an upper bound is corrected by a
+        trusted can raise a level, and neither lower one nor count for the largest angle. A first value that was only an upper bound is corrected by a
         change of its own.
         """
         self._why_unknown = why_unknown
@@ -109,7 +109,8 @@ class AlertManager:
             reading = self._readings[rule] = readings.get(rule)
             # before the first value nothing is "normal"
             state = before.setdefault(rule, RuleState("unknown", time_s))
-            self._states[rule] = judge(state, None if reading is None else reading.value_rad, limits, time_s)
+            value_rad = None if reading is None else reading.value_rad
+            self._states[rule] = judge(state, value_rad, limits, time_s, is_untrusted=is_untrusted)
         self._drift_alarm, self._is_untrusted = drift_alarm, is_untrusted
         state = before.setdefault(CALIBRATION_RULE, RuleState("normal", time_s))
         self._states[CALIBRATION_RULE] = judge_alarm(state, is_active=drift_alarm is not None, time_s=time_s)

@@ -48,7 +48,6 @@ ACCELERATION_PERIOD_S = 0.2
 """Basis: a choice; for a display alone, the recording has the samples."""
 AT_REST = ("static", "quasi_static")
 """The verdicts at which the static tilt is that of the rope."""
-UNTRUSTED = ("disturbed", "unknown")
 NOT_JUDGED = ConditionResult("unknown", None, False, (Reason("no_reading", "no reading yet"),), {}, None)
 
 
@@ -281,7 +280,7 @@ class Pipeline:
                 why_unknown=why,
                 time_s=now.log_time_ns / 1e9,
                 drift_alarm=self._drift.alarm,
-                is_untrusted=self._condition.verdict in UNTRUSTED,
+                is_untrusted=not self._condition.trusted,
             )
         )
         yield from self._alert_messages(changes, self._heartbeat_limiter.is_due(now.log_time_ns), now)

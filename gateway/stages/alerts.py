@@ -96,21 +96,24 @@ class RuleState:
     below_step_down_since_s: float | None = None
 
 
-def judge(state: RuleState, value_rad: float | None, limits: Limits, time_s: float) -> RuleState:
+def judge(
+    state: RuleState, value_rad: float | None, limits: Limits, time_s: float, *, is_untrusted: bool = False
+) -> RuleState:
     """Return the next state of a rule; `value_rad` is the angle as it is compared, None where it is not known.
 
     A rule is raised at once, and a known value decides at once where the level was unknown. It clears after the value has been
     below the clear level for hold_s. A trip of a rule with a warn level steps down to a warning after the value has been below
     STEP_DOWN_SHARE of the trip level for hold_s. An unknown value keeps a warning or a trip and starts the hold anew; it makes a
-    normal rule unknown after the grace time.
+    normal rule unknown after the grace time. A value that is not trusted can raise a rule and starts the hold anew.
     """
     if value_rad is None or not math.isfinite(value_rad):
         return _judge_unknown(state, time_s)
-    if time_s - state.known_s > GRACE_S:
+    if is_untrusted or time_s - state.known_s > GRACE_S:
         state = _without_hold(state)
-    clear_since_s = _below_since(value_rad, limits.clear_rad, state.below_clear_since_s, time_s)
+    lowering_rad = math.inf if is_untrusted else value_rad
+    clear_since_s = _below_since(lowering_rad, limits.clear_rad, state.below_clear_since_s, time_s)
     step_down_rad = STEP_DOWN_SHARE * limits.trip_rad
-    step_down_since_s = _below_since(value_rad, step_down_rad, state.below_step_down_since_s, time_s)
+    step_down_since_s = _below_since(lowering_rad, step_down_rad, state.below_step_down_since_s, time_s)
     level = _level_of(value_rad, limits)
     if state.level != "unknown" and LEVEL_RANK[level] <= LEVEL_RANK[state.level]:
         level = state.level

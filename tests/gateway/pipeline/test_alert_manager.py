@@ -86,7 +86,17 @@ def test_an_untrusted_time_raises_an_alert_and_states_no_largest_angle() -> None
     assert "largest known angle 6.2 deg" in str(cleared.change)
 
 
-def test_an_alert_clears_from_known_values_alone_whatever_the_condition() -> None:
+def test_untrusted_readings_never_lower_a_level_and_start_the_hold_anew() -> None:
+    site = Site().feed(7.0).feed(1.0, 30.0, is_untrusted=True)
+    assert site.active().level == "trip"
+    assert site.active().ends_in_s is None
+    site.feed(1.0, 1.9)
+    assert site.active().level == "trip"
+    site.feed(1.0, 0.3)
+    assert site.manager.heartbeat().text == "all normal"
+
+
+def test_an_alert_clears_from_known_values_alone_whatever_the_motion() -> None:
     site = Site().feed(7.0).feed(1.0, 1.9)
     assert site.active().level == "trip"
     site.feed(1.0, 0.3)
