@@ -12,10 +12,10 @@ const asItIs = (_part, form) => form;
 // Return the sentence of a verdict beside its big number (peak.js; null: not known), which is the only angle: a sentence names limits.
 // `keep` may hold back a change of what the sentence is about, by part and form; `waitedS` is the time since the state arrived.
 export function sentence(verdict, state, value, keep = asItIs, waitedS = 0) {
-  const {motion, alert, calibration} = state.topics;
+  const {motion, alert, calibration, condition} = state.topics;
   const ageS = (topic) => (state.age_s[topic] ?? 0) + waitedS;
   switch (verdict.word) {
-    case "TRIP": case "WARN": return alarmSentence(alert, value, motion, keep, ageS);
+    case "TRIP": case "WARN": return alarmSentence(alert, value, motion, condition, keep, ageS);
     case "SUSPENDED": return text(isActive(calibration?.session) ? "suspended" : "suspended_after");
     case "UNCALIBRATED": return text("uncalibrated");
     case "DISTURBED": return text("disturbed");
@@ -44,19 +44,21 @@ function causeKey(motion) {
   return motion.state === "hoisting" && motion.hoist_m_s > 0 ? "lowering" : motion.state;
 }
 
-const SEEN = {driven: "set_swinging", wind: "set_swinging", hoisting: "free"};
-const seenKey = (motion, value) =>
-  motion?.state === "rest" && value?.isResting === false ? "free" : SEEN[motion?.state] ?? motion?.state ?? "unknown";
+function seenKey(motion, value) {
+  if (!motion || motion.state === "unknown") return "unknown";
+  return motion.state === "rest" && value?.isResting !== false ? "rest" : "free";
+}
 
-// Return why an alarm stands, and what follows; nothing follows yet where the limit is still to come.
-function alarmSentence(alert, value, motion, keep, ageS) {
+// Return why an alarm stands, and what follows; nothing follows yet where the limit is still to come, or while nothing lowers it.
+function alarmSentence(alert, value, motion, condition, keep, ageS) {
   const alarm = highest(alert);
   if (alarm === null) return "";
   if (!isKnown(alarm.limit_deg)) return text(`${alarm.rule}_alarm`); // the calibration has none
   const cause = causeKey(motion), limit = text(`at_${alarm.level}`, {angle: degrees(alarm.limit_deg)});
   const form = value === null ? "alarm_unknown" : keep("alarm", alarmForm(alarm, value, motion, ageS("motion")));
   const others = besides(alert, alarm).map(({rule}) => `also_${rule}`).filter(hasText).map((key) => text(key));
-  const next = others.length > 0 ? others.join(" ") : form === "alarm_coming" ? "" : whatFollows(alarm, ageS("alert"));
+  const next = others.length > 0 ? others.join(" ") : form === "alarm_coming" ? ""
+    : condition?.trusted === false && value !== null ? text("alarm_stays") : whatFollows(alarm, ageS("alert"));
   return [cause === null || form.endsWith("_passed") ? "" : text(keep("cause", cause)), text(form, {limit}), next].join(" ").trim();
 }
 
