@@ -8,16 +8,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.measurement.axial_check import Contradiction, find_contradiction
+from gateway.measurement.followed_recording import SmoothedMotion
 from gateway.measurement.source import Source
 from gateway.motion.estimate import MotionState
-from gateway.motion.gyro_reading import GyroPrior
 from gateway.motion.history import LargestAngle, MotionHistory, MotionPhase
 from gateway.motion.hypotheses import IS_DRIVEN, IS_FREE, IS_GUST, IS_HOISTING
-from gateway.motion.smoother import smooth_motion
-from gateway.numerics.foreign_readings import saturation_level
 from gateway.swing.data.input_checks import find_fault_in_means
 from gateway.swing.estimate import SwingEstimate
 from gateway.swing.estimation.make_estimate import NO_MOTION, NOT_AS_STATED
@@ -133,44 +130,36 @@ def is_free_swing(swing: SwingEstimate) -> bool:
     return swing.coverage95_rad is not None and not swing.hoists_s and not swing.reasons
 
 
-def estimate_source_motion(source: Source, swing: SwingEstimate) -> RecordingMotion | None:
-    """Return the smoothed motion of a recording; None where the housing's place is not known or the sensor is at fault."""
-    housing, is_clipped = source.housing, _clipped_samples(source)
+def has_motion(source: Source, swing: SwingEstimate) -> bool:
+    """Return whether the motion of a recording can be known: the housing's place is, and the sensor is not at fault."""
+    is_clipped = source.find_clipped()
     was_fitted = swing.swinging is not None or swing.reduced_chi_square is not None or NO_MOTION in swing.reasons
     is_usable = was_fitted or (is_clipped.any() and not is_clipped.all())
-    if housing is None or not is_usable or find_fault_in_means(source.force_g[~is_clipped]) is not None:
+    if source.housing is None or not is_usable:
+        return False
+    return find_fault_in_means(source.force_g[~is_clipped]) is None
+
+
+def recording_motion(source: Source, swing: SwingEstimate, smoothed: SmoothedMotion) -> RecordingMotion | None:
+    """Return the motion of a recording; None where the housing's place is not known."""
+    if source.housing is None:
         return None
-    history, uses_gyro = _smoothed(source, housing, is_clipped), None
+    history, uses_gyro = smoothed.plain, None
     if source.gyro is not None:
-        sharpened = _smoothed(source, housing, is_clipped, source.gyro)
-        uses_gyro = _agree(history, sharpened)
-        history = sharpened if uses_gyro else history
-    known_share = float(np.isfinite(history.angle_rad).mean())
+        uses_gyro = smoothed.sharpened is not None and _agree(smoothed.plain, smoothed.sharpened)
+        history = smoothed.sharpened if smoothed.sharpened is not None and uses_gyro else history
+    duration_s = float(source.recording.time_s[-1] - source.recording.time_s[0])
+    known_share = float(np.isfinite(history.angle_rad).mean()) * max(0.0, 1 - smoothed.fault_s / duration_s)
     contradicts_rig = any(reason.startswith(NOT_AS_STATED) for reason in swing.reasons)
     return RecordingMotion(
-        housing,
+        source.housing,
         history,
         history.phases(),
         history.largest_angle(),
         known_share,
         contradicts_rig,
-        find_contradiction(source, housing, history),
+        find_contradiction(source, source.housing, history),
         uses_gyro,
-    )
-
-
-def _smoothed(
-    source: Source, housing: MountedHousing, is_clipped: NDArray[np.bool_], gyro: GyroPrior | None = None
-) -> MotionHistory:
-    return smooth_motion(
-        source.recording.time_s,
-        source.force_g,
-        housing,
-        source.mount_u_rad,
-        None if source.noise_g is None else float(np.min(source.noise_g)),
-        is_clipped,
-        source.rate_rad_s,
-        gyro,
     )
 
 
@@ -180,15 +169,6 @@ def _agree(plain: MotionHistory, sharpened: MotionHistory) -> bool:
     squared = np.abs(angles[0] - angles[1]) ** 2 / (plain.u_rad**2 + sharpened.u_rad**2)
     known = squared[np.isfinite(squared)]
     return len(known) > 0 and bool(np.mean(known > CONTRADICTION_SQUARED) < CONTRADICTION_SHARE)
-
-
-def _clipped_samples(source: Source) -> NDArray[np.bool_]:
-    """Return the clipped samples; where the recording does not say, those at a limit that occurs too often."""
-    if source.full_scale_g is not None or source.recording.saturated is not None:
-        return source.find_clipped()
-    levels_g = [saturation_level(values) for values in source.force_g.T]
-    limits_g = [np.inf if level_g is None else abs(level_g) for level_g in levels_g]
-    return np.asarray((np.abs(source.force_g) >= limits_g).any(axis=1), dtype=np.bool_)
 
 
 def with_smoothed_angle(swing: SwingEstimate, motion: RecordingMotion) -> SwingEstimate:

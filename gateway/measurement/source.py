@@ -19,7 +19,7 @@ from gateway.errors import InputError
 from gateway.measurement.foreign_file import read_foreign
 from gateway.measurement.recording_files import calibration_in_force, common_configuration
 from gateway.motion.gyro_reading import GyroPrior
-from gateway.numerics.foreign_readings import find_dropouts, find_fresh_rows
+from gateway.numerics.foreign_readings import find_dropouts, find_fresh_rows, saturation_level
 from gateway.pipeline.force_stage import TemperatureFilter, find_clipped
 from gateway.pipeline.motion_stage import device_gyro, gyro_prior
 from gateway.pipeline.rig import CALIBRATED, UNCALIBRATED, DefaultUncertainty, Rig, configured_housing, with_sensor
@@ -100,8 +100,15 @@ class Source:
         return math.hypot(math.radians(self.mount_u_deg), cross_axis_u)
 
     def find_clipped(self) -> NDArray[np.bool_]:
-        """Return the samples that the device marks, or else those at full scale, shape (n,); none where neither is known."""
-        return find_clipped(self.force_g, self.recording.saturated, self.full_scale_g)
+        """Return the clipped samples, shape (n,): as the device marks them, or those at full scale.
+
+        Where neither is known, they are those at a limit that occurs too often for a motion.
+        """
+        if self.full_scale_g is not None or self.recording.saturated is not None:
+            return find_clipped(self.force_g, self.recording.saturated, self.full_scale_g)
+        levels_g = [saturation_level(values) for values in self.force_g.T]
+        limits_g = [np.inf if level_g is None else abs(level_g) for level_g in levels_g]
+        return np.asarray((np.abs(self.force_g) >= limits_g).any(axis=1), dtype=np.bool_)
 
     def keeping(self, kept: slice | NDArray[np.bool_], recording: Recording, remark: str, **changes: Any) -> "Source":
         """Return a part of the samples, which is this recording, with a remark on what was left out and other changes."""

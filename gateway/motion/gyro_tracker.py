@@ -82,8 +82,17 @@ KNOWN_BIAS_RAD_S = np.radians(0.5)
 class GyroTracker:
     """Feeds a tracker with acceleration and rates."""
 
-    def __init__(self, rig: MountedHousing, mount_u_rad: float, noise_g: float | None, gyro: GyroPrior) -> None:
+    def __init__(
+        self,
+        rig: MountedHousing,
+        mount_u_rad: float,
+        noise_g: float | None,
+        gyro: GyroPrior,
+        *,
+        keeps_steps: bool = False,
+    ) -> None:
         self._rig, self._mount_u_rad, self._noise_g, self._gyro = rig, mount_u_rad, noise_g, gyro
+        self._keeps_steps = keeps_steps
         self.check = GyroCheck()
         self.tracker = self._new_tracker()
 
@@ -117,4 +126,10 @@ class GyroTracker:
         return None if found is None or found[1].max() > KNOWN_BIAS_RAD_S else found[0]
 
     def _new_tracker(self) -> MotionTracker:
-        return MotionTracker(self._rig, mount_u_rad=self._mount_u_rad, noise_g=self._noise_g, gyro=self._gyro)
+        return MotionTracker(
+            self._rig,
+            mount_u_rad=self._mount_u_rad,
+            noise_g=self._noise_g,
+            gyro=self._gyro,
+            keeps_steps=self._keeps_steps,
+        )

@@ -50,12 +50,14 @@ class MotionMonitor:
         mount_u_rad: float,
         noise_g: float | None = None,
         gyro: GyroPrior | None = None,
+        keeps_steps: bool = False,
     ) -> None:
         """`mount_u_rad`: standard uncertainty of the housing's z axis against the rope; `noise_g`: stated, 1 sigma per sample.
 
-        `gyro`: what is known of the gyroscope; None: there is none.
+        `gyro`: what is known of the gyroscope; None: there is none. `keeps_steps`: for a smoother.
         """
         self._rig, self._mount_u_rad, self._noise_g, self._gyro = rig, mount_u_rad, noise_g, gyro
+        self._keeps_steps = keeps_steps
         self._warnings: tuple[Reason, ...] = ()
         self.restart()
 
@@ -71,18 +73,18 @@ class MotionMonitor:
         `change_u_g`: standard uncertainty of how far the offsets have changed, shape (3,); `warnings`: why.
         """
         self._rig, self._warnings = rig, warnings
-        self._tracker.widen_offset(change_u_g)
-        if self._sharpened is not None:
-            self._sharpened.tracker.widen_offset(change_u_g)
+        self.tracker.widen_offset(change_u_g)
+        if self.sharpened is not None:
+            self.sharpened.tracker.widen_offset(change_u_g)
 
     def gyro_bias_rad_s(self) -> Array | None:
         """Return the reading of the gyroscope at rest, shape (3,); None where it is not known, or without a gyroscope in use."""
-        return None if self._sharpened is None else self._sharpened.bias_rad_s()
+        return None if self.sharpened is None else self.sharpened.bias_rad_s()
 
     def widen_gyro_bias(self, u_rad_s: float) -> None:
         """Add an unknown change of the gyroscope's bias, standard uncertainty, as by a temperature."""
-        if self._sharpened is not None:
-            self._sharpened.tracker.widen_gyro_bias(u_rad_s)
+        if self.sharpened is not None:
+            self.sharpened.tracker.widen_gyro_bias(u_rad_s)
 
     def update(
         self,
@@ -103,18 +105,18 @@ class MotionMonitor:
         self._faults.update(time_s, force_g)
         if self._faults.fault is None:
             at_s, clipped = time_s - delay_s(self._rig.bandwidth_hz), is_clipped if has_clipped else None
-            self._tracker.update(at_s, force_g, clipped)
-            if self._sharpened is not None and rate_rad_s is not None:
-                self._sharpened.update(at_s, force_g, clipped, rate_rad_s, self._tracker)
+            self.tracker.update(at_s, force_g, clipped)
+            if self.sharpened is not None and rate_rad_s is not None:
+                self.sharpened.update(at_s, force_g, clipped, rate_rad_s, self.tracker)
             self._count_outliers(float(time_s[-1]))
         elif not had_fault:
             self._new_trackers()  # they have been fed with wrong readings
 
     def estimate(self, now_s: float) -> MotionEstimate:
         """Return the motion at a time not before the newest sample."""
-        estimate = self._tracker.estimate(now_s)
-        if self._sharpened is not None:
-            estimate = self._sharpened.choose(estimate, now_s)
+        estimate = self.tracker.estimate(now_s)
+        if self.sharpened is not None:
+            estimate = self.sharpened.choose(estimate, now_s)
         if (why := self._why_unknown(now_s)) is not None:
             return MotionEstimate(time_s=now_s, state="unknown", reasons=(why,))
         if estimate.angle_rad is None:
@@ -123,9 +125,14 @@ class MotionMonitor:
         contradiction_u = self._faults.contradiction_u_rel
         parts = (max(self._rig.scale_u), _attenuation(self._rig, estimate.period_s), self._faults.undecided_u_rel)
         contradicting = (CONTRADICTION,) if contradiction_u > 0 else ()
-        fault = None if self._sharpened is None else self._sharpened.check.fault
+        fault = None if self.sharpened is None else self.sharpened.check.fault
         reasons = (*estimate.reasons, *contradicting, *(() if fault is None else (fault,)), *self._warnings)
         return _with_relative_uncertainty(estimate, math.hypot(*parts), contradiction_u, reasons)
+
+    @property
+    def has_fault(self) -> bool:
+        """Whether the sensor is at fault, so that its readings are left out."""
+        return self._faults.fault is not None
 
     @property
     def is_explained(self) -> bool:
@@ -155,17 +162,21 @@ class MotionMonitor:
         return math.hypot(self._rig.zero_g_offset_u_g[2], self._rig.scale_u[2]) > LARGEST_AXIAL_U_G
 
     def _count_outliers(self, now_s: float) -> None:
-        self._outliers.append((now_s, self._tracker.outliers))
+        self._outliers.append((now_s, self.tracker.outliers))
         while self._outliers[0][0] < now_s - UNEXPLAINED_S:
             self._outliers.popleft()
 
     def _new_trackers(self) -> None:
         self._outliers: deque[tuple[float, int]] = deque()
         """Time and number of all outliers so far."""
-        self._tracker = MotionTracker(self._rig, mount_u_rad=self._mount_u_rad, noise_g=self._noise_g)
-        self._sharpened = None
+        self.tracker = MotionTracker(
+            self._rig, mount_u_rad=self._mount_u_rad, noise_g=self._noise_g, keeps_steps=self._keeps_steps
+        )
+        self.sharpened = None
         if self._gyro is not None:
-            self._sharpened = GyroTracker(self._rig, self._mount_u_rad, self._noise_g, self._gyro)
+            self.sharpened = GyroTracker(
+                self._rig, self._mount_u_rad, self._noise_g, self._gyro, keeps_steps=self._keeps_steps
+            )
 
 
 def _attenuation(rig: MountedHousing, period_s: float | None) -> float:

@@ -6,14 +6,11 @@ The live tracker runs over the recording; from its end, each state is corrected 
 
 import cmath
 import math
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.motion.description import motion_state
-from gateway.motion.gyro_reading import GyroPrior
 from gateway.motion.history import MotionHistory
 from gateway.motion.motion_tracker import MotionTracker
 from gateway.motion.peaks import ellipse
@@ -24,10 +21,6 @@ from gateway.numerics.array import Array
 from gateway.swing.model.sensor_lowpass import delay_s
 from gateway.swing.rig import MountedHousing
 
-LONGEST_GAP_PERIODS = 8.0
-"""A longer gap divides the recording: beyond it the phase of the swing is not known."""
-LONGEST_GAP_S = 120.0
-"""Longest gap in any case."""
 BLOCK_STEPS, LOOKAHEAD_STEPS = 1500, 400
 """Steps that are smoothed at once, and later ones from which the smoothing begins. Basis: bounds the memory; what comes more than
 some periods later tells nothing about the motion."""
@@ -35,61 +28,64 @@ SAMPLES = 4096
 """Samples that the tracker takes at once."""
 
 
+class Smoother:
+    """Smooths the steps of trackers that keep them, block by block while they go on."""
+
+    def __init__(self, gravity_m_s2: float) -> None:
+        self._gravity_m_s2 = gravity_m_s2
+        self._parts: list[MotionHistory] = []
+
+    def take(self, tracker: MotionTracker) -> None:
+        """Smooth the oldest steps of a tracker, where there are enough later ones."""
+        history = tracker.leader.history
+        if history is None or len(history.steps) < BLOCK_STEPS + LOOKAHEAD_STEPS:
+            return
+        for candidate in tracker.candidates:
+            if candidate.history is not None and candidate.history is not history:
+                del candidate.history.steps[:BLOCK_STEPS]
+        self._add(history.smooth(BLOCK_STEPS))
+
+    def close(self, tracker: MotionTracker) -> None:
+        """Smooth all steps of a tracker that takes no more samples."""
+        tracker.finish()
+        for history in (*tracker.ended, tracker.leader.history):
+            if history is not None:
+                self._add(history.smooth())
+
+    def history(self) -> MotionHistory | None:
+        """Return the motion at all steps so far; None: there are none."""
+        return MotionHistory.join(self._parts) if self._parts else None
+
+    def _add(self, states: list[tuple[float, Moments]]) -> None:
+        if states:
+            self._parts.append(_history(states, self._gravity_m_s2))
+
+
 def smooth_motion(
-    time_s: Array,
-    force_g: Array,
-    rig: MountedHousing,
-    mount_u_rad: float,
-    noise_g: float | None = None,
-    is_clipped: NDArray[np.bool_] | None = None,
-    rate_rad_s: Array | None = None,
-    gyro: GyroPrior | None = None,
+    time_s: Array, force_g: Array, rig: MountedHousing, mount_u_rad: float, noise_g: float | None = None
 ) -> MotionHistory:
     """Return the motion over a recording.
 
-    `time_s`, shape (n,), rising; `force_g`, shape (n, 3): specific force in the housing frame. Rows with NaN are left out.
-    `mount_u_rad`: standard uncertainty of the housing's z axis against the rope; `noise_g`: stated, 1 sigma per sample.
-    `rate_rad_s`, shape (n, 3): angular rates in the housing frame, NaN where a sample has none; `gyro`: what is known of the
-    gyroscope; None without one.
+    `time_s`, shape (n,), rising; `force_g`, shape (n, 3): specific force in the housing frame. `mount_u_rad`: standard
+    uncertainty of the housing's z axis against the rope; `noise_g`: stated, 1 sigma per sample. Raises ValueError where there are
+    no samples.
     """
-    is_usable = np.isfinite(force_g).all(axis=1)
-    clipped = np.zeros(len(time_s), dtype=bool) if is_clipped is None else is_clipped
-    time_s, force_g, clipped = time_s[is_usable] - delay_s(rig.bandwidth_hz), force_g[is_usable], clipped[is_usable]
-    rates = None if rate_rad_s is None or gyro is None else rate_rad_s[is_usable]
-    longest_gap_s = min(LONGEST_GAP_PERIODS * rig.small_swing_period_s, LONGEST_GAP_S)
-    bounds = [0, *(np.flatnonzero(np.diff(time_s) > longest_gap_s) + 1).tolist(), len(time_s)]
-    histories: list[MotionHistory] = []
-    for start, stop in pairwise(bounds):
-        tracker = MotionTracker(rig, mount_u_rad=mount_u_rad, noise_g=noise_g, gyro=gyro, keeps_steps=True)
-        for begin in range(start, stop, SAMPLES):
-            part = slice(begin, min(begin + SAMPLES, stop))
-            tracker.update(time_s[part], force_g[part], clipped[part], None if rates is None else rates[part])
-            histories += _smooth_oldest(tracker, rig)
-        tracker.finish()
-        histories += _smooth_rest(tracker, rig)
-    return MotionHistory.join(histories)
+    tracker = MotionTracker(rig, mount_u_rad=mount_u_rad, noise_g=noise_g, keeps_steps=True)
+    smoother, time_s = Smoother(rig.gravity_m_s2), time_s - delay_s(rig.bandwidth_hz)
+    for begin in range(0, len(time_s), SAMPLES):
+        part = slice(begin, begin + SAMPLES)
+        tracker.update(time_s[part], force_g[part])
+        smoother.take(tracker)
+    smoother.close(tracker)
+    history = smoother.history()
+    if history is None:
+        raise ValueError("a recording without samples has no motion")
+    return history
 
 
-def _smooth_oldest(tracker: MotionTracker, rig: MountedHousing) -> list[MotionHistory]:
-    """Return the motion at the oldest steps, where there are enough later ones."""
-    history = tracker.leader.history
-    if history is None or len(history.steps) < BLOCK_STEPS + LOOKAHEAD_STEPS:
-        return []
-    for candidate in tracker.candidates:
-        if candidate.history is not None and candidate.history is not history:
-            del candidate.history.steps[:BLOCK_STEPS]
-    return [_history(history.smooth(BLOCK_STEPS), rig)]
-
-
-def _smooth_rest(tracker: MotionTracker, rig: MountedHousing) -> list[MotionHistory]:
-    histories = [*tracker.ended, tracker.leader.history]
-    parts = [history.smooth() for history in histories if history is not None]
-    return [_history(part, rig) for part in parts if part]
-
-
-def _history(states: list[tuple[float, Moments]], rig: MountedHousing) -> MotionHistory:
+def _history(states: list[tuple[float, Moments]], gravity_m_s2: float) -> MotionHistory:
     """Return the motion at the times of states."""
-    rows = [_row(moments, rig.gravity_m_s2) for _, moments in states]
+    rows = [_row(moments, gravity_m_s2) for _, moments in states]
     columns = {name: np.array([row[name] for row in rows]) for name in rows[0] if name != "state"}
     return MotionHistory(
         time_s=np.array([time_s for time_s, _ in states]),

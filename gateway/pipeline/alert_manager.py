@@ -100,8 +100,8 @@ class AlertManager:
 
         A known reading counts, whatever the crane does; None or missing: the angle is not known, and `why_unknown` states why.
         `drift_alarm` is the reason why the calibration can no longer be trusted; None: there is none. Readings that are not
-        trusted can raise a level, and neither lower one nor count for the largest angle. A first value that was only an upper bound is corrected by a
-        change of its own.
+        trusted can raise a level, and neither lower one nor count for the largest angle. A first value that was only an upper
+        bound is corrected by a change of its own.
         """
         self._why_unknown = why_unknown
         before = dict(self._states)

@@ -9,7 +9,8 @@ import pytest
 
 from devices.pendulum.pendulum import start_motion
 from devices.simulated.crane import Crane
-from gateway.measurement.measure import measure, summarise_conditions
+from gateway.measurement.followed_recording import follow_recording
+from gateway.measurement.measure import measure
 from gateway.measurement.source import read_source
 from gateway.measurement.swing import combine_parts
 from gateway.swing.estimate import SwingEstimate, SwingPeak
@@ -99,7 +100,7 @@ def test_the_most_frequent_reason_is_said_not_that_of_the_first_window(tmp_path:
     path = tmp_path / "log.csv"
     header = "time_s,ax_g,ay_g,az_g"
     np.savetxt(path, np.column_stack([time_s, force_g]), delimiter=",", header=header, comments="")
-    summary = summarise_conditions(read_source([path]))
+    summary = follow_recording(read_source([path])).conditions
     assert summary.verdict == "unknown"
     assert summary.reasons != ("less than a second of data",)
 
@@ -109,6 +110,6 @@ def test_windows_that_are_too_short_do_not_count_beside_others(tmp_path: Path) -
     path = tmp_path / "log.csv"
     rows = "".join(f"{n / 50:.2f},{0.001 * (n % 3)},{0.001 * (n % 2)},1\n" for n in range(130))
     path.write_text("time_s,ax_g,ay_g,az_g\n" + rows)
-    summary = summarise_conditions(read_source([path]))
+    summary = follow_recording(read_source([path])).conditions
     assert summary.reasons != ("less than a second of data",)
     assert sum(summary.windows.values()) == 4

@@ -13,12 +13,14 @@ import pytest
 from devices.pendulum.pendulum import start_motion
 from devices.simulated.crane import Crane
 from devices.simulated.schedule import Event, Hoist, TrolleyMove
+from gateway.measurement.followed_recording import follow_recording
 from gateway.measurement.measure import Measurement, measure
-from gateway.measurement.motion import estimate_source_motion, motion_rows, motion_table, with_smoothed_angle
+from gateway.measurement.motion import RecordingMotion, motion_rows, motion_table, recording_motion, with_smoothed_angle
 from gateway.measurement.report import as_json, as_text
 from gateway.measurement.source import Source
 from gateway.measurement.swing import estimate_source_swing
 from gateway.motion.history import MotionPhase
+from gateway.swing.estimate import SwingEstimate
 from gateway.swing.model.mount import rotation
 from gateway.swing.rig import MountedHousing
 from tests.gateway.measurement.simulated_source import source_of
@@ -49,6 +51,11 @@ def recorded(events: tuple[Event, ...], swing_deg: float = 2.0) -> tuple[Source,
 @pytest.fixture(scope="module")
 def working() -> tuple[Source, float]:
     return recorded(WORK)
+
+
+def smoothed_motion(source: Source, swing: SwingEstimate) -> RecordingMotion:
+    smoothed = present(follow_recording(source, smooths=True).motion)
+    return present(recording_motion(source, swing, smoothed))
 
 
 @pytest.fixture(scope="module")
@@ -146,16 +153,14 @@ def test_readings_that_no_upright_housing_has_give_no_motion(working: tuple[Sour
 def test_the_motion_is_doubted_with_the_rig_that_it_rests_on(working: tuple[Source, float]) -> None:
     source, _ = working
     swing = estimate_source_swing(source)
-    motion = estimate_source_motion(
-        source, replace(swing, reasons=("rig and sensor as stated do not explain the data",))
-    )
+    motion = smoothed_motion(source, replace(swing, reasons=("rig and sensor as stated do not explain the data",)))
 
-    assert present(motion).is_doubted
-    rows = motion_rows(present(motion))
+    assert motion.is_doubted
+    rows = motion_rows(motion)
     assert rows[0][1].startswith("unreliable: largest angle")
-    assert present(motion).doubt == "rig and sensor as stated do not explain the data"
+    assert motion.doubt == "rig and sensor as stated do not explain the data"
     assert not any("95 %" in text for _, text in rows)
-    assert any("95 %" in text for _, text in motion_rows(replace(present(motion), contradicts_rig=False)))
+    assert any("95 %" in text for _, text in motion_rows(replace(motion, contradicts_rig=False)))
 
 
 @pytest.mark.slow
@@ -208,7 +213,7 @@ def test_a_free_swing_near_the_pivot_with_a_housing_askew_has_no_drive_and_no_wi
 def test_a_drive_that_fills_a_recording_is_doubted(working: tuple[Source, float]) -> None:
     source, _ = working
     swing = estimate_source_swing(source)
-    motion = present(estimate_source_motion(source, swing))
+    motion = smoothed_motion(source, swing)
     assert not motion.is_doubted
     assert with_smoothed_angle(replace(swing, coverage95_rad=None), motion).coverage95_rad is not None
     ends_s = float(motion.history.time_s[0]), float(motion.history.time_s[-1])
