@@ -26,6 +26,7 @@ from gateway.messages import (
 from gateway.numerics.array import Array
 from gateway.pipeline.alert_rules import RULE_NAMES
 from gateway.recording.export.gaps import AbsenceCauses
+from gateway.recording.format.content import CUT
 from gateway.recording.reading.recording_file import SegmentIndex
 from gateway.recording.reading.sample_calibration import CalibratedBlock
 
@@ -34,6 +35,7 @@ COURSE_TOPICS = frozenset({"/motion", "/condition", "/alert", "/health", "/calib
 MOTION_NUMBERS = ("angle_deg", "u_deg", "azimuth_deg", "hoist_m_s", "hoist_u_m_s", "length_m", "lean_deg", "lean_u_deg")
 TRUSTED_TEXT = "trusted"
 BEFORE_REPORT = "before the time of this report"
+CUT_OFF = "Nothing says that the gateway was stopped: it was killed, lost its power, still runs, or files are missing"
 NOTHING_STATED = AbsenceCauses()
 
 
@@ -126,6 +128,8 @@ class Course:
     """SIMULATION or REPLAY; empty where a sensor took all samples."""
     begin_cause: str
     """Why nothing before the begin is in this course."""
+    end_cause: str
+    """Why nothing follows the end where the recordings end with it; empty where they go on or the gateway was stopped."""
 
     @property
     def holes(self) -> tuple[TimeGap, ...]:
@@ -269,6 +273,7 @@ class CourseBuilder:
             last_health=self._health,
             source=next((word for kind, word in SOURCES.items() if kind in self._device_kinds), ""),
             begin_cause=self._begin_cause(before, causes),
+            end_cause=self._end_cause(after, states.get("health", nothing)),
         )
 
     def _add_states(self, time_s: float, content: object) -> None:
@@ -314,6 +319,10 @@ class CourseBuilder:
         if before is not None or not self._places:
             return BEFORE_REPORT
         return causes.before(self._places[0].segment, self._places[0].sequence)
+
+    def _end_cause(self, after: BlockPlace | None, health: StateCourse) -> str:
+        is_cut_out = bool(self._places) and CUT in self._places[-1].segment.metadata
+        return "" if after is not None or is_cut_out or self._runs.ends_as_announced(health) else CUT_OFF
 
     def _state_course(self, rows: list[tuple[float, str]], holes_s: HolesS) -> StateCourse:
         ordered = sorted(rows, key=lambda row: row[0])

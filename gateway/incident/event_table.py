@@ -11,8 +11,8 @@ from gateway.incident.incident_summary import restart_text
 from gateway.incident.limit_changes import MAX_WORDS_CHARACTERS
 from gateway.incident.timeline_figure import ReportClock
 
-ALERT, MARK = "alert", "mark"
-ALWAYS_SHOWN = (ALERT, MARK)
+ALERT, MARK, END = "alert", "mark", "recordings"
+ALWAYS_SHOWN = (ALERT, MARK, END)
 MAX_SHOWN_EVENTS = 120
 """Basis: a choice; two or three printed pages."""
 MIN_STATE_S = 1.0
@@ -40,7 +40,7 @@ class EventTable:
 
 
 def event_table(evidence: IncidentEvidence) -> EventTable:
-    """Return the events; alerts and marks are always shown."""
+    """Return the events; alerts, marks and the end of the recordings are always shown."""
     course, clock = evidence.course, ReportClock(evidence.course)
     found = sorted(_events(evidence, course), key=lambda event: event[0])
     inside = [event for event in found if course.begin_s <= event[0] <= course.end_s]
@@ -71,6 +71,12 @@ def _events(evidence: IncidentEvidence, course: Course) -> Iterator[tuple[float,
         for change in () if incident is None else incident.changes:
             told.add(change.text)
             yield course.time_s(change.time_ns), ALERT, as_sentence(change.text)
+        if incident is not None and incident.cleared_ns is None and course.end_cause:
+            yield (
+                course.end_s,
+                ALERT,
+                f"The {incident.rule} alert stands where the recordings end [incident {incident.id}].",
+            )
     yield from _state_events("condition", course.condition, course)
     yield from _gateway_events(course)
     yield from _state_events("clock", course.clock, course)
@@ -93,6 +99,8 @@ def _gateway_events(course: Course) -> Iterator[tuple[float, str, str]]:
     yield from ((each.time_s, "gateway", as_sentence(each.text)) for each in course.faults)
     for restart in course.restarts:
         yield restart.stopped_s, "gateway", restart_text(ReportClock(course), restart)
+    if course.end_cause:
+        yield course.end_s, END, f"{course.end_cause}."
     for change in course.limit_changes:
         yield change.time_s, "settings", f"Another configuration in force: {change.words}."
 

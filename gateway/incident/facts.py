@@ -75,6 +75,8 @@ class IncidentFacts:
     peak: PeakAngle | None
     is_whole: bool
     """The recordings have the whole incident; otherwise the angle may have been larger than the peak."""
+    unknown_s: float
+    """How much of the incident has a motion whose angle was not known."""
     reached_s: float | None
     """First time at which the best estimate of the angle reached the limit; None: it did not, or before what is recorded."""
     moves: tuple[CraneMove, ...]
@@ -115,6 +117,7 @@ def incident_facts(course: Course, incident: AlertIncident | None) -> IncidentFa
         cleared_s=cleared_s,
         peak=peak,
         is_whole=begins_inside and course.is_whole(begin_s, end_s),
+        unknown_s=_unknown_s(motion, begin_s, end_s),
         reached_s=reached_s,
         moves=() if peak is None else _moves(course, peak.time_s),
         unseen_s=unseen_s,
@@ -125,6 +128,15 @@ def incident_facts(course: Course, incident: AlertIncident | None) -> IncidentFa
         trusted_share=course.trusted.share_of(TRUSTED_TEXT, course.end_s),
         known_share=float(np.isfinite(motion.angle_deg).mean()) if len(motion.time_s) else None,
     )
+
+
+def _unknown_s(motion: MotionCourse, begin_s: float, end_s: float) -> float:
+    """Return for how long the angle was not known between two times, by the messages of the motion in them."""
+    inside = (motion.time_s >= begin_s) & (motion.time_s <= end_s)
+    if np.count_nonzero(inside) < 2:
+        return 0.0
+    unknown = int(np.count_nonzero(np.isnan(motion.angle_deg[inside])))
+    return unknown * float(np.median(np.diff(motion.time_s[inside])))
 
 
 def _peak(course: Course, begin_s: float, end_s: float) -> PeakAngle | None:

@@ -17,6 +17,7 @@ from gateway.incident.incident_selection import AlertIncident
 from gateway.incident.limit_changes import MAX_WORDS_CHARACTERS, LimitChange
 from gateway.incident.timeline_figure import ReportClock
 from gateway.pipeline.alert_rules import SWING
+from gateway.stages.alerts import GRACE_S
 
 MAX_SUMMARY_MARKS = 3
 """Marks in the summary; the events have all of them. Basis: a choice; the summary stays on one page, the events have all of
@@ -157,7 +158,12 @@ def _how_large(clock: ReportClock, incident: AlertIncident | None, facts: Incide
     if facts.peak is None:
         yield "The angle was not known at any time of it."
         return
-    if facts.is_whole:
+    if facts.is_whole and facts.unknown_s > GRACE_S:
+        yield (
+            f"The largest known angle between rope and vertical was {angle_text(facts.peak)} at "
+            f"{clock.both(facts.peak.time_s)}: for {format_fixed(facts.unknown_s, 1)} s of the incident it was not known."
+        )
+    elif facts.is_whole:
         yield f"The largest angle between rope and vertical was {angle_text(facts.peak)} at {clock.both(facts.peak.time_s)}."
     else:
         yield (
@@ -241,6 +247,8 @@ def _when_it_ended(
         return
     if facts.cleared_s is None:
         yield f"The recordings state no end of it: it stood at {clock.both(facts.end_s)}, after which {_after(course, facts)}."
+        if course.end_cause:
+            yield f"{course.end_cause}."
     else:
         after_s = format_fixed(facts.cleared_s - facts.raised_s, 1)
         least = "at least " if incident.is_raised_before else ""

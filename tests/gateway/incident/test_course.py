@@ -15,8 +15,9 @@ from gateway.calibration.correction import correction_for
 from gateway.incident.course import CourseBuilder
 from gateway.incident.event_table import MAX_SHOWN_EVENTS, event_table
 from gateway.incident.evidence import IncidentEvidence, make_certificates
+from gateway.incident.facts import incident_facts
 from gateway.incident.incident_selection import STANDING, IncidentWindow, find_incidents
-from gateway.incident.incident_summary import suspension_texts
+from gateway.incident.incident_summary import summary_sentences, suspension_texts
 from gateway.incident.limit_changes import AuditEntry
 from gateway.incident.timeline_figure import ReportClock, levels_in_force, tick_label, tick_times
 from gateway.messages import (
@@ -32,6 +33,7 @@ from gateway.messages import (
     Level,
     Log,
     Mark,
+    Motion,
 )
 from gateway.recording.reading.recording_file import SegmentIndex
 from gateway.recording.reading.sample_calibration import CalibratedBlock
@@ -138,6 +140,21 @@ def test_a_recalibration_that_reaches_beyond_a_report_has_no_begin_and_no_end() 
     assert " or before to the end of this report or beyond it alerts were suspended" in text
 
 
+@pytest.mark.parametrize(
+    ("unknown", "expected"), [(5, "The largest angle between"), (30, "The largest known angle between")]
+)
+def test_an_angle_that_was_not_known_for_a_part_may_have_been_larger(unknown: int, expected: str) -> None:
+    """Ten messages a second; up to a second without an angle is no loss of sight, as for an alert."""
+    angles_deg = [6.0] * 40 + [None] * unknown + [5.0] * 20
+    motions = [Motion(**HEAD, state="free", angle_deg=each, u_deg=0.1, reasons=[], text="") for each in angles_deg]
+    builder = built(*((0.1 * number, motion) for number, motion in enumerate(motions)))
+    course = builder.course(ORIGIN_NS, ORIGIN_NS + 9_000_000_000)
+    sentences = summary_sentences(course, None, incident_facts(course, None))
+    (told,) = (each for each in sentences if each.startswith("The largest"))
+    assert told.startswith(expected)
+    assert told.endswith("for 3.0 s of the incident it was not known.") == (unknown == 30)
+
+
 def test_faults_are_stated_when_their_number_grows() -> None:
     course = built(
         (0.0, health(faults={"i2c_bus_error": 5})),
@@ -176,8 +193,9 @@ def test_alerts_and_marks_stand_among_the_events_however_many_others_there_are()
     window = IncidentWindow(ORIGIN_NS, end_ns, ORIGIN_NS, None, ())
     evidence = IncidentEvidence("yard", window, builder.course(ORIGIN_NS, end_ns), (), {}, None, {}, ())
     table = event_table(evidence)
-    assert (len(table.rows), table.hidden) == (MAX_SHOWN_EVENTS, 301 - MAX_SHOWN_EVENTS)
-    assert (table.rows[-1].kind, table.rows[-1].text) == ("mark", "Ann: load set down")
+    assert (len(table.rows), table.hidden) == (MAX_SHOWN_EVENTS, 302 - MAX_SHOWN_EVENTS)
+    assert [row.kind for row in table.rows[-2:]] == ["mark", "recordings"]
+    assert table.rows[-2].text == "Ann: load set down"
 
 
 def active(rule: str, level: Level, incident: str | None) -> ActiveAlert:

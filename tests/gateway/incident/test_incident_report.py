@@ -228,8 +228,14 @@ def test_live_and_torn_recordings_are_reported_up_to_their_end(
     last = folder / recorded.files[2].name
     last.write_bytes(last.read_bytes()[: last.stat().st_size // 2])
     report = make_report([folder])
-    assert any(sentence.endswith(", after which they end.") for sentence in report.sentences)
-    assert "not closed" in text_of(report.folder / "incident.html")
+    ended = next(place for place, words in enumerate(report.sentences) if words.endswith(", after which they end."))
+    assert report.sentences[ended + 1].startswith(
+        "Nothing says that the gateway was stopped: it was killed, lost its power"
+    )
+    page = text_of(report.folder / "incident.html")
+    assert "not closed" in page
+    assert "alert The swing alert stands where the recordings end [incident" in page
+    assert "recordings Nothing says that the gateway was stopped" in page
     assert report.content["peak"]["angle_deg"] == pytest.approx(recorded.largest.angle_deg, abs=RECORDED_DEG)
 
 
