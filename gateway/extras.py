@@ -1,6 +1,7 @@
 """The extras of the distribution: which modules each brings, and which of them are missing."""
 
 import importlib.util
+import sys
 from collections.abc import Sequence
 from typing import Literal
 
@@ -45,7 +46,8 @@ def what_is_missing(extra: Extra, libraries: Sequence[str] = ()) -> str | None:
     `libraries`: those of the extra that are needed; all, where none is named.
     """
     missing = [name for name in libraries or LIBRARIES[extra] if importlib.util.find_spec(name) is None]
-    return f"{' and '.join(missing)} not installed; try pip install 'plumbline-gateway[{extra}]'" if missing else None
+    remedy = f"install the extra {extra}, in a clone by {sys.executable} -m pip install '.[{extra}]'"
+    return f"{' and '.join(missing)} not installed; {remedy}" if missing else None
 
 
 def require_extra(extra: Extra, libraries: Sequence[str] = ()) -> None:

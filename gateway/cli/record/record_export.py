@@ -63,7 +63,7 @@ def run_recover(arguments: argparse.Namespace) -> int:
             "--parquet",
             type=output_file,
             metavar="FILE",
-            help="the same with UTC; needs the extra plumbline-gateway[parquet]",
+            help="the same with UTC; needs the extra parquet",
         ),
         option(
             "--mcap",

@@ -144,4 +144,4 @@ def test_missing_library_is_named_with_the_correction(
 ) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "casadi" else object())
     assert main(["simulate", str(rig), "--out", str(tmp_path / "log.csv")]) == 2
-    assert "casadi not installed; try pip install 'plumbline-gateway[twin]'" in capsys.readouterr().err
+    assert "casadi not installed; install the extra twin, in a clone by" in capsys.readouterr().err
