@@ -4,6 +4,7 @@ It is reported as text, as JSON and as a table.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -75,10 +76,8 @@ class RecordingMotion:
     """None: not known at any time."""
     known_share: float
     """Part of the time at which the angle is known."""
-    contradicts_rig: bool = False
-    """A free swing shows that rig and sensor are not as stated, on which the motion rests."""
-    contradiction: Contradiction | None = None
-    """A free swing shows that the angles are wrong."""
+    doubt: str | None = None
+    """Why the motion is unreliable, with its intervals; None: nothing speaks against it."""
     uses_gyro: bool | None = None
     """The motion includes a gyroscope; False: its rates contradict the accelerometer; None: there is none."""
 
@@ -86,31 +85,6 @@ class RecordingMotion:
     def crane_worked(self) -> bool:
         """The crane moved or a gust pushed the load."""
         return any(phase.state in WORKING for phase in self.phases)
-
-    @property
-    def longest_drive_s(self) -> float:
-        """Duration of the longest phase in which trolley or bridge accelerate."""
-        return max((phase.to_s - phase.from_s for phase in self.phases if phase.state == "driven"), default=0.0)
-
-    @property
-    def is_doubted(self) -> bool:
-        """The motion is unreliable, with its intervals."""
-        return self.doubt is not None
-
-    @property
-    def doubt(self) -> str | None:
-        """Why the motion is unreliable."""
-        if self.contradicts_rig:
-            return NOT_AS_STATED
-        if self.contradiction is not None:
-            return str(self.contradiction)
-        return DOUBTED.format(self.longest_drive_s) if self.drives_too_long else None
-
-    @property
-    def drives_too_long(self) -> bool:
-        """One drive fills most of the recording and lasts longer than that of a crane: what moves is none."""
-        duration_s = float(self.history.time_s[-1] - self.history.time_s[0])
-        return self.longest_drive_s > max(MAX_DRIVE_S, MAX_DRIVE_SHARE * duration_s)
 
     @property
     def state_at_largest(self) -> MotionState | None:
@@ -150,17 +124,27 @@ def recording_motion(source: Source, swing: SwingEstimate, smoothed: SmoothedMot
         history = smoothed.sharpened if smoothed.sharpened is not None and uses_gyro else history
     duration_s = float(source.recording.time_s[-1] - source.recording.time_s[0])
     known_share = float(np.isfinite(history.angle_rad).mean()) * max(0.0, 1 - smoothed.fault_s / duration_s)
-    contradicts_rig = any(reason.startswith(NOT_AS_STATED) for reason in swing.reasons)
+    phases = history.phases()
+    doubt = find_doubt(swing, phases, duration_s, find_contradiction(source, source.housing, history))
     return RecordingMotion(
-        source.housing,
-        history,
-        history.phases(),
-        history.largest_angle(),
-        known_share,
-        contradicts_rig,
-        find_contradiction(source, source.housing, history),
-        uses_gyro,
+        source.housing, history, phases, history.largest_angle(), known_share, doubt=doubt, uses_gyro=uses_gyro
     )
+
+
+def find_doubt(
+    swing: SwingEstimate, phases: Sequence[MotionPhase], duration_s: float, contradiction: Contradiction | None
+) -> str | None:
+    """Return why a smoothed motion is unreliable; None: nothing speaks against it.
+
+    A free swing shows that rig and sensor are not as stated, on which the motion rests, or that its angles are wrong. Or one
+    drive fills most of the recording and lasts longer than that of a crane, so that what moves is none.
+    """
+    if any(reason.startswith(NOT_AS_STATED) for reason in swing.reasons):
+        return NOT_AS_STATED
+    if contradiction is not None:
+        return str(contradiction)
+    longest_s = max((phase.to_s - phase.from_s for phase in phases if phase.state == "driven"), default=0.0)
+    return DOUBTED.format(longest_s) if longest_s > max(MAX_DRIVE_S, MAX_DRIVE_SHARE * duration_s) else None
 
 
 def _agree(plain: MotionHistory, sharpened: MotionHistory) -> bool:
@@ -203,7 +187,7 @@ def motion_json(motion: RecordingMotion) -> dict[str, Any]:
     return {
         "largest": largest,
         "known_percent": 100 * motion.known_share,
-        "doubted": motion.is_doubted,
+        "doubted": motion.doubt is not None,
         "gyroscope": GYRO_TEXT[motion.uses_gyro],
         "phases": [
             {
@@ -223,8 +207,8 @@ def _largest_json(motion: RecordingMotion, largest: LargestAngle) -> dict[str, A
     return {
         "time_s": largest.time_s,
         "angle_deg": degrees(largest.angle_rad),
-        "u_deg": None if motion.is_doubted else degrees(largest.u_rad),
-        "coverage95_deg": None if motion.is_doubted else coverage95_deg,
+        "u_deg": degrees(largest.u_rad) if motion.doubt is None else None,
+        "coverage95_deg": coverage95_deg if motion.doubt is None else None,
     }
 
 
@@ -245,7 +229,7 @@ def _largest_text(motion: RecordingMotion) -> str:
     if motion.largest is None or motion.state_at_largest is None:
         return "not known"
     moved = "the crane moved" if motion.crane_moved_at_largest else f"{STATE_TEXT[motion.state_at_largest]}"
-    doubt = "unreliable: " if motion.is_doubted else ""
+    doubt = "" if motion.doubt is None else "unreliable: "
     text = f"{doubt}largest angle {_angle_text(motion, motion.largest)} at {motion.largest.time_s:.1f} s, {moved}"
     if motion.known_share > WHOLLY_KNOWN:
         return text
@@ -255,7 +239,7 @@ def _largest_text(motion: RecordingMotion) -> str:
 def _angle_text(motion: RecordingMotion, largest: LargestAngle) -> str:
     """Return an angle with its interval; without one where the motion is doubted, whose intervals do not hold."""
     angle, low, high = (f"{degrees(each_rad):.3f}°" for each_rad in (largest.angle_rad, *largest.coverage95_rad))
-    return f"{angle}, uncertainty unknown" if motion.is_doubted else f"{angle} (95 % {low} to {high})"
+    return f"{angle} (95 % {low} to {high})" if motion.doubt is None else f"{angle}, uncertainty unknown"
 
 
 def motion_table(history: MotionHistory) -> str:
