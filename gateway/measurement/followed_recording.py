@@ -19,9 +19,9 @@ from gateway.stages.condition import DRIVEN_STATES, ConditionResult, MotionConte
 from gateway.stages.condition_window import ConditionWindow
 
 BLOCK_S = 0.1
-"""Length of the blocks in which samples enter window and motion monitor. Basis: as live, `device_factory.BLOCK_S`."""
+"""Length of the blocks in which samples enter the window. Basis: as live, `device_factory.BLOCK_S`."""
 BLOCKS_PER_VERDICT = 5
-"""Definition: two verdicts per second, as live."""
+"""Blocks that the motion monitor takes at once, before a verdict. Definition: two verdicts per second, as live."""
 NOT_KNOWN = MotionContext(
     state="unknown", reasons=(Reason("not_configured", "where the housing is on the rope is not known"),)
 )
@@ -74,9 +74,9 @@ class _Smoothing:
         self._fault_s = 0.0
 
     def follow(self) -> None:
-        """Take what the monitor found in the newest block."""
+        """Take what the monitor found in the newest part."""
         if self._monitor.has_fault:
-            self._fault_s += BLOCK_S
+            self._fault_s += BLOCKS_PER_VERDICT * BLOCK_S
         if self._monitor.tracker is not self._tracker:
             self._plain.close(self._tracker)
             self._tracker = self._monitor.tracker
@@ -115,22 +115,25 @@ def follow_recording(source: Source, *, swings_freely: bool = False, smooths: bo
         smoothing = _Smoothing(monitor, source.housing.gravity_m_s2)
     clipped, results = source.find_clipped(), list[ConditionResult]()
     block_samples = max(1, round(BLOCK_S * recording.rate_hz))
-    for number, start in enumerate(range(0, len(recording), block_samples), start=1):
-        block = slice(start, start + block_samples)
-        time_s, force_g = recording.time_s[block], source.force_g[block]
-        is_clipped = clipped[block]
-        window.update(
-            time_s,
-            force_g,
-            int(np.count_nonzero(is_clipped)),
-            int(recording.lost_before[block].sum() + recording.unusable_before[block].sum()),
-            _turning(source, monitor, block),
-        )
+    part_samples = BLOCKS_PER_VERDICT * block_samples
+    for start in range(0, len(recording), part_samples):
+        part = slice(start, min(start + part_samples, len(recording)))
+        for begin in range(start, part.stop, block_samples):
+            block = slice(begin, min(begin + block_samples, part.stop))
+            window.update(
+                recording.time_s[block],
+                source.force_g[block],
+                int(np.count_nonzero(clipped[block])),
+                int(recording.lost_before[block].sum() + recording.unusable_before[block].sum()),
+                _turning(source, monitor, block),
+            )
+        time_s = recording.time_s[part]
         if monitor is not None:
-            monitor.update(time_s, force_g, is_clipped, None if source.rate_rad_s is None else source.rate_rad_s[block])
+            rate_rad_s = None if source.rate_rad_s is None else source.rate_rad_s[part]
+            monitor.update(time_s, source.force_g[part], clipped[part], rate_rad_s)
         if smoothing is not None:
             smoothing.follow()
-        if number % BLOCKS_PER_VERDICT == 0:
+        if len(time_s) == part_samples:
             motion = _motion_at(float(time_s[-1]), monitor, source, swings_freely)
             results.append(judge_condition(window, motion, noise_g, source.permissible_norm_error_g))
     return FollowedRecording(summarise_conditions(results), None if smoothing is None else smoothing.finish())
