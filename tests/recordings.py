@@ -10,9 +10,8 @@ from gateway.packing import pack
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.format.content import RecordingHeader
 from gateway.recording.segments.recorder import Recorder
+from tests.clocks import START_NS
 
-START_NS = 1_767_225_600_000_000_000
-"""2026-01-01 00:00:00 UTC."""
 BLOCK_SAMPLES = 50
 
 

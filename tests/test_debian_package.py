@@ -1,6 +1,7 @@
 """The Debian package by dpkg itself, in a folder and without root: install, upgrade, rollback, failures, remove, purge."""
 
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -9,6 +10,8 @@ from pathlib import Path
 import pytest
 
 from gateway import __version__
+
+pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[1]
 OLD, NEW = f"{__version__}-1", f"{__version__}-2"
@@ -62,9 +65,6 @@ class Machine:
         self.root = root
         self.settings = root / "etc" / "plumbline" / "plumbline.toml"
         self.recording = root / "var" / "lib" / "plumbline" / "one.mcap"
-        for name in ("info", "updates", "triggers"):
-            (root / "var" / "lib" / "dpkg" / name).mkdir(parents=True)
-        (root / "var" / "lib" / "dpkg" / "status").touch()
 
     def dpkg(self, *arguments: str | Path, **environment: str) -> Completed:
         """Run dpkg without root; its scripts act on the folder."""
@@ -93,19 +93,28 @@ class Machine:
         return (self.root / "opt" / "plumbline" / "current").resolve().name
 
 
-@pytest.fixture
-def machine(tmp_path: Path, old: Path) -> Machine:
-    """A machine with the old version, settings and a recording."""
-    machine = Machine(tmp_path / "root")
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory, old: Path) -> Path:
+    """The root directory of a machine with the old version, settings and a recording."""
+    root = tmp_path_factory.mktemp("installed") / "root"
+    for name in ("info", "updates", "triggers"):
+        (root / "var" / "lib" / "dpkg" / name).mkdir(parents=True)
+    (root / "var" / "lib" / "dpkg" / "status").touch()
+    machine = Machine(root)
     done = machine.dpkg("-i", old)
     assert done.returncode == 0, done.stderr
     assert "make them: sudo plumbline setup" in done.stdout
     machine.settings.write_text(SETTINGS)
     machine.recording.write_bytes(b"samples")
-    return machine
+    return root
 
 
-@pytest.mark.slow
+@pytest.fixture
+def machine(tmp_path: Path, installed: Path) -> Machine:
+    """A copy of that machine."""
+    return Machine(shutil.copytree(installed, tmp_path / "root", symlinks=True))
+
+
 def test_the_package_has_the_same_parts_as_the_installer(machine: Machine) -> None:
     for place, part in (
         ("usr/lib/systemd/system/plumbline.service", "plumbline.service"),
@@ -118,7 +127,6 @@ def test_the_package_has_the_same_parts_as_the_installer(machine: Machine) -> No
     assert machine.current == OLD
 
 
-@pytest.mark.slow
 def test_the_arm64_package_is_for_that_processor(build: Callable[..., Path]) -> None:
     package = build("--arch", "arm64")
     done = subprocess.run(
@@ -128,7 +136,6 @@ def test_the_arm64_package_is_for_that_processor(build: Callable[..., Path]) -> 
     assert "python3.11" in done.stdout
 
 
-@pytest.mark.slow
 def test_an_upgrade_and_rollbacks_keep_settings_and_recordings(machine: Machine, new: Path) -> None:
     assert machine.dpkg("-i", new).returncode == 0
     assert machine.current == NEW
@@ -141,7 +148,6 @@ def test_an_upgrade_and_rollbacks_keep_settings_and_recordings(machine: Machine,
     assert machine.recording.exists()
 
 
-@pytest.mark.slow
 def test_an_upgrade_does_not_touch_the_running_version_where_the_settings_are_wrong(
     machine: Machine, new: Path
 ) -> None:
@@ -156,14 +162,12 @@ def test_an_upgrade_does_not_touch_the_running_version_where_the_settings_are_wr
     assert machine.current == NEW
 
 
-@pytest.mark.slow
 def test_a_downgrade_is_an_upgrade_to_the_old_version(machine: Machine, old: Path, new: Path) -> None:
     for package, expected in ((new, NEW), (old, OLD), (old, OLD)):
         assert machine.dpkg("-i", package).returncode == 0
         assert machine.current == expected
 
 
-@pytest.mark.slow
 def test_an_edited_environment_of_the_service_stays(machine: Machine, new: Path) -> None:
     environment = machine.root / "etc" / "default" / "plumbline"
     environment.write_text("PLUMBLINE_GATEWAY__DATA_DIR=/srv/plumbline\n")
@@ -171,7 +175,6 @@ def test_an_edited_environment_of_the_service_stays(machine: Machine, new: Path)
     assert environment.read_text() == "PLUMBLINE_GATEWAY__DATA_DIR=/srv/plumbline\n"
 
 
-@pytest.mark.slow
 def test_the_package_and_the_installer_refuse_each_other(machine: Machine, new: Path) -> None:
     refused = subprocess.run(
         ["sh", str(ROOT / "deploy" / "install.sh")],
@@ -191,7 +194,6 @@ def test_the_package_and_the_installer_refuse_each_other(machine: Machine, new: 
     assert machine.current == OLD
 
 
-@pytest.mark.slow
 def test_only_a_confirmed_purge_deletes_recordings(machine: Machine, new: Path) -> None:
     assert machine.dpkg("--remove", "plumbline-gateway").returncode == 0
     assert not (machine.root / "opt" / "plumbline").exists()

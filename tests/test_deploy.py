@@ -66,10 +66,10 @@ def test_the_watchdog_is_fed_often_enough() -> None:
     assert int(seconds[1]) >= 10
 
 
-@pytest.fixture
-def python(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A Python whose package index is not there: `pip` installs nothing, and the program is that of this tree."""
-    program = tmp_path / "python"
+    program = tmp_path_factory.mktemp("python") / "python"
     program.write_text(
         f"""#!/bin/sh
 case "$*" in
@@ -120,6 +120,20 @@ def wanted(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.fixture(scope="module")
+def installed_root(tmp_path_factory: pytest.TempPathFactory, python: Path) -> Path:
+    root = tmp_path_factory.mktemp("installed") / "root"
+    assert Installation(root, python).run("install.sh", ROOT / "config" / "adxl355.toml").returncode == 0
+    return root
+
+
+@pytest.fixture
+def installed(installation: Installation, installed_root: Path) -> Installation:
+    """An installation with the configuration of the engineer: a copy of one that was made once."""
+    shutil.copytree(installed_root, installation.root, symlinks=True)
+    return installation
+
+
 def test_scripts_are_valid() -> None:
     scripts = [*(ROOT / "deploy").glob("*.sh"), *(ROOT / "deploy" / "debian").iterdir(), *(ROOT / "script").iterdir()]
     assert len(scripts) > 10
@@ -156,11 +170,10 @@ def test_a_simulated_crane_is_not_put_into_service(installation: Installation, w
 
 
 @pytest.mark.slow
-def test_an_edited_environment_of_the_service_stays(installation: Installation, wanted: Path) -> None:
-    assert installation.run("install.sh", wanted).returncode == 0
-    environment = installation.root / "etc" / "default" / "plumbline"
+def test_an_edited_environment_of_the_service_stays(installed: Installation) -> None:
+    environment = installed.root / "etc" / "default" / "plumbline"
     environment.write_text("PLUMBLINE_GATEWAY__DATA_DIR=/srv/plumbline\n")
-    assert installation.run("install.sh").returncode == 0
+    assert installed.run("install.sh").returncode == 0
     assert environment.read_text() == "PLUMBLINE_GATEWAY__DATA_DIR=/srv/plumbline\n"
 
 
@@ -191,67 +204,62 @@ def test_reading_recordings_gives_no_right_to_command_or_to_change_settings() ->
 
 
 @pytest.mark.slow
-def test_an_edited_configuration_is_installed_the_second_time(installation: Installation, wanted: Path) -> None:
-    assert installation.run("install.sh", wanted).returncode == 0
+def test_an_edited_configuration_is_installed_the_second_time(installed: Installation, wanted: Path) -> None:
     before = wanted.read_text()
     wanted.write_text(before + '\n[page]\nlanguage = "de"\n')
-    assert installation.run("install.sh", wanted).returncode == 0
-    assert installation.settings.read_text() == wanted.read_text()
-    (kept,) = installation.settings.parent.glob("plumbline.toml.until-*")
+    assert installed.run("install.sh", wanted).returncode == 0
+    assert installed.settings.read_text() == wanted.read_text()
+    (kept,) = installed.settings.parent.glob("plumbline.toml.until-*")
     assert kept.read_text() == before
 
 
 @pytest.mark.slow
-def test_an_upgrade_keeps_and_checks_the_installed_configuration(installation: Installation, wanted: Path) -> None:
-    assert installation.run("install.sh", wanted).returncode == 0
-    first = installation.current
-    installation.settings.write_text("[rope]\nlenght_m = 12.0\n")
-    done = installation.run("install.sh")
+def test_an_upgrade_keeps_and_checks_the_installed_configuration(installed: Installation) -> None:
+    first = installed.current
+    installed.settings.write_text("[rope]\nlenght_m = 12.0\n")
+    done = installed.run("install.sh")
     assert done.returncode == 2
     assert "did you mean length_m" in done.stderr
-    assert installation.current == first
-    assert [folder.name for folder in installation.releases.iterdir()] == [first]
+    assert installed.current == first
+    assert [folder.name for folder in installed.releases.iterdir()] == [first]
 
 
 @pytest.mark.slow
-def test_a_failed_download_leaves_the_installed_version(installation: Installation, wanted: Path) -> None:
-    assert installation.run("install.sh", wanted).returncode == 0
-    first = installation.current
-    done = installation.run("install.sh", PIP_EXIT="1")
+def test_a_failed_download_leaves_the_installed_version(installed: Installation) -> None:
+    first = installed.current
+    done = installed.run("install.sh", PIP_EXIT="1")
     assert done.returncode == 2
     assert "the installed version is unchanged" in done.stderr
-    assert [folder.name for folder in installation.releases.iterdir()] == [first]
+    assert [folder.name for folder in installed.releases.iterdir()] == [first]
 
 
 @pytest.mark.slow
-def test_rollback_returns_to_the_version_before(installation: Installation, wanted: Path) -> None:
-    assert installation.run("install.sh", wanted).returncode == 0
-    assert installation.run("install.sh", "--rollback").returncode == 2
-    first = installation.current
-    release = installation.releases / first
+def test_rollback_returns_to_the_version_before(installed: Installation) -> None:
+    assert installed.run("install.sh", "--rollback").returncode == 2
+    first = installed.current
+    release = installed.releases / first
     earlier = release.rename(release.with_name("0.0.9-20250101T000000"))
-    link = installation.root / "opt" / "plumbline" / "current"
+    link = installed.root / "opt" / "plumbline" / "current"
     link.unlink()
     link.symlink_to(f"releases/{earlier.name}")
-    assert installation.run("install.sh").returncode == 0
-    second = installation.current
+    assert installed.run("install.sh").returncode == 0
+    second = installed.current
     for expected in (earlier.name, second):
-        assert installation.run("install.sh", "--rollback").returncode == 0
-        assert installation.current == expected
+        assert installed.run("install.sh", "--rollback").returncode == 0
+        assert installed.current == expected
 
 
 @pytest.mark.slow
-def test_uninstall_asks_before_it_deletes_recordings(installation: Installation, wanted: Path) -> None:
-    assert installation.run("install.sh", wanted).returncode == 0
-    recording = installation.root / "var" / "lib" / "plumbline" / "one.mcap"
+def test_uninstall_asks_before_it_deletes_recordings(installed: Installation) -> None:
+    recording = installed.root / "var" / "lib" / "plumbline" / "one.mcap"
     recording.write_bytes(b"")
-    refused = installation.run("uninstall.sh")
+    refused = installed.run("uninstall.sh")
     assert refused.returncode == 2
     assert "--keep-data or --delete-data" in refused.stderr
-    assert installation.run("uninstall.sh", "--keep-data").returncode == 0
+    assert installed.run("uninstall.sh", "--keep-data").returncode == 0
     assert recording.exists()
-    assert installation.settings.exists()
-    assert not installation.releases.exists()
-    assert installation.run("uninstall.sh", "--delete-data").returncode == 0
+    assert installed.settings.exists()
+    assert not installed.releases.exists()
+    assert installed.run("uninstall.sh", "--delete-data").returncode == 0
     assert not recording.exists()
-    assert not installation.settings.exists()
+    assert not installed.settings.exists()

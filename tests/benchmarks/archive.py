@@ -29,7 +29,8 @@ from gateway.archive.rows import RECORDINGS, schema_of
 from gateway.archive.source import open_source
 from gateway.archive.tables import Archive, row_places
 from gateway.archive.tasks import TaskLimits, TaskOutcome
-from tests.gateway.archive.small_recordings import START_NS, SmallCrane
+from tests.clocks import START_NS
+from tests.gateway.archive.small_recordings import SmallCrane
 
 BEGIN = datetime(2026, 1, 1, tzinfo=UTC)
 SEGMENT_MINUTES = 10

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.blind.cases import generate
+from tests.blind.cases import Case, generate
 from tests.blind.mechanics import Motion
 from tests.blind.outside import OUTSIDE
 from tests.blind.plan import ALIKE, CATALOGUE, Plan, plan_cases
@@ -93,12 +93,16 @@ def test_effect_shows(name: str) -> None:
     assert name in case.truth["effects"]
 
 
+@pytest.fixture(scope="module")
+def null() -> Case:
+    return generate(Plan(index=0, seed=2, kind="null"), {"log": 55.0})
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EVENTS)
-def test_event_begins_when_the_truth_says(name: str) -> None:
+def test_event_begins_when_the_truth_says(null: Case, name: str) -> None:
     kind = "single" if name in CATALOGUE else "outside"
     case = generate(Plan(index=0, seed=2, kind=kind, hidden=(name,)), {"log": 55.0})
-    null = generate(Plan(index=0, seed=2, kind="null"), {"log": 55.0})
     apart = np.abs(case.recordings["log"].force_g - null.recordings["log"].force_g).max(axis=1)
     start_s = case.truth["effects"][name]["start_s"]
     first_s = case.recordings["log"].time_s[np.argmax(apart > 1e-6)]

@@ -10,6 +10,8 @@ from gateway.swing.offline import estimate_swing
 from tests.blind.mechanics import Array
 from tests.blind.rigid_pendulum import GRAVITY_M_S2, RigidMotion, RigidPendulum, simulate
 
+pytestmark = pytest.mark.slow
+
 
 def sampled(motion: RigidMotion, rate_hz: float, noise_g: float = 4e-4, step_g: float = 1e-4) -> tuple[Array, Array]:
     time_s = np.arange(0, motion.time_s[-1], 1 / rate_hz)
@@ -29,7 +31,6 @@ def half_width_deg(estimate: SwingEstimate, true_rad: float) -> float:
     return float(np.degrees(high - low) / 2)
 
 
-@pytest.mark.slow
 def test_the_engine_swings_with_the_period_of_the_equivalent_simple_pendulum() -> None:
     body = RigidPendulum(line_m=0.4, bob_radius_m=0.1, rod_mass_ratio=0.5, sensor_m=0.4)
     motion = simulate(body, 0.01, 0.3, 0.0, 10.0)
@@ -38,7 +39,6 @@ def test_the_engine_swings_with_the_period_of_the_equivalent_simple_pendulum() -
     assert np.diff(crossings_s).mean() == pytest.approx(2 * np.pi * np.sqrt(body.equivalent_m / GRAVITY_M_S2), rel=1e-3)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.2, 0.5, 0.95])
 def test_a_mount_askew_by_seven_degrees_is_not_a_lean(rho: float) -> None:
     body = RigidPendulum(line_m=14.0, sensor_m=rho * 14.0, damping_ratio=0.002)
@@ -50,7 +50,6 @@ def test_a_mount_askew_by_seven_degrees_is_not_a_lean(rho: float) -> None:
     assert estimate.phi_max_rad == pytest.approx(np.radians(6.0), abs=np.radians(0.5))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("askew_deg", [21.0, 30.0])
 def test_a_housing_far_askew_is_answered(askew_deg: float) -> None:
     body = RigidPendulum(line_m=0.5, sensor_m=0.35, damping_ratio=0.003)
@@ -61,7 +60,6 @@ def test_a_housing_far_askew_is_answered(askew_deg: float) -> None:
     assert half_width_deg(estimate, np.radians(18.0)) < 4.0
 
 
-@pytest.mark.slow
 def test_a_stated_mount_and_offset_are_taken_out() -> None:
     body = RigidPendulum(line_m=5.0, sensor_m=2.5, damping_ratio=0.002)
     time_s, force_g = sampled(simulate(body, np.radians(8.0), 0.0, 0.0, 40.0), 50.0)
@@ -75,7 +73,6 @@ def test_a_stated_mount_and_offset_are_taken_out() -> None:
     assert half_width_deg(estimate, np.radians(8.0)) < 0.3
 
 
-@pytest.mark.slow
 def test_a_place_that_is_off_by_six_percent_is_in_the_interval() -> None:
     body = RigidPendulum(line_m=0.4, bob_radius_m=0.03, rod_mass_ratio=0.2, sensor_m=0.38, beside_m=(0.02, 0.0))
     time_s, force_g = sampled(simulate(body, np.radians(25.0), 0.4, 0.0, 20.0), 50.0)
@@ -83,7 +80,6 @@ def test_a_place_that_is_off_by_six_percent_is_in_the_interval() -> None:
     assert half_width_deg(estimate, np.radians(25.0)) < 4.0
 
 
-@pytest.mark.slow
 def test_a_decay_by_dry_friction_is_one_free_swing() -> None:
     body = RigidPendulum(line_m=3.0, sensor_m=1.5, damping_ratio=0.001, friction=0.003)
     time_s, force_g = sampled(simulate(body, np.radians(20.0), 0.4, 0.0, 60.0), 50.0)
@@ -93,7 +89,6 @@ def test_a_decay_by_dry_friction_is_one_free_swing() -> None:
     assert estimate.friction_rad == pytest.approx(0.003, rel=0.1)
 
 
-@pytest.mark.slow
 def test_coarse_steps_and_a_slow_rate_are_answered() -> None:
     body = RigidPendulum(line_m=0.6, sensor_m=0.55, damping_ratio=0.004)
     time_s, force_g = sampled(simulate(body, np.radians(35.0), 0.4, 0.0, 25.0), 12.5, 2e-3, 0.016)
@@ -101,7 +96,6 @@ def test_coarse_steps_and_a_slow_rate_are_answered() -> None:
     assert half_width_deg(estimate, np.radians(35.0)) < 4.0
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rho", "tilt_deg"), [(0.0, 95.0), (0.0, 110.0), (0.4, 75.0), (0.4, 125.0), (0.9, 85.0), (0.9, 140.0)]
 )
@@ -116,7 +110,6 @@ def test_a_rigid_link_may_swing_above_its_pivot(rho: float, tilt_deg: float) -> 
     assert estimate.length_m == pytest.approx(body.equivalent_m, rel=0.01)
 
 
-@pytest.mark.slow
 def test_a_wide_swing_that_is_not_planar_is_answered() -> None:
     body = RigidPendulum(line_m=0.6, sensor_m=0.3, damping_ratio=0.003)
     motion = simulate(body, np.radians(100.0), 0.6, 1.5, 20.0)
@@ -125,7 +118,6 @@ def test_a_wide_swing_that_is_not_planar_is_answered() -> None:
     assert half_width_deg(estimate, float(motion.angle_rad.max())) < 3.0
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("tilt_deg", "limit_g"), [(50.0, 1.5), (75.0, 2.0), (105.0, 2.0)])
 def test_axial_readings_clipped_at_the_lowest_point_are_spared(tilt_deg: float, limit_g: float) -> None:
     body = RigidPendulum(line_m=0.4, sensor_m=0.38, beside_m=(0.01, 0.0), damping_ratio=0.003, friction=0.001)
@@ -137,7 +129,6 @@ def test_axial_readings_clipped_at_the_lowest_point_are_spared(tilt_deg: float, 
     assert any("clipped" in reason for reason in estimate.reasons)
 
 
-@pytest.mark.slow
 def test_a_transverse_axis_that_is_clipped_is_a_fault() -> None:
     """It loses the turning points."""
     body = RigidPendulum(line_m=0.4, sensor_m=0.1, damping_ratio=0.003)

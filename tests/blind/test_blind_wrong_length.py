@@ -19,6 +19,8 @@ from gateway.twin.reconcile.search.persistent import fit_baseline
 from gateway.twin.reconcile.search.validation import Validator
 from tests.blind.rigid_pendulum import GRAVITY_M_S2, RigidPendulum, simulate
 
+pytestmark = pytest.mark.slow
+
 NOISE_G = 1e-3
 PERIODS, SAMPLES_PER_PERIOD = 18, 30
 
@@ -63,7 +65,6 @@ def baseline(case: Case) -> dict[str, float]:
 DAMPED = RigidPendulum(line_m=2.0, sensor_m=1.0, damping_ratio=0.004)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("case", "loss", "size"),
     [
@@ -87,7 +88,6 @@ def test_a_wrong_length_and_the_loss_of_a_large_swing_are_named_with_their_value
         assert float(np.asarray(low)) <= true <= float(np.asarray(high)), (name, named[name])
 
 
-@pytest.mark.slow
 def test_a_clock_says_the_same_of_a_housing_at_the_pivot() -> None:
     result = reconciled(Case(RigidPendulum(line_m=2.0, sensor_m=0.0, drag=0.02), 55.0, 0.2))
     assert result.verdict == "one_of"
@@ -95,12 +95,10 @@ def test_a_clock_says_the_same_of_a_housing_at_the_pivot() -> None:
     assert [effect.name for effect in result.effects] == ["quadratic_drag"]
 
 
-@pytest.mark.slow
 def test_the_search_starts_from_the_length_that_the_period_tells() -> None:
     assert baseline(Case(DAMPED, 60.0, 0.2)) == {"rope_length": pytest.approx(0.2, abs=0.05)}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("tilt_deg", [60.0, 15.0])
 def test_a_length_that_the_period_does_not_contradict_is_left_to_the_search(tilt_deg: float) -> None:
     assert baseline(Case(DAMPED, tilt_deg, 0.0 if tilt_deg > 30 else 0.2)) == {}

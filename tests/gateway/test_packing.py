@@ -1,5 +1,4 @@
 import json
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +12,7 @@ from devices.block import SampleBlock
 from gateway import messages, topics
 from gateway.packing import pack, unpack
 from gateway.recording.format.content import encode_recorded
-from tests.gateway.conftest import MakeBlock
+from tests.gateway.conftest import make_block, make_samples
 
 
 def packed(block: SampleBlock) -> messages.Samples:
@@ -81,7 +80,7 @@ def test_a_block_is_unpacked_exactly(block: SampleBlock) -> None:
     assert_same(block, through_json(block))
 
 
-def test_even_times_become_a_period_and_uneven_ones_offsets(make_block: MakeBlock) -> None:
+def test_even_times_become_a_period_and_uneven_ones_offsets() -> None:
     even = packed(make_block(period_ns=1_000_123.456))
     assert even.offsets_ns is None
     assert even.period_ns == pytest.approx(1_000_123.456, abs=0.05)
@@ -112,7 +111,7 @@ def test_counts_are_whole_numbers_and_g_has_every_digit() -> None:
     assert b'"x":[0.30000000000000004],"y":[1.0],"z":[-1e-17]' in topics.encode(packed(readings_g))
 
 
-def test_marks_of_saturation_cost_a_few_bytes_where_nothing_saturates(make_block: MakeBlock) -> None:
+def test_marks_of_saturation_cost_a_few_bytes_where_nothing_saturates() -> None:
     block = make_block()
     unmarked = len(encode_recorded(packed(block)))
     marked = replace(block, saturated=np.zeros(len(block), dtype=np.bool_))
@@ -120,7 +119,7 @@ def test_marks_of_saturation_cost_a_few_bytes_where_nothing_saturates(make_block
 
 
 @pytest.mark.parametrize("places", [[-1], [0, 32]])
-def test_a_mark_outside_the_block_is_refused(make_block: MakeBlock, places: list[int]) -> None:
+def test_a_mark_outside_the_block_is_refused(places: list[int]) -> None:
     with pytest.raises(ValueError, match="saturated samples"):
         unpack(replace(packed(make_block()), saturated=places))
 
@@ -154,9 +153,7 @@ def test_an_empty_block_is_refused() -> None:
         {"z": [2**70, 1, 2, 3]},
     ],
 )
-def test_columns_of_different_lengths_are_refused(
-    make_samples: Callable[..., messages.Samples], change: dict[str, object]
-) -> None:
+def test_columns_of_different_lengths_are_refused(change: dict[str, object]) -> None:
     content = {**topics.adapter("samples").dump_python(make_samples(length=4)), **change}
     with pytest.raises(ValueError, match=r"samples|64 bits"):
         unpack(messages.Samples(**content))

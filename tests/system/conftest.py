@@ -9,13 +9,16 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any, Protocol
 
 import pytest
 import zenoh
 
+from gateway.cli.main import main
+from gateway.errors import BAD_INPUT
 from tests.ports import unused_port
 from tests.waiting import PATIENCE_S
 
@@ -147,12 +150,13 @@ Hostile = Callable[[str, str], "subprocess.Popen[str]"]
 """Starts a process that works on the bus at an endpoint."""
 
 
+Completed = subprocess.CompletedProcess[str]
+
+
 class Plumbline(Protocol):
     """Run a command to its end."""
 
-    def __call__(
-        self, *arguments: str | Path, timeout_s: float = 2 * PATIENCE_S, cwd: Path = ROOT
-    ) -> subprocess.CompletedProcess[str]: ...
+    def __call__(self, *arguments: str | Path, environment: Mapping[str, str | None] | None = None) -> Completed: ...
 
 
 @pytest.fixture
@@ -187,20 +191,32 @@ def join_bus() -> Iterator[JoinBus]:
 
 @pytest.fixture
 def plumbline() -> Plumbline:
-    def run(
-        *arguments: str | Path, timeout_s: float = 2 * PATIENCE_S, cwd: Path = ROOT
-    ) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            [sys.executable, "-m", "gateway", *map(str, arguments)],
-            cwd=cwd,
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
-            capture_output=True,
-            text=True,
-            timeout=timeout_s,
-            check=False,
-        )
+    """Runs commands in this process: to start another takes longer than most of them."""
+
+    def run(*arguments: str | Path, environment: Mapping[str, str | None] | None = None) -> Completed:
+        words, out, err = [str(each) for each in arguments], StringIO(), StringIO()
+        with pytest.MonkeyPatch.context() as patched, redirect_stdout(out), redirect_stderr(err):
+            for name, value in (environment or {}).items():
+                patched.delenv(name, raising=False) if value is None else patched.setenv(name, value)
+            try:
+                code = main(words)
+            except SystemExit as end:  # of the argument parser, which has printed why
+                code = end.code if isinstance(end.code, int) else BAD_INPUT
+        return Completed(words, code, out.getvalue(), err.getvalue())
 
     return run
+
+
+def run_process(*arguments: str | Path) -> Completed:
+    """Run a command in a process of its own, where that is what is tested."""
+    return subprocess.run(
+        [sys.executable, "-m", "gateway", *map(str, arguments)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=2 * PATIENCE_S,
+        check=False,
+    )
 
 
 @pytest.fixture

@@ -4,7 +4,9 @@ import pytest
 
 from gateway.cli.main import main
 from tests.gateway.recording.recorded_files import summarise
-from tests.system.conftest import ROOT, JoinBus, Plumbline, StartGateway
+from tests.system.conftest import ROOT, JoinBus, Plumbline, StartGateway, run_process
+
+pytestmark = pytest.mark.slow
 
 
 def one_line(err: str) -> str:
@@ -15,16 +17,13 @@ def one_line(err: str) -> str:
 
 
 REFUSED = {
-    "unknown device": ('[device]\nkind = "adxl999"\n', "device.kind: 'adxl999' is not supported"),
     "unknown key": ("[rope]\nlength_mm = 5\n", "did you mean length_m?"),
     "missing port": ('[device]\nkind = "witmotion"\nport = "/dev/ttyUSB-none"\n', "/dev/ttyUSB-none"),
     "missing bus": ('[device]\nkind = "adxl355"\nbus = 77\n', "/dev/i2c-77"),
     "missing recording": ('[device]\nkind = "replay"\npath = "/none.csv"\n', "/none.csv"),
-    "not toml": ("[rope\n", "is not TOML"),
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("case", REFUSED)
 def test_bad_configurations_are_refused_at_start(start_gateway: StartGateway, case: str) -> None:
     toml, expected = REFUSED[case]
@@ -36,7 +35,6 @@ def test_bad_configurations_are_refused_at_start(start_gateway: StartGateway, ca
     assert gateway.recordings == []
 
 
-@pytest.mark.slow
 def test_second_instance_on_the_same_data(start_gateway: StartGateway, join_bus: JoinBus) -> None:
     first = start_gateway()
     join_bus(first.endpoint).wait_for("health")
@@ -47,7 +45,6 @@ def test_second_instance_on_the_same_data(start_gateway: StartGateway, join_bus:
     assert first.process.poll() is None
 
 
-@pytest.mark.slow
 def test_a_full_disk_stops_the_recording_and_not_the_gateway(start_gateway: StartGateway, join_bus: JoinBus) -> None:
     """The kernel's limit on file size stands in for a disk without room: writes fail at the outermost call."""
     gateway = start_gateway(
@@ -81,7 +78,6 @@ CLI_REFUSED = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("case", CLI_REFUSED)
 def test_commands_refuse_bad_input_in_one_line(
     case: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -92,25 +88,22 @@ def test_commands_refuse_bad_input_in_one_line(
     assert expected in one_line(capsys.readouterr().err)
 
 
-@pytest.mark.slow
 def test_a_gateway_that_cannot_be_reached_is_no_usage_error(plumbline: Plumbline) -> None:
     done = plumbline("remote", "status", "--connect", "tcp/127.0.0.1:1")
     assert done.returncode == 1
     assert "nobody answers" in one_line(done.stderr)
 
 
-@pytest.mark.slow
 def test_usage_errors_have_exit_code_two(plumbline: Plumbline) -> None:
     assert plumbline("run", "--duration", "-1").returncode == 2
-    assert plumbline("nonsense").returncode == 2
-    nothing = plumbline("record", "info", "none.mcap")
+    assert run_process("nonsense").returncode == 2
+    nothing = run_process("record", "info", "none.mcap")
     assert (nothing.returncode, "none.mcap" in one_line(nothing.stderr)) == (2, True)
     refused = plumbline("measure", "README.md", "--from", "noon")
     assert refused.returncode == 2
     assert "argument --from: noon is neither seconds from the start" in one_line(refused.stderr.splitlines()[-1])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "command",
     [

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from gateway.bridge.plant_snapshot import PlantState
-from tests.system.conftest import ROOT, RunningGateway, StartGateway
+from tests.system.conftest import ROOT, Plumbline, RunningGateway, StartGateway
 from tests.system.plant_clients import ModbusPlant, MqttPlant, OpcuaPlant
 from tests.system.running_bridge import PlantClient, RunningBridge
 from tests.system.test_alert_delivery import CHATTERING, Radio
@@ -88,11 +88,18 @@ def join_plant(tmp_path: Path) -> Iterator[JoinPlant]:
 GONE = (PlantState.GATEWAY_GONE, PlantState.LINK_GONE)
 
 
-def test_a_gateway_that_hangs_or_is_killed_or_bridges_that_do_leave_no_angle(
-    start_gateway: StartGateway, join_plant: JoinPlant
+def test_a_gateway_that_is_recalibrated_hangs_or_is_killed_or_bridges_that_do_leave_no_angle(
+    start_gateway: StartGateway, join_plant: JoinPlant, plumbline: Plumbline
 ) -> None:
     gateway = start_gateway(CHATTERING)
     plant = join_plant(gateway)
+    plant.until_angle()
+    link = ("--by", "ann", "--connect", gateway.endpoint, "--credentials", str(gateway.data_dir))
+    command = [sys.executable, "-m", "gateway", "remote", "recalibrate", "--housing-off-rope", *link]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL) as session:
+        plant.until_state(PlantState.SUSPENDED)
+        session.kill()
+    assert plumbline("remote", "cancel", *link).returncode == 0
     plant.until_angle()
     gateway.process.send_signal(signal.SIGSTOP)
     plant.until_state(*GONE)
@@ -132,22 +139,6 @@ def test_without_calibration_or_samples_there_is_no_angle(start_gateway: StartGa
     radio.talks.set()
     plant.until_state(PlantState.UNCALIBRATED)
     radio.close()
-
-
-def test_while_the_housing_is_off_the_rope_there_is_no_angle(
-    start_gateway: StartGateway, join_plant: JoinPlant
-) -> None:
-    gateway = start_gateway(CHATTERING)
-    plant = join_plant(gateway)
-    plant.until_angle()
-    command = ["remote", "recalibrate", "--by", "ann", "--housing-off-rope", "--connect", gateway.endpoint]
-    with subprocess.Popen(
-        [sys.executable, "-m", "gateway", *command, "--credentials", str(gateway.data_dir)],
-        cwd=ROOT,
-        stdout=subprocess.DEVNULL,
-    ) as session:
-        plant.until_state(PlantState.SUSPENDED)
-        session.kill()
 
 
 def test_a_simulated_crane_has_no_angle_unless_it_is_asked_for(

@@ -16,6 +16,8 @@ from tests.waiting import PATIENCE_S
 Damage = Callable[[Path], object]
 
 MADE_LATER = (
+    "calibration/simulated-1/drift.json",
+    "calibration/simulated-1/in_force.json",
     "security.jsonl",
     "time-stamps.jsonl",
     "page-pin",
@@ -77,13 +79,21 @@ def state_files(folder: Path) -> list[Path]:
     return [path for path in folder.rglob("*") if path.is_file() and path.suffix != ".mcap"]
 
 
+def make_later_files(folder: Path) -> None:
+    for path in (folder / name for name in MADE_LATER if not (folder / name).exists()):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("{}\n")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("damage", list(DAMAGES))
 def test_a_gateway_works_with_all_its_state_files_damaged(
     former: Path, start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path, damage: str
 ) -> None:
-    shutil.copytree(former, tmp_path / "data", symlinks=True)
-    damaged = state_files(tmp_path / "data")
+    folder = tmp_path / "data"
+    shutil.copytree(former, folder, symlinks=True)
+    make_later_files(folder)
+    damaged = state_files(folder)
     assert {"chain.json", "command-token", "signing-key.pem", ".lock"} <= {path.name for path in damaged}
     for path in damaged:
         DAMAGES[damage](path)
@@ -109,14 +119,10 @@ def test_a_link_in_place_of_a_state_file_changes_nothing_where_it_leads(
     shutil.copytree(former, folder, symlinks=True)
     elsewhere.mkdir()
     victims = {}
-    linked = [*state_files(folder), *(folder / name for name in MADE_LATER if not (folder / name).exists())]
-    for number, path in enumerate(linked):
+    make_later_files(folder)
+    for number, path in enumerate(state_files(folder)):
         victim = elsewhere / f"{number}-{path.name}"
-        if path.exists():
-            path.rename(victim)
-        else:
-            victim.write_text("{}\n")
-        path.parent.mkdir(exist_ok=True)
+        path.rename(victim)
         path.symlink_to(victim)
         victims[victim] = victim.read_bytes(), victim.stat().st_mode
     gateway = start_gateway(environment={"PLUMBLINE_RECORDER__SEGMENT_S": "10"})

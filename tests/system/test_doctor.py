@@ -2,16 +2,18 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import tarfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from gateway.configuration.loading import load
 from gateway.daemon.doctor.checks import examine, examine_sensor_as_user
-from tests.system.conftest import ROOT, JoinBus, Plumbline, StartGateway
+from tests.system.conftest import ROOT, JoinBus, Plumbline, RunningGateway, StartGateway
 
 
 def _config(folder: Path, data_dir: Path, endpoint: str) -> Path:
@@ -22,11 +24,18 @@ def _config(folder: Path, data_dir: Path, endpoint: str) -> Path:
     return path
 
 
+@pytest.fixture(scope="module")
+def gateway(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningGateway]:
+    """A gateway for tests that only look at it."""
+    running = RunningGateway(tmp_path_factory.mktemp("gateway"))
+    yield running
+    running.stop()
+
+
 @pytest.mark.slow
 def test_doctor_reports_the_state_of_a_running_gateway(
-    start_gateway: StartGateway, join_bus: JoinBus, plumbline: Plumbline, tmp_path: Path
+    gateway: RunningGateway, join_bus: JoinBus, plumbline: Plumbline, tmp_path: Path
 ) -> None:
-    gateway = start_gateway()
     join_bus(gateway.endpoint).wait_for("health", lambda health: health["measured_rate_hz"] is not None)
     config = _config(tmp_path, gateway.data_dir, gateway.endpoint)
     done = plumbline("doctor", "--config", config)
@@ -35,9 +44,6 @@ def test_doctor_reports_the_state_of_a_running_gateway(
     assert "ok   recording" in done.stdout
     assert "BAD" not in done.stdout
     assert done.stdout.endswith("\nrunning, all well\n")
-    gateway.process.kill()
-    gateway.wait()
-    assert "has been running" not in plumbline("doctor", "--config", config).stdout
 
 
 @pytest.mark.slow
@@ -50,17 +56,20 @@ def test_suspended_alerts_are_not_well(
     words = ["remote", "recalibrate", "--by", "ann", "--housing-off-rope", "--connect", gateway.endpoint]
     with subprocess.Popen([sys.executable, "-m", "gateway", *words], cwd=ROOT, stdout=subprocess.DEVNULL) as follower:
         peer.wait_for("alert", lambda alert: alert["validity"] == "suspended")
-        done = plumbline("doctor", "--config", _config(tmp_path, gateway.data_dir, gateway.endpoint))
+        config = _config(tmp_path, gateway.data_dir, gateway.endpoint)
+        done = plumbline("doctor", "--config", config)
         follower.terminate()
+    gateway.stop(signal.SIGKILL)
+    assert "has been running" in done.stdout
+    assert "has been running" not in plumbline("doctor", "--config", config).stdout
     assert "note alerts       swing unknown: SUSPENDED" in done.stdout
     assert done.stdout.endswith("\nrunning, and alerts are suspended\n")
 
 
 @pytest.mark.slow
 def test_doctor_states_that_a_running_gateway_does_not_answer(
-    start_gateway: StartGateway, join_bus: JoinBus, plumbline: Plumbline, tmp_path: Path
+    gateway: RunningGateway, join_bus: JoinBus, plumbline: Plumbline, tmp_path: Path
 ) -> None:
-    gateway = start_gateway()
     join_bus(gateway.endpoint).wait_for("health")
     done = plumbline("doctor", "--config", _config(tmp_path, gateway.data_dir, "tcp/127.0.0.1:1"))
     assert done.returncode == 1
@@ -96,30 +105,23 @@ def test_doctor_names_a_damaged_chain_and_what_was_kept_of_it(plumbline: Plumbli
 
 
 @pytest.mark.slow
-def test_doctor_examines_a_sensor_alone(plumbline: Plumbline, tmp_path: Path) -> None:
-    done = plumbline("doctor", "--device", "--config", _config(tmp_path, tmp_path / "data", "tcp/127.0.0.1:0"))
+def test_doctor_examines_a_sensor_alone_and_records_what_it_measured(plumbline: Plumbline, tmp_path: Path) -> None:
+    config, path = _config(tmp_path, tmp_path / "data", "tcp/127.0.0.1:0"), tmp_path / "doctor.json"
+    done = plumbline("doctor", "--device", "--config", config, "--json", path)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "samples/s, nominal 125" in done.stdout
     assert "+z face is up" in done.stdout
     assert done.stdout.endswith("\nall well\n")
-
-
-@pytest.mark.slow
-def test_doctor_records_what_it_measured(plumbline: Plumbline, tmp_path: Path) -> None:
-    config, path = _config(tmp_path, tmp_path / "data", "tcp/127.0.0.1:0"), tmp_path / "doctor.json"
-    assert plumbline("doctor", "--device", "--config", config, "--json", path).returncode == 0
     checks = {check["place"]: check for check in json.loads(path.read_text())["checks"]}
+    assert list(checks) == ["settings", "reading", "attitude"]
     assert checks["reading"]["values"]["device_id"] == "simulated-1"
     assert abs(checks["attitude"]["values"]["housing_g"][2] - 1) < 0.1
-    printed = json.loads(plumbline("doctor", "--device", "--config", config, "--json", "-").stdout)
-    assert [check["place"] for check in printed["checks"]] == ["settings", "reading", "attitude"]
 
 
 @pytest.mark.slow
 def test_doctor_leaves_a_sensor_alone_that_a_gateway_uses(
-    start_gateway: StartGateway, join_bus: JoinBus, plumbline: Plumbline, tmp_path: Path
+    gateway: RunningGateway, join_bus: JoinBus, plumbline: Plumbline, tmp_path: Path
 ) -> None:
-    gateway = start_gateway()
     join_bus(gateway.endpoint).wait_for("health")
     done = plumbline("doctor", "--device", "--config", _config(tmp_path, gateway.data_dir, gateway.endpoint))
     assert done.returncode == 1

@@ -23,6 +23,8 @@ from tests.system.conftest import BusPeer, JoinBus, RunningGateway, StartGateway
 from tests.values import present
 from tests.waiting import wait_until
 
+pytestmark = pytest.mark.slow
+
 
 def alerts_go_on(peer: BusPeer) -> None:
     """Wait for an alert that is newer than now."""
@@ -47,7 +49,6 @@ def put_in_force(data_dir: Path, *names: str) -> None:
         store.put_in_force(name, by="ann", reason="", request=name, time_utc="2026-01-03T00:00:00Z")
 
 
-@pytest.mark.slow
 def test_a_disk_that_takes_nothing_stops_neither_alerts_nor_the_end(
     start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path
 ) -> None:
@@ -65,7 +66,6 @@ def test_a_disk_that_takes_nothing_stops_neither_alerts_nor_the_end(
     ends_in_time(gateway)
 
 
-@pytest.mark.slow
 def test_a_disk_that_takes_nothing_at_start_delays_neither_samples_nor_the_end(
     start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path
 ) -> None:
@@ -77,7 +77,6 @@ def test_a_disk_that_takes_nothing_at_start_delays_neither_samples_nor_the_end(
     ends_in_time(gateway)
 
 
-@pytest.mark.slow
 def test_a_stored_record_that_cannot_be_read_delays_neither_alerts_nor_the_recording(
     start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path
 ) -> None:
@@ -102,7 +101,6 @@ def roll_back(peer: BusPeer, gateway: RunningGateway, number: int) -> tuple[bool
     return accepted, content
 
 
-@pytest.mark.slow
 def test_a_disk_that_is_slow_refuses_no_request(start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path) -> None:
     put_in_force(tmp_path / "data", "older", "newer")
     gate = tmp_path / "stalled"
@@ -117,7 +115,6 @@ def test_a_disk_that_is_slow_refuses_no_request(start_gateway: StartGateway, joi
     ends_in_time(gateway)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("file", ["in_force.json", "older.json"])
 def test_a_request_for_what_the_disk_does_not_give_is_refused_and_delays_no_alert(
     start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path, file: str
@@ -140,7 +137,6 @@ def test_a_request_for_what_the_disk_does_not_give_is_refused_and_delays_no_aler
     ends_in_time(gateway)
 
 
-@pytest.mark.slow
 def test_a_recording_that_was_deleted_while_it_was_written_is_followed_by_another(
     start_gateway: StartGateway, join_bus: JoinBus
 ) -> None:
@@ -155,7 +151,6 @@ def test_a_recording_that_was_deleted_while_it_was_written_is_followed_by_anothe
     gateway.stop()
 
 
-@pytest.mark.slow
 def test_a_service_waits_for_its_sensor_and_says_so(start_gateway: StartGateway, join_bus: JoinBus) -> None:
     gateway = start_gateway('[device]\nkind = "adxl355"\nbus = 77\n', arguments=("--service",))
     peer = join_bus(gateway.endpoint)
@@ -167,8 +162,7 @@ def test_a_service_waits_for_its_sensor_and_says_so(start_gateway: StartGateway,
     ends_in_time(gateway)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("after_s", [0.0, 0.3, 0.6, 1.0, 1.5, 2.5])
+@pytest.mark.parametrize("after_s", [0.0, 0.5, 1.0, 2.0])
 def test_a_signal_at_any_time_of_the_start_ends_it(start_gateway: StartGateway, after_s: float) -> None:
     port = unused_port()
     environment = {"PLUMBLINE_BUS__MODE": "client", "PLUMBLINE_BUS__CONNECT": f'["tcp/127.0.0.1:{port}"]'}
@@ -179,7 +173,6 @@ def test_a_signal_at_any_time_of_the_start_ends_it(start_gateway: StartGateway, 
     assert code in (0, 3, -signal.SIGTERM)  # the last: before Python could take the signal
 
 
-@pytest.mark.slow
 def test_a_page_that_stands_still_delays_the_end_by_little(start_gateway: StartGateway, join_bus: JoinBus) -> None:
     gateway = start_gateway(page=True)
     join_bus(gateway.endpoint).wait_for("health")

@@ -1,9 +1,7 @@
 """On a site with a CA the first contact is authentic, whoever stands between; and so are recordings, by the CA alone."""
 
 import json
-import os
-import subprocess
-import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +10,9 @@ import pytest
 from gateway.pki.site_folder import Holder, utc_now
 from tests.gateway.pki.site import Site
 from tests.ports import unused_port
-from tests.system.conftest import ROOT, RunningGateway, StartGateway
+from tests.system.conftest import Plumbline, RunningGateway, StartGateway
 from tests.system.test_forged_messages import forger
-from tests.waiting import PATIENCE_S, wait_until
+from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -25,20 +23,10 @@ YARD = '[gateway]\nsite = "yard"\ncrane = "crane-1"\n'
 class User:
     """Somebody with a certificate, who has heard of no gateway yet."""
 
-    def __init__(self, credentials: Path, home: Path) -> None:
-        self._environment = {**os.environ, "XDG_STATE_HOME": str(home), "PLUMBLINE_CREDENTIALS": str(credentials)}
+    def __init__(self, credentials: Path, home: Path, plumbline: Plumbline) -> None:
+        environment = {"XDG_STATE_HOME": str(home), "PLUMBLINE_CREDENTIALS": str(credentials)}
+        self.run = partial(plumbline, environment=environment)
         self.pins = home / "plumbline" / "gateways"
-
-    def run(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            [sys.executable, "-m", "gateway", *map(str, arguments)],
-            cwd=ROOT,
-            env=self._environment,
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE_S,
-            check=False,
-        )
 
     def card(self, endpoint: str) -> Any:
         shown = self.run("fleet", "status", "--connect", endpoint, "--json", "-").stdout
@@ -48,20 +36,20 @@ class User:
 class YardSite:
     """A gateway that listens with TLS, and people of the site."""
 
-    def __init__(self, folder: Path, start_gateway: StartGateway) -> None:
+    def __init__(self, folder: Path, start_gateway: StartGateway, plumbline: Plumbline) -> None:
         self.keys = Site(folder / "keys")
         self.endpoint = f"tls/127.0.0.1:{unused_port()}"
         environment = {"PLUMBLINE_BUS__LISTEN": json.dumps([self.endpoint]), "XDG_STATE_HOME": str(folder / "gateway")}
         self.gateway: RunningGateway = start_gateway(YARD + self.keys.gateway_toml(), environment=environment)
-        self._folder = folder
+        self._folder, self._plumbline = folder, plumbline
 
     def user(self, name: str) -> User:
-        return User(self.keys.issue(name, Holder.SERVICE), self._folder / f"home-of-{name}")
+        return User(self.keys.issue(name, Holder.SERVICE), self._folder / f"home-of-{name}", self._plumbline)
 
 
 @pytest.fixture
-def site(tmp_path: Path, start_gateway: StartGateway) -> YardSite:
-    return YardSite(tmp_path, start_gateway)
+def site(tmp_path: Path, start_gateway: StartGateway, plumbline: Plumbline) -> YardSite:
+    return YardSite(tmp_path, start_gateway, plumbline)
 
 
 def test_a_router_that_says_it_is_the_gateway_is_believed_by_nobody(site: YardSite, tmp_path: Path) -> None:

@@ -1,33 +1,23 @@
 """What somebody heard of a gateway proves its recordings: the key at the first contact, and the hash of the newest statement."""
 
-import os
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from tests.system.conftest import ROOT, JoinBus, StartGateway
+from tests.system.conftest import JoinBus, Plumbline, StartGateway
 
 SHORT = {"PLUMBLINE_RECORDER__SEGMENT_S": "10", "PLUMBLINE_GATEWAY__SITE": "yard"}
 Run = Callable[..., tuple[int, str]]
 
 
 @pytest.fixture
-def run(tmp_path: Path) -> Run:
+def run(tmp_path: Path, plumbline: Plumbline) -> Run:
     """`plumbline` as a user with a home of its own."""
 
     def run(*arguments: str | Path) -> tuple[int, str]:
-        done = subprocess.run(
-            [sys.executable, "-m", "gateway", *map(str, arguments)],
-            cwd=ROOT,
-            env={**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        done = plumbline(*arguments, environment={"XDG_STATE_HOME": str(tmp_path / "state")})
         return done.returncode, done.stdout + done.stderr
 
     return run

@@ -6,6 +6,7 @@ import re
 import signal
 import socket
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from urllib.request import urlopen
@@ -61,8 +62,15 @@ def _is_live(gateway: RunningGateway) -> bool:
     return _state(gateway)["verdict"]["word"] not in ("NO DATA", "STALE")
 
 
-def test_forged_messages_on_the_bus_do_not_reach_the_page(start_gateway: StartGateway, join_bus: JoinBus) -> None:
-    gateway = start_gateway(page=True)
+@pytest.fixture(scope="module")
+def gateway(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningGateway]:
+    """A gateway that is well again after each test that takes it."""
+    running = RunningGateway(tmp_path_factory.mktemp("gateway"), page=True)
+    yield running
+    running.stop()
+
+
+def test_forged_messages_on_the_bus_do_not_reach_the_page(gateway: RunningGateway, join_bus: JoinBus) -> None:
     peer = join_bus(gateway.endpoint)
     wait_until(lambda: "swing" in _state(gateway)["topics"], "a swing on the page")
     forged = {"alert": peer.wait_for("alert"), "swing": peer.wait_for("swing"), "condition": peer.wait_for("condition")}
@@ -79,8 +87,7 @@ def test_forged_messages_on_the_bus_do_not_reach_the_page(start_gateway: StartGa
         time.sleep(0.05)
 
 
-def test_a_gateway_that_hangs_is_stale_and_comes_back(start_gateway: StartGateway) -> None:
-    gateway = start_gateway(page=True)
+def test_a_gateway_that_hangs_is_stale_and_comes_back(gateway: RunningGateway) -> None:
     wait_until(lambda: _is_live(gateway), "a live page")
     gateway.process.send_signal(signal.SIGSTOP)
     wait_until(lambda: not _is_live(gateway), "STALE")

@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from gateway import messages
 from gateway.recording.reading.recording_file import open_recording
 from tests.benchmarks.turned_radio import COUNTS_PER_G, FACES, GAIN, OFFSET_G, TurnedRadio
-from tests.system.conftest import ROOT, JoinBus, Plumbline, StartGateway
+from tests.system.conftest import ROOT, Completed, JoinBus, Plumbline, StartGateway
 from tests.waiting import PATIENCE_S
 
 pytestmark = pytest.mark.slow
@@ -35,8 +35,10 @@ def radio(tmp_path: Path) -> Iterator[TurnedRadio]:
 class Site:
     """A gateway with the radio, killed and started again at will, and the command line of somebody far away."""
 
-    def __init__(self, start_gateway: StartGateway, join_bus: JoinBus, radio: TurnedRadio) -> None:
-        self._start, self._join, self.radio = start_gateway, join_bus, radio
+    def __init__(
+        self, start_gateway: StartGateway, join_bus: JoinBus, radio: TurnedRadio, plumbline: Plumbline
+    ) -> None:
+        self._start, self._join, self.radio, self._plumbline = start_gateway, join_bus, radio, plumbline
         self.gateway = start_gateway(self._toml("hook-7"))
         self.endpoint: str = self.gateway.endpoint
         self._listen()
@@ -57,19 +59,13 @@ class Site:
         self.gateway.process.kill()
         self.gateway.process.communicate()
 
-    def command(self, *arguments: str) -> list[str]:
-        return [*REMOTE, *arguments, "--connect", self.endpoint]
-
-    def remote(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            self.command(*arguments), cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S, check=False
-        )
+    def remote(self, *arguments: str) -> Completed:
+        return self._plumbline("remote", *arguments, "--connect", self.endpoint)
 
     def follow(self, *arguments: str) -> subprocess.Popen[str]:
         """Begin to run a command that takes a while."""
-        return subprocess.Popen(
-            self.command(*arguments), cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
+        command = [*REMOTE, *arguments, "--connect", self.endpoint]
+        return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
     def wait_session(self, wanted: Callable[[Any], bool]) -> Any:
         return self.peer.wait_for("calibration", lambda message: wanted(message["session"]))["session"]
@@ -101,8 +97,8 @@ class Site:
 
 
 @pytest.fixture
-def site(start_gateway: StartGateway, join_bus: JoinBus, radio: TurnedRadio) -> Site:
-    return Site(start_gateway, join_bus, radio)
+def site(start_gateway: StartGateway, join_bus: JoinBus, radio: TurnedRadio, plumbline: Plumbline) -> Site:
+    return Site(start_gateway, join_bus, radio, plumbline)
 
 
 def test_a_session_leads_to_a_record_in_spite_of_a_kill(site: Site, tmp_path: Path, plumbline: Plumbline) -> None:

@@ -1,22 +1,32 @@
 """`plumbline remote config` on a real gateway: proposed, applied, confirmed; and rolled back where the gateway is not healthy."""
 
 import tomllib
+from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
-from tests.system.conftest import JoinBus, Plumbline, RunningGateway, StartGateway
+from tests.system.conftest import BusPeer, JoinBus, Plumbline, RunningGateway, StartGateway
 
 pytestmark = pytest.mark.slow
 
 FILE = '[gateway]\nsite = "yard"\n\n[alerts]\ntrip_deg = 6.0  # agreed with the owner\n'
 
 
-@pytest.fixture
-def gateway(start_gateway: StartGateway, join_bus: JoinBus) -> RunningGateway:
-    gateway = start_gateway(FILE)
-    join_bus(gateway.endpoint).wait_for("health")
-    return gateway
+@pytest.fixture(scope="module")
+def gateway(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningGateway]:
+    """A gateway whose file is the same after each test that takes it."""
+    gateway = RunningGateway(tmp_path_factory.mktemp("gateway"), FILE)
+    with closing(BusPeer(gateway.endpoint)) as peer:
+        peer.wait_for("health")
+    yield gateway
+    assert gateway.process.poll() is None
+    gateway.stop()
+
+
+def _file(gateway: RunningGateway) -> Path:
+    return gateway.data_dir.with_name("gateway.toml")
 
 
 def _remote(plumbline: Plumbline, gateway: RunningGateway, *arguments: str | Path) -> tuple[int, str, str]:
@@ -32,8 +42,10 @@ def _proposal(folder: Path, text: str) -> Path:
 
 
 def test_a_change_is_proposed_applied_and_confirmed(
-    gateway: RunningGateway, plumbline: Plumbline, join_bus: JoinBus, tmp_path: Path
+    start_gateway: StartGateway, plumbline: Plumbline, join_bus: JoinBus, tmp_path: Path
 ) -> None:
+    gateway = start_gateway(FILE)
+    join_bus(gateway.endpoint).wait_for("health")
     code, out, _ = _remote(plumbline, gateway, "get")
     assert code == 0
     assert tomllib.loads(out)["alerts"] == {"trip_deg": 6.0}
@@ -66,11 +78,10 @@ def test_a_sensor_that_is_not_there_is_rolled_back_at_once(
     assert code == 1
     assert "rolled back: " in err
     assert "i2c-77" in err
-    assert (tmp_path / "gateway.toml").read_text() == FILE
+    assert _file(gateway).read_text() == FILE
     code, out, _ = _remote(plumbline, gateway, "get")
     assert code == 0
     assert "adxl355" not in out
-    assert gateway.process.poll() is None
 
 
 def test_a_change_with_which_alerts_cannot_be_raised_is_rolled_back(
@@ -83,7 +94,7 @@ def test_a_change_with_which_alerts_cannot_be_raised_is_rolled_back(
     code, out, err = _remote(plumbline, gateway, "apply", out.split("config apply ")[1].split()[0])
     assert code == 1, out
     assert "rolled back: " in err
-    assert (tmp_path / "gateway.toml").read_text() == FILE
+    assert _file(gateway).read_text() == FILE
 
 
 def test_refusals_are_one_line(gateway: RunningGateway, plumbline: Plumbline, tmp_path: Path) -> None:
@@ -98,4 +109,4 @@ def test_refusals_are_one_line(gateway: RunningGateway, plumbline: Plumbline, tm
         assert (code, out) == (1, "")
         assert why in err
         assert err.count("\n") == 1
-    assert (tmp_path / "gateway.toml").read_text() == FILE
+    assert _file(gateway).read_text() == FILE

@@ -13,7 +13,7 @@ from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.reading.samples import read_samples
 from gateway.topics import TOPICS
 from tests.gateway.recording.recorded_files import summarise
-from tests.system.conftest import Plumbline, StartGateway
+from tests.system.conftest import StartGateway, run_process
 
 pytestmark = pytest.mark.slow
 
@@ -107,22 +107,20 @@ def _numbers(message: Any) -> list[object]:
     return [value for name, value in asdict(message).items() if name not in ("time_ns", "clock")]
 
 
-def test_a_recording_of_a_phone_is_played_by_options_alone(
-    plumbline: Plumbline, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_recording_of_a_phone_is_played_by_options_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The columns of `phone_at_rest.txt` have no names."""
     monkeypatch.setenv("PLUMBLINE_BUS__LISTEN", "[]")
     monkeypatch.setenv("PLUMBLINE_PAGE__ENABLED", "false")
     monkeypatch.setenv("PLUMBLINE_GATEWAY__DATA_DIR", str(tmp_path / "data"))
-    done = plumbline("run", "--replay", REAL / "phone_at_rest.txt", "--speed", "0", "--unit", "m/s2")
+    done = run_process("run", "--replay", REAL / "phone_at_rest.txt", "--speed", "0", "--unit", "m/s2")
     assert done.returncode == 0, done.stderr
     assert "axes x, y, z: columns 2, 3, 4; column 1: time in s" in done.stderr
     (path,) = (tmp_path / "data").rglob("*.mcap")
     assert summarise(path).samples.count == 200
 
 
-def test_options_of_a_recording_want_one(plumbline: Plumbline) -> None:
-    done = plumbline("run", "--unit", "g")
+def test_options_of_a_recording_want_one() -> None:
+    done = run_process("run", "--unit", "g")
     assert done.returncode == 2
     assert "describe the recording of --replay LOG" in done.stderr
 

@@ -1,5 +1,6 @@
 """`plumbline run` as a process among processes."""
 
+import json
 import os
 import signal
 import socket
@@ -14,19 +15,29 @@ from urllib.request import urlopen
 import pytest
 
 from gateway.recording.reading.samples import read_samples
+from gateway.topics import TOPICS
+from gateway.verbs import VERBS
 from tests.gateway.recording.recorded_files import summarise
-from tests.system.bus_query import KEY
-from tests.system.conftest import JoinBus, StartGateway
+from tests.system.bus_query import KEY, query
+from tests.system.conftest import JoinBus, RunningGateway, StartGateway
 from tests.values import present
 from tests.waiting import wait_until
+
+pytestmark = pytest.mark.slow
 
 FAST = "[device]\nodr_hz = 1000\n"
 
 
-@pytest.mark.slow
-def test_every_topic_reaches_a_second_process(start_gateway: StartGateway, join_bus: JoinBus) -> None:
-    gateway = start_gateway(FAST)
-    peer = join_bus(gateway.endpoint)
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningGateway]:
+    """A gateway for tests that only look at it."""
+    gateway = RunningGateway(tmp_path_factory.mktemp("running"), FAST, page=True)
+    yield gateway
+    gateway.stop()
+
+
+def test_every_topic_reaches_a_second_process(running: RunningGateway, join_bus: JoinBus) -> None:
+    peer = join_bus(running.endpoint)
     for topic in ("samples", "tilt", "condition", "alert", "health", "swing"):
         message = peer.wait_for(topic)
         assert message["calibration_id"] == "factory-simulated-1-2g"
@@ -36,10 +47,8 @@ def test_every_topic_reaches_a_second_process(start_gateway: StartGateway, join_
     assert sequences == list(range(sequences[0], sequences[0] + len(sequences)))
 
 
-@pytest.mark.slow
-def test_is_alive_and_answers_a_status_query(start_gateway: StartGateway, join_bus: JoinBus) -> None:
-    gateway = start_gateway()
-    peer = join_bus(gateway.endpoint)
+def test_is_alive_and_answers_a_status_query(running: RunningGateway, join_bus: JoinBus) -> None:
+    peer = join_bus(running.endpoint)
     peer.wait_for("health")
     alive = [str(present(reply.ok).key_expr) for reply in peer.session.liveliness().get("plumbline/v1/**")]
     assert sorted(alive)[0] == f"{KEY}/alive"
@@ -48,7 +57,20 @@ def test_is_alive_and_answers_a_status_query(start_gateway: StartGateway, join_b
     assert b'"health"' in present(reply.ok).payload.to_bytes()
 
 
-@pytest.mark.slow
+def test_schemas_of_topics_and_requests_are_published(running: RunningGateway, join_bus: JoinBus) -> None:
+    peer = join_bus(running.endpoint)
+    peer.wait_for("health")
+    ((_, listed),) = query(peer.session, "schema")
+    published = {name for name, topic in TOPICS.items() if topic.published}
+    assert set(listed["topics"]) == published
+    assert set(listed["verbs"]) == set(VERBS)
+    for topic in published:
+        ((_, schema),) = query(peer.session, "schema", json.dumps({"topic": topic}).encode())
+        assert schema["title"] == TOPICS[topic].schema_name
+    ((_, refusal),) = query(peer.session, "schema", b'{"topic": "log"}')
+    assert "no topic 'log' is published" in refusal["reason"]
+
+
 @pytest.mark.parametrize("name", [signal.SIGTERM, signal.SIGINT])
 def test_stops_cleanly_with_every_sample_on_disk(
     start_gateway: StartGateway, join_bus: JoinBus, name: signal.Signals
@@ -67,7 +89,6 @@ def test_stops_cleanly_with_every_sample_on_disk(
     assert info.samples.count >= heard["samples"]
 
 
-@pytest.mark.slow
 def test_kill_loses_at_most_the_sync_interval(start_gateway: StartGateway, join_bus: JoinBus) -> None:
     gateway = start_gateway(FAST + "[recorder]\nfsync_s = 2.0\n")
     peer = join_bus(gateway.endpoint)
@@ -82,7 +103,6 @@ def test_kill_loses_at_most_the_sync_interval(start_gateway: StartGateway, join_
     assert len(run.samples.time_ns) > 2000
 
 
-@pytest.mark.slow
 def test_duration_ends_it(start_gateway: StartGateway) -> None:
     gateway = start_gateway(arguments=("--duration", "1.5"))
     code, out, err = gateway.wait()
@@ -92,29 +112,17 @@ def test_duration_ends_it(start_gateway: StartGateway) -> None:
     assert gateway.endpoint in out
 
 
-@pytest.mark.slow
-def test_nothing_listens_beyond_loopback(start_gateway: StartGateway, join_bus: JoinBus) -> None:
-    gateway = start_gateway(page=True)
-    join_bus(gateway.endpoint).wait_for("health")
-    _wait_for_page(gateway.page_port)
-    pids = [gateway.process.pid, *_children(gateway.process.pid)]
+def test_nothing_listens_beyond_loopback(running: RunningGateway, join_bus: JoinBus) -> None:
+    join_bus(running.endpoint).wait_for("health")
+    _wait_for_page(running.page_port)
+    pids = [running.process.pid, *_children(running.process.pid)]
     addresses = {address for pid in pids for address in _listening_addresses(pid)}
     assert addresses == {"0100007F"}  # 127.0.0.1
-    gateway.stop()
 
 
-@pytest.mark.slow
-def test_page_ends_with_a_killed_gateway(start_gateway: StartGateway, join_bus: JoinBus) -> None:
-    gateway = start_gateway(page=True)
-    join_bus(gateway.endpoint).wait_for("health")
-    _wait_for_page(gateway.page_port)
-    gateway.process.kill()
-    gateway.process.wait()
-    wait_until(lambda: not _listens(gateway.page_port), "the page to end with its gateway")
-
-
-@pytest.mark.slow
-def test_a_page_process_that_ends_is_started_again(start_gateway: StartGateway, join_bus: JoinBus) -> None:
+def test_a_page_process_that_ends_is_started_again_and_one_whose_gateway_was_killed_ends(
+    start_gateway: StartGateway, join_bus: JoinBus
+) -> None:
     gateway = start_gateway(page=True)
     join_bus(gateway.endpoint).wait_for("health")
     _wait_for_page(gateway.page_port)
@@ -123,6 +131,9 @@ def test_a_page_process_that_ends_is_started_again(start_gateway: StartGateway, 
     wait_until(lambda: _children(gateway.process.pid) not in ([first], []), "another page process")
     _wait_for_page(gateway.page_port)
     assert gateway.process.poll() is None
+    gateway.process.kill()
+    gateway.process.wait()
+    wait_until(lambda: not _listens(gateway.page_port), "the page to end with its gateway")
 
 
 def _listens(port: int) -> bool:

@@ -3,7 +3,6 @@
 import math
 import os
 import pty
-import struct
 import threading
 import time
 import tty
@@ -12,18 +11,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from devices.block import DeviceInfo
 from devices.i2c.chips import CHIPS
 from devices.i2c.fifo_accelerometer import FifoAccelerometer
 from devices.pendulum.pendulum import start_motion
 from devices.simulated.crane import Crane
 from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
-from gateway.messages import Condition, Swing
+from gateway.messages import Condition, Log, Message, Swing
 from gateway.pipeline.outgoing_message import ClockState, HeaderMaker
 from gateway.pipeline.pipeline import Pipeline
 from tests.devices.i2c.adxl355_chip import Adxl355Chip
 from tests.devices.i2c.i2c_chip import FakeClock, Signal
 from tests.devices.i2c.part_rig import PARTS, Part
+from tests.devices.serial.witmotion_wire import frame
 from tests.system.conftest import JoinBus, StartGateway
 from tests.values import present
 from tests.waiting import wait_until
@@ -54,6 +55,20 @@ def swinging_signal(seconds: float) -> Signal:
     return signal
 
 
+def processed(
+    device: FifoAccelerometer, info: DeviceInfo, clock: FakeClock, section: dict[str, object]
+) -> list[Message | Log]:
+    """What the pipeline makes of half a minute of an open device, by its section of the configuration."""
+    table = {"device": section, "rope": {"length_m": 7.0}, "housing": {"position_m": POSITION_M}}
+    configuration = validate(table, "test")
+    pipeline = Pipeline(configuration, info, correction_for(info, configuration.device.axes, None), HeaderMaker())
+    results: list[Message | Log] = []
+    while clock.elapsed_s < 30:
+        if (block := device.read()) is not None:
+            results += [each.message for each in pipeline.process(block, ClockState("synchronised", 0)).messages]
+    return results
+
+
 @pytest.mark.parametrize("rate_error", [0.0, 0.03])
 def test_adxl355_from_the_bus_to_the_swing(rate_error: float) -> None:
     """A chip that runs 3 % fast still gives the right swing and period: times come from the host's clock."""
@@ -62,23 +77,9 @@ def test_adxl355_from_the_bus_to_the_swing(rate_error: float) -> None:
     device = FifoAccelerometer(
         CHIPS["adxl355"](125.0, 2), 1, 0x1D, clock=clock, block_samples=8, open_bus=lambda _: chip
     )
-    info = device.open()
-    table = {
-        "device": {"kind": "adxl355"},
-        "rope": {"length_m": 7.0},
-        "housing": {"position_m": POSITION_M},
-    }
-    configuration = validate(table, "test")
-    pipeline = Pipeline(configuration, info, correction_for(info, configuration.device.axes, None), HeaderMaker())
-    swings: list[Swing] = []
-    conditions: list[Condition] = []
-    while clock.elapsed_s < 30:
-        block = device.read()
-        for emission in pipeline.process(block, ClockState("synchronised", 0)).messages if block is not None else ():
-            if isinstance(emission.message, Swing):
-                swings.append(emission.message)
-            elif isinstance(emission.message, Condition):
-                conditions.append(emission.message)
+    results = processed(device, device.open(), clock, {"kind": "adxl355"})
+    swings = [each for each in results if isinstance(each, Swing)]
+    conditions = [each for each in results if isinstance(each, Condition)]
     low_deg, high_deg = present(swings[-1].coverage95_deg)
     u_deg = present(swings[-1].u_deg)
     assert low_deg < SWING_DEG < high_deg
@@ -112,29 +113,12 @@ def test_every_part_from_the_bus_to_the_swing(part: Part) -> None:
         return float(x_g), float(y_g), float(z_g)
 
     chip.signal = noisy
-    table = {
-        "device": {"kind": part.kind, "odr_hz": part.odr_hz, "range_g": part.range_g},
-        "rope": {"length_m": 7.0},
-        "housing": {"position_m": POSITION_M},
-    }
-    configuration = validate(table, "test")
-    pipeline = Pipeline(configuration, info, correction_for(info, configuration.device.axes, None), HeaderMaker())
-    swings: list[Swing] = []
-    while clock.elapsed_s < 30:
-        block = device.read()
-        for emission in pipeline.process(block, ClockState("synchronised", 0)).messages if block is not None else ():
-            if isinstance(emission.message, Swing):
-                swings.append(emission.message)
+    section = {"kind": part.kind, "odr_hz": part.odr_hz, "range_g": part.range_g}
+    swings = [each for each in processed(device, info, clock, section) if isinstance(each, Swing)]
     low_deg, high_deg = present(swings[-1].coverage95_deg)
     assert low_deg < SWING_DEG < high_deg
     # noise of a data sheet, five swings, a rope whose length may change: twice the uncertainty of the period is 3 %
     assert swings[-1].period_s == pytest.approx(2 * math.pi * math.sqrt(LENGTH_M / 9.80665), rel=0.03)
-
-
-def frame(x_g: float, y_g: float, z_g: float) -> bytes:
-    words = [round(value * 2048) for value in (x_g, y_g, z_g)]
-    head = struct.pack("<BB4h", 0x55, 0x51, *words, 2500)
-    return head + bytes([sum(head) & 0xFF])
 
 
 class Radio:
@@ -159,7 +143,7 @@ class Radio:
         os.write(self._master, b"\x55\x51garbage of a receiver that wakes up\x55")
         due_s = time.monotonic()
         while not self._stopping.is_set():
-            os.write(self._master, frame(*self.force_g))
+            os.write(self._master, frame(0x51, *(round(2048 * each) for each in self.force_g), 2500))
             due_s += 0.01
             time.sleep(max(0.0, due_s - time.monotonic()))
 

@@ -15,6 +15,8 @@ import pytest
 from tests.system.conftest import ROOT, Plumbline
 from tests.waiting import PATIENCE_S
 
+pytestmark = pytest.mark.slow
+
 ANSWERS = """\
 [gateway]
 crane = "north"
@@ -74,7 +76,6 @@ class Terminal:
         return self.process.wait(PATIENCE_S)
 
 
-@pytest.mark.slow
 def test_a_person_sets_up_a_gateway_on_a_terminal(dev: Path, tmp_path: Path) -> None:
     out, certificates = tmp_path / "crane.toml", tmp_path / "crane-7"
     certificates.mkdir()
@@ -130,7 +131,6 @@ def test_a_person_sets_up_a_gateway_on_a_terminal(dev: Path, tmp_path: Path) -> 
     assert "# pivot to the load's centre" in out.read_text()
 
 
-@pytest.mark.slow
 def test_a_person_may_stop_at_any_question(dev: Path, tmp_path: Path) -> None:
     out = tmp_path / "crane.toml"
     person = Terminal(dev, "--out", out)
@@ -140,7 +140,6 @@ def test_a_person_may_stop_at_any_question(dev: Path, tmp_path: Path) -> None:
     assert not out.exists()
 
 
-@pytest.mark.slow
 def test_an_existing_configuration_is_replaced_only_when_told(dev: Path, tmp_path: Path) -> None:
     out = tmp_path / "crane.toml"
     out.write_text("[rope]\nlength_m = 9.0\n")
@@ -151,7 +150,6 @@ def test_an_existing_configuration_is_replaced_only_when_told(dev: Path, tmp_pat
     assert out.read_text() == "[rope]\nlength_m = 9.0\n"
 
 
-@pytest.mark.slow
 def test_answers_from_a_file_need_no_terminal(plumbline: Plumbline, tmp_path: Path) -> None:
     answers, out = tmp_path / "answers.toml", tmp_path / "crane.toml"
     answers.write_text(ANSWERS)
@@ -167,7 +165,6 @@ def test_answers_from_a_file_need_no_terminal(plumbline: Plumbline, tmp_path: Pa
     assert tomllib.loads(kept.read_text()) == tomllib.loads(ANSWERS)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "why"),
     [

@@ -1,7 +1,6 @@
 """A site with certificates: real gateways, the command line of people with certificates, and a hostile peer on the network."""
 
 import json
-import os
 import subprocess
 import sys
 import time
@@ -20,7 +19,7 @@ from gateway.pki.site_folder import Holder, utc_now
 from tests.gateway.pki.site import Site
 from tests.ports import unused_port
 from tests.system.bus_query import KEY, query, sign
-from tests.system.conftest import ROOT, Plumbline, RunningGateway, StartGateway
+from tests.system.conftest import ROOT, Completed, Plumbline, RunningGateway, StartGateway
 from tests.values import present
 from tests.waiting import PATIENCE_S, wait_until
 
@@ -30,7 +29,8 @@ pytestmark = pytest.mark.slow
 class TlsSite:
     """One gateway that listens with TLS alone."""
 
-    def __init__(self, folder: Path, start_gateway: StartGateway) -> None:
+    def __init__(self, folder: Path, start_gateway: StartGateway, plumbline: Plumbline) -> None:
+        self._plumbline = plumbline
         self.keys = Site(folder / "keys")
         self.certificate_toml = self.keys.gateway_toml()
         self.endpoint = f"tls/127.0.0.1:{unused_port()}"
@@ -47,20 +47,10 @@ class TlsSite:
             return False
         return bool(self.status())
 
-    def remote(self, folder: Path | None, *arguments: str) -> subprocess.CompletedProcess[str]:
-        environment = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_STATE_HOME": str(self.keys.folder.path)}
-        environment.pop("PLUMBLINE_CREDENTIALS", None)
+    def remote(self, folder: Path | None, *arguments: str) -> Completed:
+        environment = {"XDG_STATE_HOME": str(self.keys.folder.path), "PLUMBLINE_CREDENTIALS": None}
         options = [] if folder is None else ["--credentials", str(folder)]
-        command = [sys.executable, "-m", "gateway", "remote", *arguments, "--connect", self.endpoint, *options]
-        return subprocess.run(
-            command,
-            cwd=self.keys.folder.path,
-            env=environment,
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE_S,
-            check=False,
-        )
+        return self._plumbline("remote", *arguments, "--connect", self.endpoint, *options, environment=environment)
 
     def status(self) -> dict[str, Any]:
         found: dict[str, Any] = json.loads(self.remote(self.viewer, "status", "--json", "-").stdout or "{}").get(
@@ -78,8 +68,8 @@ class TlsSite:
 
 
 @pytest.fixture
-def site(tmp_path: Path, start_gateway: StartGateway) -> TlsSite:
-    return TlsSite(tmp_path, start_gateway)
+def site(tmp_path: Path, start_gateway: StartGateway, plumbline: Plumbline) -> TlsSite:
+    return TlsSite(tmp_path, start_gateway, plumbline)
 
 
 def test_each_role_may_do_its_part_and_the_name_is_that_of_the_certificate(site: TlsSite) -> None:

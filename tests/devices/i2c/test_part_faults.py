@@ -9,6 +9,8 @@ import pytest
 from devices.errors import ConfigurationReadBackError, DeviceError, TransferError
 from tests.devices.i2c.part_rig import PARTS, Part, PartRig, numbered
 
+pytestmark = pytest.mark.slow
+
 each_part = pytest.mark.parametrize("part", PARTS, ids=str)
 
 
@@ -26,7 +28,6 @@ def no_sample_is_invented(rig: PartRig) -> bool:
     return bool(np.isin(came_ms, made_ms).all() and np.all(np.diff(came_ms) > 0) and np.all(np.diff(rig.time_ns) > 0))
 
 
-@pytest.mark.slow
 @each_part
 @pytest.mark.parametrize(("number", "name"), [(errno.EREMOTEIO, "i2c_no_acknowledge"), (errno.EAGAIN, "i2c_bus_error")])
 def test_a_transfer_that_fails_twice_loses_nothing(part: Part, number: int, name: str) -> None:
@@ -38,7 +39,6 @@ def test_a_transfer_that_fails_twice_loses_nothing(part: Part, number: int, name
     assert no_sample_is_invented(rig)
 
 
-@pytest.mark.slow
 @each_part
 def test_a_fifo_that_does_not_acknowledge_twice_loses_nothing(part: Part) -> None:
     rig = running(part)
@@ -49,7 +49,6 @@ def test_a_fifo_that_does_not_acknowledge_twice_loses_nothing(part: Part) -> Non
     assert no_sample_is_invented(rig)
 
 
-@pytest.mark.slow
 @each_part
 @pytest.mark.parametrize("number", [errno.EREMOTEIO, errno.ETIMEDOUT, errno.EIO])
 def test_a_dead_bus_is_raised_within_two_seconds(part: Part, number: int) -> None:
@@ -62,7 +61,6 @@ def test_a_dead_bus_is_raised_within_two_seconds(part: Part, number: int) -> Non
     assert no_sample_is_invented(rig)
 
 
-@pytest.mark.slow
 @each_part
 def test_a_bus_that_reads_ones_gives_no_data(part: Part) -> None:
     rig = running(part)
@@ -73,7 +71,6 @@ def test_a_bus_that_reads_ones_gives_no_data(part: Part) -> None:
     assert rig.samples == samples
 
 
-@pytest.mark.slow
 @each_part
 def test_a_burst_of_ones_gives_no_data(part: Part) -> None:
     """Only the FIFO is read as ones: its status was right."""
@@ -85,7 +82,6 @@ def test_a_burst_of_ones_gives_no_data(part: Part) -> None:
     assert rig.lost + rig.samples >= len(rig.chip.made_ns) - rig.chip.fifo_places - 1
 
 
-@pytest.mark.slow
 @each_part
 @pytest.mark.parametrize("bit", range(8))
 def test_a_bit_that_turns_over_in_the_level_of_the_fifo_invents_no_sample(part: Part, bit: int) -> None:
@@ -97,7 +93,6 @@ def test_a_bit_that_turns_over_in_the_level_of_the_fifo_invents_no_sample(part: 
         assert no_sample_is_invented(rig)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("part", [part for part in PARTS if part.chip.places_per_sample > 1], ids=str)
 def test_a_fifo_that_loses_alignment_is_read_in_step_again(part: Part) -> None:
     for places in range(1, part.chip.places_per_sample):
@@ -111,7 +106,6 @@ def test_a_fifo_that_loses_alignment_is_read_in_step_again(part: Part) -> None:
         assert no_sample_is_invented(rig)
 
 
-@pytest.mark.slow
 @each_part
 def test_a_bit_that_turns_over_in_one_check_of_the_configuration_is_tolerated(part: Part) -> None:
     rig = running(part)
@@ -123,7 +117,6 @@ def test_a_bit_that_turns_over_in_one_check_of_the_configuration_is_tolerated(pa
     assert no_sample_is_invented(rig)
 
 
-@pytest.mark.slow
 @each_part
 def test_a_brown_out_is_detected_and_the_part_comes_back_within_a_second(part: Part) -> None:
     rig = running(part)
@@ -140,7 +133,6 @@ def test_a_brown_out_is_detected_and_the_part_comes_back_within_a_second(part: P
     assert rig.clock.elapsed_s - reopened_s < 1
 
 
-@pytest.mark.slow
 @each_part
 def test_a_register_that_changes_while_sampling_is_detected(part: Part) -> None:
     for register in part.configured:
@@ -150,7 +142,6 @@ def test_a_register_that_changes_while_sampling_is_detected(part: Part) -> None:
             rig.read_s(3)
 
 
-@pytest.mark.slow
 @each_part
 @pytest.mark.parametrize("rate_error", [-0.05, 0.05])
 def test_an_overrun_is_counted_and_its_length_follows_from_the_times(part: Part, rate_error: float) -> None:
@@ -165,7 +156,6 @@ def test_an_overrun_is_counted_and_its_length_follows_from_the_times(part: Part,
     assert no_sample_is_invented(rig)
 
 
-@pytest.mark.slow
 @each_part
 @pytest.mark.parametrize("popped", [0, 1])
 def test_an_interrupted_burst_loses_what_it_removed(part: Part, popped: int) -> None:
@@ -177,7 +167,6 @@ def test_an_interrupted_burst_loses_what_it_removed(part: Part, popped: int) -> 
     assert no_sample_is_invented(rig)
 
 
-@pytest.mark.slow
 @each_part
 def test_a_part_that_holds_sda_low_is_reported_and_usable_once_it_lets_go(part: Part) -> None:
     rig = running(part)
@@ -192,7 +181,6 @@ def test_a_part_that_holds_sda_low_is_reported_and_usable_once_it_lets_go(part: 
     assert no_sample_is_invented(rig)
 
 
-@pytest.mark.slow
 @each_part
 def test_a_part_without_samples_is_reported_after_two_seconds(part: Part) -> None:
     rig = running(part)
@@ -203,7 +191,6 @@ def test_a_part_without_samples_is_reported_after_two_seconds(part: Part) -> Non
     assert 2 < rig.clock.elapsed_s - start_s < 3
 
 
-@pytest.mark.slow
 @each_part
 def test_random_faults_are_survived_or_raised_and_never_invent_a_sample(part: Part) -> None:
     """One fault a second of any kind for a minute; the device is opened again whenever it raises."""

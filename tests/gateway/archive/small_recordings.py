@@ -21,9 +21,8 @@ from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.format.content import RecordingHeader
 from gateway.recording.segments.compaction import compact
 from gateway.recording.segments.recorder import Recorder
+from tests.clocks import START_NS
 
-START_NS = 1_767_225_600_000_000_000
-"""2026-01-01 00:00:00 UTC."""
 NS_PER_S = 1_000_000_000
 LIMIT_DEG = 5.0
 

@@ -24,10 +24,9 @@ LIMITS = TaskLimits(time_s=PATIENCE_S, attempts=2)
 
 
 @pytest.fixture
-def table(fleet: list[SmallCrane], keys: Path, tmp_path: Path) -> Path:
-    """The archive of three cranes."""
-    indexed(fleet[0].folder.parent, tmp_path / "table", keys)
-    return tmp_path / "table"
+def table(clean: Path, tmp_path: Path) -> Path:
+    """The archive of three cranes, to be added to."""
+    return shutil.copytree(clean, tmp_path / "table")
 
 
 @pytest.fixture

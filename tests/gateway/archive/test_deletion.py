@@ -14,7 +14,10 @@ from gateway.archive.deletion import DeletionRule
 from gateway.archive.rows import RECORDINGS, TABLES
 from gateway.archive.tables import Archive
 from gateway.cli.main import main
-from tests.gateway.archive.small_recordings import NS_PER_S, START_NS, SmallCrane, content, indexed, keys_file, select
+from tests.clocks import START_NS
+from tests.gateway.archive.small_recordings import NS_PER_S, SmallCrane, content, indexed, keys_file, select
+
+pytestmark = pytest.mark.slow
 
 DAY_NS = 86_400 * NS_PER_S
 NEXT_DAY = "2026-01-02"
@@ -38,7 +41,6 @@ def delete(crane: SmallCrane, *options: str) -> int:
     return main(["archive", "delete", str(source), "--table", table, *rule])
 
 
-@pytest.mark.slow
 def test_what_a_rule_deletes_leaves_its_evidence_and_the_chain_after_it_genuine(
     crane: SmallCrane, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -64,7 +66,6 @@ def test_what_a_rule_deletes_leaves_its_evidence_and_the_chain_after_it_genuine(
     assert select(table, "SELECT verdict FROM results") == [("genuine",)]
 
 
-@pytest.mark.slow
 def test_a_segment_of_which_a_version_goes_on_after_the_day_stays(clean: Path) -> None:
     (old, *_) = Archive(str(clean)).files(Archive(str(clean)).open(RECORDINGS))
     rule = DeletionRule(datetime(2026, 1, 2, tzinfo=UTC))
@@ -73,7 +74,6 @@ def test_a_segment_of_which_a_version_goes_on_after_the_day_stays(clean: Path) -
     assert rule.chosen([old, longer]) == []
 
 
-@pytest.mark.slow
 def test_without_yes_nothing_is_deleted(crane: SmallCrane, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = content(tmp_path / "table")
     assert delete(crane) == 0
@@ -82,7 +82,6 @@ def test_without_yes_nothing_is_deleted(crane: SmallCrane, tmp_path: Path, capsy
     assert len(crane.files) == 4
 
 
-@pytest.mark.slow
 def test_what_was_deleted_does_not_come_back(crane: SmallCrane, tmp_path: Path) -> None:
     keys, table = tmp_path / "keys.txt", tmp_path / "table"
     kept = shutil.copytree(crane.folder, tmp_path / "card")
@@ -99,7 +98,6 @@ def test_what_was_deleted_does_not_come_back(crane: SmallCrane, tmp_path: Path) 
     assert len(crane.files) == 2
 
 
-@pytest.mark.slow
 def test_a_deletion_that_was_ended_before_the_files_went_goes_on(
     crane: SmallCrane, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -114,14 +112,12 @@ def test_a_deletion_that_was_ended_before_the_files_went_goes_on(
     assert len(crane.files) == 2
 
 
-@pytest.mark.slow
 def test_another_crane_is_not_touched(crane: SmallCrane, tmp_path: Path) -> None:
     assert delete(crane, "--crane", "crane-2", "--yes") == 0
     assert len(crane.files) == 4
     assert select(tmp_path / "table", "SELECT DISTINCT status FROM recordings") == [("counted",)]
 
 
-@pytest.mark.slow
 def test_names_go_from_the_tables_and_the_recordings_stay(crane: SmallCrane, tmp_path: Path) -> None:
     source, table = crane.folder.parent, tmp_path / "table"
     assert main(["archive", "verify", str(source), "--table", str(table)]) == 0
@@ -134,7 +130,6 @@ def test_names_go_from_the_tables_and_the_recordings_stay(crane: SmallCrane, tmp
     assert last["why"].endswith("by ann: kept for a day"), json.dumps(last)
 
 
-@pytest.mark.slow
 def test_names_do_not_come_back_with_a_recording_that_is_read_again(crane: SmallCrane, tmp_path: Path) -> None:
     source, table = crane.folder.parent, tmp_path / "table"
     assert delete(crane, "--names", "--yes") == 0
@@ -146,7 +141,6 @@ def test_names_do_not_come_back_with_a_recording_that_is_read_again(crane: Small
     assert select(table, "SELECT count(*) FROM all_recordings WHERE nameless <> ''") == [(4,)]
 
 
-@pytest.mark.slow
 def test_without_yes_no_name_goes(crane: SmallCrane, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = content(tmp_path / "table")
     assert delete(crane, "--names") == 0

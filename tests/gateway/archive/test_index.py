@@ -19,9 +19,9 @@ from gateway.cli.main import main
 from gateway.errors import BAD_INPUT, WITH_LOSSES
 from gateway.messages import Motion
 from gateway.recording.segments.copying import recover
+from tests.clocks import START_NS
 from tests.gateway.archive.small_recordings import (
     NS_PER_S,
-    START_NS,
     SmallCrane,
     content,
     index_process,

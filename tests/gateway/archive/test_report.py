@@ -13,7 +13,8 @@ from gateway.archive.report import ReportQuestion, make_report
 from gateway.archive.tables import Archive
 from gateway.cli.main import main
 from gateway.errors import BAD_INPUT
-from tests.gateway.archive.small_recordings import NS_PER_S, START_NS, SmallCrane, indexed
+from tests.clocks import START_NS
+from tests.gateway.archive.small_recordings import NS_PER_S, SmallCrane, indexed
 from tests.gateway.calibration.test_drift_table import sensor
 from tests.gateway.recorded_crane import RecordedCrane
 

@@ -1,10 +1,8 @@
 """Thermal calibration: published coefficients planted in ramps, their verdicts, the model and its correction."""
 
 import dataclasses
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -29,6 +27,7 @@ from gateway.errors import InputError
 from gateway.pipeline.force_stage import TIME_CONSTANT_S, ForceStage
 from gateway.stages.lowpass import LowPass
 from tests.gateway.bench.thermal_sensors import SENSORS, planted, ramps
+from tests.gateway.conftest import record_content
 from tests.values import present
 
 AXES = ((0, 1), (1, 1), (2, 1))
@@ -201,10 +200,8 @@ def service_recording(
 
 
 @pytest.mark.slow
-def test_a_coefficient_is_learned_at_rest_along_the_rope_and_offered(
-    record: Callable[..., dict[str, Any]],
-) -> None:
-    parent = CalibrationRecord.model_validate(record())
+def test_a_coefficient_is_learned_at_rest_along_the_rope_and_offered() -> None:
+    parent = CalibrationRecord.model_validate(record_content())
     fit, found = learn_at_rest([service_recording(parent, -3.6, np.random.default_rng(3))], parent)
     assert found.axis == "z"
     assert found.ci95[0] < -3.6 < found.ci95[1]
@@ -223,8 +220,8 @@ def test_a_coefficient_is_learned_at_rest_along_the_rope_and_offered(
 
 
 @pytest.mark.slow
-def test_too_little_warming_at_rest_teaches_nothing(record: Callable[..., dict[str, Any]]) -> None:
-    parent = CalibrationRecord.model_validate(record())
+def test_too_little_warming_at_rest_teaches_nothing() -> None:
+    parent = CalibrationRecord.model_validate(record_content())
     cold = service_recording(parent, -3.6, np.random.default_rng(3))
     with pytest.raises(NotDeterminedError, match="at rest the temperature varied by"):
         learn_at_rest([replace(cold, temperature_c=np.full(len(cold.raw), 20.0))], parent)

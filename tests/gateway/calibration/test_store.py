@@ -9,6 +9,7 @@ import pytest
 
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.calibration.store import CalibrationStore, find_record_in_force
+from tests.gateway.conftest import record_content
 
 WHO = {"by": "ann", "reason": "bench", "time_utc": "2026-01-02T00:00:00Z"}
 
@@ -21,11 +22,11 @@ def store(tmp_path: Path) -> CalibrationStore:
 
 
 @pytest.fixture
-def make(record: Callable[..., dict[str, Any]]) -> MakeRecord:
+def make() -> MakeRecord:
     """Make a record with an id; keywords change its fields."""
 
     def make_record(record_id: str, **changes: Any) -> CalibrationRecord:
-        return CalibrationRecord.model_validate(record(id=record_id, **changes))
+        return CalibrationRecord.model_validate(record_content(id=record_id, **changes))
 
     return make_record
 

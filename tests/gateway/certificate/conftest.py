@@ -1,6 +1,5 @@
 """Records with poses whose residuals, budget and drift are known."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -38,44 +37,40 @@ def sealed(content: dict[str, Any]) -> CalibrationRecord:
     return CalibrationRecord.model_validate(content | {"sha256": content_hash(content)})
 
 
-@pytest.fixture
-def make_record() -> Callable[..., CalibrationRecord]:
-    def make(**changes: Any) -> CalibrationRecord:
-        covariance = np.diag([U_ENTRY**2] * 9 + [U_OFFSET**2] * 3)
-        return sealed(
-            {
-                "format": 1,
-                "id": "20260402T091241Z-1d27e79c",
-                "device_id": "adxl355-0x1d-label7",
-                "method": "norm-fit",
-                "created_utc": "2026-04-02T09:12:41Z",
-                "software": "0.1.0",
-                "by": "A. Rigger",
-                "parent": None,
-                "unit": "counts",
-                "offset": OFFSET.tolist(),
-                "correction_matrix": np.linalg.inv(SENSITIVITY).tolist(),
-                "covariance": covariance.tolist(),
-                "prediction_interval_g": 0.0031,
-                "temperature_c": {"mean": 21.6, "min": 20.9, "max": 22.3},
-                "poses": poses(12),
-                "misalignment_deg": {"x": [1.318, -1.579], "y": [0.533, -3.211], "z": [1.065, -3.218]},
-                "residual_rms_g": 0.0001,
-                "condition_number": 2.1,
-                "budget": [
-                    {"source": "noise of the pose means", "type": "A", "u_g": 0.0003, "u_deg": 0.017},
-                    {"source": "placement of the faces", "type": "B", "u_g": 0.0004, "u_deg": 0.023},
-                ],
-                "warnings": [],
-            }
-            | changes
-        )
-
-    return make
+def make_record(**changes: Any) -> CalibrationRecord:
+    covariance = np.diag([U_ENTRY**2] * 9 + [U_OFFSET**2] * 3)
+    return sealed(
+        {
+            "format": 1,
+            "id": "20260402T091241Z-1d27e79c",
+            "device_id": "adxl355-0x1d-label7",
+            "method": "norm-fit",
+            "created_utc": "2026-04-02T09:12:41Z",
+            "software": "0.1.0",
+            "by": "A. Rigger",
+            "parent": None,
+            "unit": "counts",
+            "offset": OFFSET.tolist(),
+            "correction_matrix": np.linalg.inv(SENSITIVITY).tolist(),
+            "covariance": covariance.tolist(),
+            "prediction_interval_g": 0.0031,
+            "temperature_c": {"mean": 21.6, "min": 20.9, "max": 22.3},
+            "poses": poses(12),
+            "misalignment_deg": {"x": [1.318, -1.579], "y": [0.533, -3.211], "z": [1.065, -3.218]},
+            "residual_rms_g": 0.0001,
+            "condition_number": 2.1,
+            "budget": [
+                {"source": "noise of the pose means", "type": "A", "u_g": 0.0003, "u_deg": 0.017},
+                {"source": "placement of the faces", "type": "B", "u_g": 0.0004, "u_deg": 0.023},
+            ],
+            "warnings": [],
+        }
+        | changes
+    )
 
 
 @pytest.fixture
-def drifted(make_record: Callable[..., CalibrationRecord]) -> tuple[CalibrationRecord, CalibrationRecord]:
+def drifted() -> tuple[CalibrationRecord, CalibrationRecord]:
     """A record and its parent, made 91 days before: z offset +4 mg since, x scale +0.2 %."""
     parent = make_record(id="parent-1", created_utc="2026-01-01T09:12:41Z")
     sensitivity = SENSITIVITY.copy()
@@ -88,7 +83,7 @@ def drifted(make_record: Callable[..., CalibrationRecord]) -> tuple[CalibrationR
 
 
 @pytest.fixture
-def worst_record(make_record: Callable[..., CalibrationRecord]) -> CalibrationRecord:
+def worst_record() -> CalibrationRecord:
     """As long and as wide as a record of unknown origin can be."""
     return make_record(
         id="W" * 400,

@@ -2,7 +2,6 @@
 
 import json
 import re
-from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from gateway.calibration.record import CalibrationRecord
 from gateway.certificate.digital_certificate import render_digital_certificate
 from gateway.certificate.page import render_certificate
 from gateway.cli.main import main
+from tests.gateway.certificate.conftest import make_record
 
 VOID = {"meta"}
 HOSTILE = "</style><script>alert(1)</script><img src=x onerror=alert(2)>\"'&amp;\u202e\x00"
@@ -67,7 +67,7 @@ def number(text: str) -> float:
     return float(text.replace("−", "-"))
 
 
-def test_certificate_identifies_device_record_and_author(make_record: Callable[..., CalibrationRecord]) -> None:
+def test_certificate_identifies_device_record_and_author() -> None:
     record = make_record(reason="quarterly", parent="p-7")
     page = Page(render_certificate(record, None))
     for said in (
@@ -84,9 +84,7 @@ def test_certificate_identifies_device_record_and_author(make_record: Callable[.
     assert "The parent record is not available" in page.text
 
 
-def test_offset_and_matrix_have_the_digits_that_their_uncertainty_supports(
-    make_record: Callable[..., CalibrationRecord],
-) -> None:
+def test_offset_and_matrix_have_the_digits_that_their_uncertainty_supports() -> None:
     record = make_record()
     page = Page(render_certificate(record, None))
     x = page.row("x")
@@ -104,14 +102,14 @@ def test_offset_and_matrix_have_the_digits_that_their_uncertainty_supports(
     assert x[6] == "1.318; −1.579"
 
 
-def test_combined_uncertainty_is_the_root_sum_of_squares(make_record: Callable[..., CalibrationRecord]) -> None:
+def test_combined_uncertainty_is_the_root_sum_of_squares() -> None:
     page = Page(render_certificate(make_record(), None))
     assert page.row("noise of the pose means")[1:] == ["A", "0.3", "0.017"]
     assert page.row("combined, u")[2:] == ["0.5", "0.0286"]
     assert page.row("expanded, U (k = 2)")[2:] == ["1", "0.0572"]
 
 
-def test_budget_rows_that_do_not_fit_are_included_in_the_sums(make_record: Callable[..., CalibrationRecord]) -> None:
+def test_budget_rows_that_do_not_fit_are_included_in_the_sums() -> None:
     rows = [{"source": f"source {row}", "type": "B", "u_g": 0.001 * row, "u_deg": 0.0} for row in range(12)]
     page = Page(render_certificate(make_record(budget=rows), None))
     assert page.row("source 11")
@@ -119,7 +117,7 @@ def test_budget_rows_that_do_not_fit_are_included_in_the_sums(make_record: Calla
     assert float(page.row("combined, u")[2]) == pytest.approx(np.sqrt(sum(row**2 for row in range(12))), rel=0.01)
 
 
-def test_residual_plot_shows_every_pose_at_its_residual(make_record: Callable[..., CalibrationRecord]) -> None:
+def test_residual_plot_shows_every_pose_at_its_residual() -> None:
     record = make_record()
     far = dict(record.poses[3], mean=(np.array(record.poses[3]["mean"]) * 1.01).tolist())
     unused = dict(record.poses[5], used=False)
@@ -145,7 +143,7 @@ def test_residual_plot_shows_every_pose_at_its_residual(make_record: Callable[..
     assert "12 of 13" in page.text
 
 
-def test_record_without_poses_has_placeholders(make_record: Callable[..., CalibrationRecord]) -> None:
+def test_record_without_poses_has_placeholders() -> None:
     page = Page(render_certificate(make_record(method="zero", poses=[], budget=[]), None))
     assert "contains no poses" in page.text
     assert "contains no uncertainty budget" in page.text
@@ -171,17 +169,13 @@ def test_change_since_the_parent_is_given_in_mg_and_degrees(
     assert "cannot be checked" in page.text
 
 
-def test_forecast_uses_all_earlier_records(
-    make_record: Callable[..., CalibrationRecord], drifted: tuple[CalibrationRecord, CalibrationRecord]
-) -> None:
+def test_forecast_uses_all_earlier_records(drifted: tuple[CalibrationRecord, CalibrationRecord]) -> None:
     record, parent = drifted
     earlier = [make_record(id=f"p{month}", created_utc=f"2025-{month:02d}-01T00:00:00Z") for month in (3, 6, 9)]
     assert "from 5 records" in Page(render_certificate(record, parent, [*earlier, parent])).text
 
 
-def test_two_records_of_one_day_give_no_forecast(
-    make_record: Callable[..., CalibrationRecord], drifted: tuple[CalibrationRecord, CalibrationRecord]
-) -> None:
+def test_two_records_of_one_day_give_no_forecast(drifted: tuple[CalibrationRecord, CalibrationRecord]) -> None:
     record, _ = drifted
     same_day = make_record(id=record.parent, created_utc=record.created_utc[:10] + "T01:00:00Z")
     text = Page(render_certificate(record, same_day)).text
@@ -189,13 +183,13 @@ def test_two_records_of_one_day_give_no_forecast(
     assert "Recalibrate within" not in text
 
 
-def test_negligible_contribution_is_printed_as_a_bound(make_record: Callable[..., CalibrationRecord]) -> None:
+def test_negligible_contribution_is_printed_as_a_bound() -> None:
     row = {"source": "quantisation", "type": "B", "u_g": 4.6e-35, "u_deg": 0}
     assert "< 1e-06" in Page(render_certificate(make_record(budget=[row]), None)).text
 
 
 def test_zeroed_record_gives_its_change_without_uncertainty(
-    make_record: Callable[..., CalibrationRecord], drifted: tuple[CalibrationRecord, CalibrationRecord]
+    drifted: tuple[CalibrationRecord, CalibrationRecord],
 ) -> None:
     _, parent = drifted
     turned = np.array([[1, 0, 0.02], [0, 1, 0], [-0.02, 0, 1]]) @ np.array(parent.correction_matrix)
@@ -220,10 +214,7 @@ def test_zeroed_record_gives_its_change_without_uncertainty(
     ],
 )
 def test_incompatible_parent_is_reported_and_the_rest_is_shown(
-    make_record: Callable[..., CalibrationRecord],
-    drifted: tuple[CalibrationRecord, CalibrationRecord],
-    changes: dict[str, Any],
-    said: str,
+    drifted: tuple[CalibrationRecord, CalibrationRecord], changes: dict[str, Any], said: str
 ) -> None:
     parent = make_record(**{"id": "parent-1", "created_utc": "2026-01-01T09:12:41Z"} | changes)
     page = Page(render_certificate(drifted[0], parent))
@@ -231,14 +222,14 @@ def test_incompatible_parent_is_reported_and_the_rest_is_shown(
     assert "Limits of this certificate" in page.text
 
 
-def test_singular_matrix_is_a_warning(make_record: Callable[..., CalibrationRecord]) -> None:
+def test_singular_matrix_is_a_warning() -> None:
     page = Page(render_certificate(make_record(correction_matrix=[[1, 0, 0], [0, 0, 0], [0, 0, 1]]), make_record()))
     assert "must not be used" in page.text
     assert "1 warning" not in page.text  # the parent is not the one that is named either
     assert "2 warnings" in page.text
 
 
-def test_warnings_are_alerts_and_hidden_ones_are_counted(make_record: Callable[..., CalibrationRecord]) -> None:
+def test_warnings_are_alerts_and_hidden_ones_are_counted() -> None:
     page = Page(render_certificate(make_record(warnings=["one face is missing"]), None))
     ((_, attributes),) = [(tag, found) for tag, found in page.tags if found.get("role") == "alert"]
     assert attributes["class"] == "warnings"
@@ -248,7 +239,7 @@ def test_warnings_are_alerts_and_hidden_ones_are_counted(make_record: Callable[.
     assert "and 5 more warnings" in page.text
 
 
-def test_limits_depend_on_the_record(make_record: Callable[..., CalibrationRecord]) -> None:
+def test_limits_depend_on_the_record() -> None:
     page = Page(render_certificate(make_record(temperature_c=None, method="six-position"), None))
     assert "it is not known" in page.text
     assert "absorbs a tilt of the whole table" in page.text
@@ -256,7 +247,7 @@ def test_limits_depend_on_the_record(make_record: Callable[..., CalibrationRecor
     assert "Outside 20.9 to 22.3 °C" in Page(render_certificate(make_record(), None)).text
 
 
-def test_hostile_text_never_becomes_markup(make_record: Callable[..., CalibrationRecord]) -> None:
+def test_hostile_text_never_becomes_markup() -> None:
     record = make_record(
         id=HOSTILE,
         by=HOSTILE,
@@ -279,7 +270,7 @@ def test_hostile_text_never_becomes_markup(make_record: Callable[..., Calibratio
     text.encode()
 
 
-def test_certificate_loads_nothing(make_record: Callable[..., CalibrationRecord]) -> None:
+def test_certificate_loads_nothing() -> None:
     page = Page(render_certificate(make_record(), None))
     assert not any({"src", "href", "xlink:href"} & set(attributes) for _, attributes in page.tags)
     ((_, policy),) = [(tag, found) for tag, found in page.tags if found.get("http-equiv")]
@@ -287,7 +278,7 @@ def test_certificate_loads_nothing(make_record: Callable[..., CalibrationRecord]
 
 
 @pytest.mark.parametrize("value", [5e-324, 1e-150, 1e150, 1e300])
-def test_overflowing_numbers_are_dashes(make_record: Callable[..., CalibrationRecord], value: float) -> None:
+def test_overflowing_numbers_are_dashes(value: float) -> None:
     record = make_record(
         offset=[value] * 3,
         covariance=(value * np.eye(12)).tolist(),

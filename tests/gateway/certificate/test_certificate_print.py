@@ -1,7 +1,6 @@
 """One sheet of A4, in a real browser, with nothing cut off and nothing loaded."""
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -9,6 +8,7 @@ from playwright.sync_api import Browser
 
 from gateway.calibration.record import CalibrationRecord
 from gateway.certificate.page import render_certificate
+from tests.gateway.certificate.conftest import make_record
 
 pytestmark = pytest.mark.slow
 
@@ -33,11 +33,7 @@ def printed(browser: Browser, path: Path, text: str) -> tuple[bytes, list[str], 
 
 
 @pytest.fixture
-def every(
-    make_record: Callable[..., CalibrationRecord],
-    drifted: tuple[CalibrationRecord, CalibrationRecord],
-    worst_record: CalibrationRecord,
-) -> dict[str, str]:
+def every(drifted: tuple[CalibrationRecord, CalibrationRecord], worst_record: CalibrationRecord) -> dict[str, str]:
     record, parent = drifted
     earlier = [make_record(id=f"p{month}", created_utc=f"2025-{month:02d}-01T00:00:00Z") for month in (3, 6, 9)]
     unfit = make_record(id="W" * 400, created_utc="2026-01-02T00:00:00Z")

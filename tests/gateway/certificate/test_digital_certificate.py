@@ -1,6 +1,5 @@
 """The digital calibration certificate: its structure, and its numbers read back from the XML."""
 
-from collections.abc import Callable
 from typing import Any, Literal
 from xml.etree import ElementTree
 
@@ -10,7 +9,7 @@ import pytest
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.certificate.digital_certificate import DCC, SI, render_digital_certificate
 from gateway.numerics.array import Array
-from tests.gateway.certificate.conftest import OFFSET, SENSITIVITY, U_OFFSET
+from tests.gateway.certificate.conftest import OFFSET, SENSITIVITY, U_OFFSET, make_record
 from tests.gateway.certificate.dcc_structure import find_problems
 
 NAMES = {"dcc": DCC, "si": SI}
@@ -43,13 +42,11 @@ def declarations(root: ElementTree.Element) -> str:
         {"by": HOSTILE, "device_id": HOSTILE, "software": "", "method": "zero", "warnings": [HOSTILE, ""]},
     ],
 )
-def test_the_document_has_the_structure_of_the_schema(
-    make_record: Callable[..., CalibrationRecord], unit: str, changes: dict[str, Any]
-) -> None:
+def test_the_document_has_the_structure_of_the_schema(unit: str, changes: dict[str, Any]) -> None:
     assert find_problems(parse(make_record(unit=unit, **changes))) == []
 
 
-def test_the_structure_rejects_what_the_schema_rejects(make_record: Callable[..., CalibrationRecord]) -> None:
+def test_the_structure_rejects_what_the_schema_rejects() -> None:
     root = parse(make_record())
     core = root.find("dcc:administrativeData/dcc:coreData", NAMES)
     assert core is not None
@@ -60,7 +57,7 @@ def test_the_structure_rejects_what_the_schema_rejects(make_record: Callable[...
 
 @pytest.mark.parametrize(("unit", "raw_si"), [("counts", 1.0), ("V", 1.0), ("g", G_M_S2)])
 def test_values_and_expanded_uncertainties_are_those_of_the_record_in_si(
-    make_record: Callable[..., CalibrationRecord], unit: Literal["g", "V", "counts"], raw_si: float
+    unit: Literal["g", "V", "counts"], raw_si: float
 ) -> None:
     root = parse(make_record(unit=unit))
     np.testing.assert_allclose(quantities(root, "zero-g offset"), OFFSET * raw_si)
@@ -75,9 +72,7 @@ def test_values_and_expanded_uncertainties_are_those_of_the_record_in_si(
     assert {each.text for each in root.iterfind(".//si:coverageFactor", NAMES)} == {"2"}
 
 
-def test_reference_operator_environment_software_and_decision_rule_are_stated(
-    make_record: Callable[..., CalibrationRecord],
-) -> None:
+def test_reference_operator_environment_software_and_decision_rule_are_stated() -> None:
     root = parse(make_record())
     said = " ".join(root.itertext())
     for text in ("local gravity, taken as 1 g", "A. Rigger", "Plumbline", "No statement of conformity", "k = 2"):
@@ -86,7 +81,7 @@ def test_reference_operator_environment_software_and_decision_rule_are_stated(
     assert [each.text for each in condition.iterfind(".//si:value", NAMES)] == ["21.6", "20.9", "22.3"]
 
 
-def test_a_record_that_is_judged_by_limits_states_the_guard_band(make_record: Callable[..., CalibrationRecord]) -> None:
+def test_a_record_that_is_judged_by_limits_states_the_guard_band() -> None:
     thermal = {"summary": [{"axis": "x", "verdict": "within"}]}
     assert "guard band w = U" in declarations(parse(make_record(method="thermal", thermal=thermal)))
 
@@ -98,8 +93,6 @@ def test_a_record_that_is_judged_by_limits_states_the_guard_band(make_record: Ca
         ({"correction_matrix": [[1, 2, 3], [2, 4, 6], [0, 0, 1]]}, "singular"),
     ],
 )
-def test_a_record_that_cannot_be_stated_is_refused(
-    make_record: Callable[..., CalibrationRecord], changes: dict[str, Any], said: str
-) -> None:
+def test_a_record_that_cannot_be_stated_is_refused(changes: dict[str, Any], said: str) -> None:
     with pytest.raises(CalibrationError, match=said):
         render_digital_certificate(make_record(**changes))

@@ -18,6 +18,8 @@ from tests.gateway.bench.thermal_sensors import RATE_HZ, planted, ramps
 from tests.recordings import write_mcap
 from tests.values import present
 
+pytestmark = pytest.mark.slow
+
 
 def write(folder: Path, files: list[FileReadings], temperature: bool = True) -> list[Path]:
     paths = []
@@ -39,7 +41,6 @@ def thermal(tmp_path: Path, *arguments: Any) -> tuple[int, CalibrationRecord | N
     return code, CalibrationRecord.model_validate(json.loads(out.read_text())) if out.exists() else None
 
 
-@pytest.mark.slow
 def test_ramps_in_tables_give_a_record_a_certificate_and_verdicts(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -60,7 +61,6 @@ def test_ramps_in_tables_give_a_record_a_certificate_and_verdicts(
     assert "Against the data sheet: x within, y within, z exceeds." in certificate
 
 
-@pytest.mark.slow
 def test_recordings_of_the_gateway_are_ramps(tmp_path: Path) -> None:
     device = DeviceInfo(kind="adxl355", device_id="part-7", unit="counts", odr_hz=RATE_HZ, units_per_g=16384.0)
     paths = [
@@ -73,7 +73,6 @@ def test_recordings_of_the_gateway_are_ramps(tmp_path: Path) -> None:
     assert (record.device_id, record.unit) == ("part-7", "counts")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "temperature", "code", "text"),
     [
@@ -92,7 +91,6 @@ def test_what_cannot_be_used_is_one_line_and_no_record(
     assert err.count("\n") == 1
 
 
-@pytest.mark.slow
 def test_measure_applies_the_thermal_model_of_a_recording(tmp_path: Path) -> None:
     found = calibrate_ramps(ramps("MPU-9255", np.random.default_rng(8), duration_s=120.0))
     record = make_record(

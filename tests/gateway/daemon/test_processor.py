@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,9 +24,12 @@ from gateway.daemon.storage import calibration_provider
 from gateway.messages import Health
 from gateway.pki.site_folder import Holder
 from gateway.recording.chain.segment_chain import SegmentChain
+from tests.gateway.conftest import record_content
 from tests.gateway.pki.site import Site
 from tests.values import present
 from tests.waiting import PATIENCE_S, wait_until
+
+pytestmark = pytest.mark.slow
 
 INFO = DeviceInfo(kind="test", device_id="part-7", unit="g", odr_hz=100.0, units_per_g=1.0)
 
@@ -71,12 +74,13 @@ def composed(folder: Path, device: HangingDevice, bus: Mapping[str, Any] | None 
     )
 
 
-@pytest.mark.slow
 def test_a_device_whose_record_the_disk_does_not_give_is_uncalibrated_until_it_does(
-    tmp_path: Path, record: Callable[..., dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     other, device, gate = replace(INFO, device_id="part-8"), HangingDevice(), threading.Event()
-    made = CalibrationRecord.model_validate(record(device_id="part-8", unit="g", correction_matrix=np.eye(3).tolist()))
+    made = CalibrationRecord.model_validate(
+        record_content(device_id="part-8", unit="g", correction_matrix=np.eye(3).tolist())
+    )
     store = CalibrationStore(tmp_path, "part-8")
     store.add(made)
     store.put_in_force(made.id, by="ann", reason="", request="request-1", time_utc="2026-01-01T00:00:00Z")
@@ -100,7 +104,6 @@ def test_a_device_whose_record_the_disk_does_not_give_is_uncalibrated_until_it_d
         worker.join(PATIENCE_S)
 
 
-@pytest.mark.slow
 def test_health_keeps_its_order_when_the_processor_hangs_in_it_and_goes_on(tmp_path: Path) -> None:
     device = HangingDevice()
     parts = composed(tmp_path, device)
@@ -120,7 +123,6 @@ def test_health_keeps_its_order_when_the_processor_hangs_in_it_and_goes_on(tmp_p
         worker.join(PATIENCE_S)
 
 
-@pytest.mark.slow
 def test_health_states_the_days_of_a_certificate_that_the_processor_does_not_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,6 +1,7 @@
 """Reports of a recorded crane."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -9,24 +10,33 @@ from gateway.incident.evidence import judge_recordings
 from gateway.incident.incident_report import IncidentReport, write_report
 from gateway.incident.incident_selection import IncidentChoice, choose_window, read_incidents
 from gateway.recording.reading.timeline import open_timeline
+from tests.gateway.recorded_crane import RecordedCrane
 
 MARGIN_S = 15.0
 MakeReport = Callable[..., IncidentReport]
 
 
+def write_report_of(
+    paths: list[Path],
+    choice: IncidentChoice | None = None,
+    margin_s: float = MARGIN_S,
+    key: str | None = None,
+    *,
+    folder: Path,
+) -> IncidentReport:
+    timeline = open_timeline(paths)
+    window = choose_window(timeline, read_incidents(timeline), choice or IncidentChoice(), margin_s)
+    return write_report(
+        timeline, window, folder, verify=lambda sources: judge_recordings(sources, key), computed={"Made by": "a test"}
+    )
+
+
 @pytest.fixture
 def make_report(tmp_path: Path) -> MakeReport:
-    def make(
-        paths: list[Path], choice: IncidentChoice | None = None, margin_s: float = MARGIN_S, key: str | None = None
-    ) -> IncidentReport:
-        timeline = open_timeline(paths)
-        window = choose_window(timeline, read_incidents(timeline), choice or IncidentChoice(), margin_s)
-        return write_report(
-            timeline,
-            window,
-            tmp_path / "report",
-            verify=lambda sources: judge_recordings(sources, key),
-            computed={"Made by": "a test"},
-        )
+    return partial(write_report_of, folder=tmp_path / "report")
 
-    return make
+
+@pytest.fixture(scope="session")
+def report(recorded: RecordedCrane, tmp_path_factory: pytest.TempPathFactory) -> IncidentReport:
+    """The report of the whole incident, for tests that only read it."""
+    return write_report_of([recorded.folder], folder=tmp_path_factory.mktemp("incident") / "report")

@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser
 
+from gateway.incident.incident_report import IncidentReport
 from tests.document_in_browser import Medium, open_alone
-from tests.gateway.incident.conftest import MakeReport
-from tests.gateway.recorded_crane import RecordedCrane
 
 pytestmark = pytest.mark.slow
 
@@ -19,8 +18,8 @@ A4_TEXT_PX = 711
 
 
 @pytest.fixture
-def page_file(recorded: RecordedCrane, make_report: MakeReport) -> Path:
-    return make_report([recorded.folder]).folder / "incident.html"
+def page_file(report: IncidentReport) -> Path:
+    return report.folder / "incident.html"
 
 
 @pytest.mark.parametrize(("width", "medium"), [(1280, "screen"), (360, "screen"), (A4_TEXT_PX, "print")])

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from gateway.cli.main import main
+from gateway.incident.incident_report import IncidentReport
 from gateway.pki.signing_key import load_or_create_key
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.export.gaps import AbsenceCauses
@@ -16,7 +17,7 @@ from gateway.recording.reading.timeline import open_timeline
 from gateway.recording.segments.compaction import compact, trim
 from gateway.recording.segments.events import EventInterval, append_event_interval
 from tests.clocks import START_NS
-from tests.gateway.incident.conftest import MakeReport
+from tests.gateway.incident.conftest import MakeReport, write_report_of
 from tests.gateway.recorded_crane import RecordedCrane
 from tests.values import present
 
@@ -27,9 +28,9 @@ KEPT_S = ((13.0, 16.0), (24.0, 30.0), (34.0, 36.0))
 BY_QUOTA = "deleted by the quota"
 
 
-@pytest.fixture
-def trimmed(recorded: RecordedCrane, tmp_path: Path) -> Path:
-    folder = tmp_path / "trimmed"
+@pytest.fixture(scope="module")
+def trimmed(recorded: RecordedCrane, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("trimmed") / "data"
     shutil.copytree(recorded.folder, folder)
     first, *others = sorted(folder.glob("*.mcap"))
     chain = SegmentChain(folder, "yard/crane-2/hook", load_or_create_key(folder / "signing-key.pem"))
@@ -44,10 +45,14 @@ def trimmed(recorded: RecordedCrane, tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.fixture(scope="module")
+def report(trimmed: Path) -> IncidentReport:
+    return write_report_of([trimmed], folder=trimmed.parent / "report")
+
+
 def test_what_was_before_the_recordings_is_not_stated_of_what_is_left(
-    trimmed: Path, recorded: RecordedCrane, make_report: MakeReport
+    recorded: RecordedCrane, report: IncidentReport
 ) -> None:
-    report = make_report([trimmed])
     text, content = " ".join(report.sentences), report.content
     largest_deg = present(recorded.changes[-1].largest_deg)
     assert content["peak"]["angle_deg"] < largest_deg
@@ -63,8 +68,7 @@ def test_what_was_before_the_recordings_is_not_stated_of_what_is_left(
     assert f"The gateway's own words: {recorded.changes[-1].change}" in text
 
 
-def test_the_time_before_the_recordings_exonerates_nobody(trimmed: Path, make_report: MakeReport) -> None:
-    report = make_report([trimmed])
+def test_the_time_before_the_recordings_exonerates_nobody(report: IncidentReport) -> None:
     assert "neither the pivot nor the winch was seen to move" not in " ".join(report.sentences)
     (sentence,) = (each for each in report.sentences if each.startswith("What moved the load cannot be told: "))
     assert sentence.endswith(f"s of the 20 s before the peak are not known ({BY_QUOTA}).")
@@ -78,20 +82,22 @@ def test_the_time_before_the_report_exonerates_nobody_either(recorded: RecordedC
     assert sentence.endswith("(before the time of this report).")
 
 
-def test_each_gap_is_named_with_its_cause_and_no_state_lasts_through_it(trimmed: Path, make_report: MakeReport) -> None:
-    content = make_report([trimmed]).content
-    missing = content["samples"]["missing"]
+def test_each_gap_is_named_with_its_cause_and_no_state_lasts_through_it(trimmed: Path, report: IncidentReport) -> None:
+    missing = report.content["samples"]["missing"]
     assert [each["cause"] for each in missing] == [BY_QUOTA] * 3
     assert [round(float(each["to"][17:-1])) for each in missing] == [24, 34, 40]
-    page = (trimmed.parent / "report" / "incident.html").read_text()
+    page = (report.folder / "incident.html").read_text()
     assert f"Hatched: no samples ({BY_QUOTA})" in page
     assert f"s: {BY_QUOTA}." in page
     assert [gap.cause for gap in summarise_timeline(open_timeline([trimmed])).gaps] == [BY_QUOTA] * 3
 
 
-def test_a_file_that_somebody_else_has_removed_is_not_laid_to_the_quota(trimmed: Path, make_report: MakeReport) -> None:
-    sorted(trimmed.glob("*.mcap"))[1].unlink()
-    (missing,) = make_report([trimmed]).content["samples"]["missing"]
+def test_a_file_that_somebody_else_has_removed_is_not_laid_to_the_quota(
+    trimmed: Path, make_report: MakeReport, tmp_path: Path
+) -> None:
+    left = shutil.copytree(trimmed, tmp_path / "left")
+    sorted(left.glob("*.mcap"))[1].unlink()
+    (missing,) = make_report([left]).content["samples"]["missing"]
     assert missing["cause"] == "not in these files"
 
 

@@ -25,6 +25,8 @@ from gateway.motion.stated_values import RETURN_TIMES_S
 from gateway.numerics.array import Array
 from tests.gateway.motion.conftest import GRAVITY_M_S2, Recording
 
+pytestmark = pytest.mark.slow
+
 BIN_S, STATED_M = 0.2, 10.0
 PERIOD_S = 2 * np.pi * np.sqrt(STATED_M / GRAVITY_M_S2)
 SIGMA_G = np.full(3, 2e-4)
@@ -55,7 +57,6 @@ def wait(candidate: MotionCandidate, gap_s: float) -> tuple[Array, Array]:
     return candidate.filter.mixture.moments()
 
 
-@pytest.mark.slow
 def test_gap_that_is_too_long_for_the_motion_keeps_the_constants(candidate: MotionCandidate) -> None:
     before, before_covariance = candidate.filter.mixture.moments()
 
@@ -71,7 +72,6 @@ def test_gap_that_is_too_long_for_the_motion_keeps_the_constants(candidate: Moti
     np.testing.assert_allclose(covariance[GRAVITY, GRAVITY], prior_covariance[GRAVITY, GRAVITY])
 
 
-@pytest.mark.slow
 def test_motion_goes_on_over_a_shorter_gap(candidate: MotionCandidate) -> None:
     """Half a period later the load hangs on the other side, less certainly."""
     before, before_covariance = candidate.filter.mixture.moments()
@@ -83,7 +83,6 @@ def test_motion_goes_on_over_a_shorter_gap(candidate: MotionCandidate) -> None:
     assert np.trace(covariance[GRAVITY, GRAVITY]) > np.trace(before_covariance[GRAVITY, GRAVITY])
 
 
-@pytest.mark.slow
 def test_constants_return_to_what_was_stated() -> None:
     """Exponentially in the time of each, mean and variance, while nothing is read."""
     motion_filter = new_candidate().filter
@@ -110,7 +109,6 @@ def test_constants_return_to_what_was_stated() -> None:
             np.testing.assert_allclose(variance[states], expected, rtol=1e-9)
 
 
-@pytest.mark.slow
 def test_readings_that_the_candidate_does_not_expect_are_evidence_against_it(free_swing: Recording) -> None:
     """A step of the reading of one second, as no rope makes it."""
     candidate, other = new_candidate(), new_candidate()

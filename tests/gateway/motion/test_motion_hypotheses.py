@@ -9,6 +9,8 @@ from devices.simulated.schedule import Event, Gust, Hoist, TrolleyMove
 from gateway.motion.estimate import MotionEstimate
 from tests.gateway.motion.conftest import Recording, follow, holds, swing
 
+pytestmark = pytest.mark.slow
+
 START_S = 15.0
 DRIVE, GUST = TrolleyMove(START_S, 12.0, 6.0, 0.9, 0.7), Gust(START_S, 10.0, 0.09, 0.7)
 HOIST = Hoist(START_S, 9.0, -1.5)
@@ -20,7 +22,6 @@ def states_between(estimates: list[MotionEstimate], from_s: float, to_s: float) 
     return [estimate.state for estimate in estimates if from_s < estimate.time_s < to_s]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.1, 0.5, 0.9])
 @pytest.mark.parametrize(("event", "state", "from_s", "to_s"), [(DRIVE, "driven", 2.3, 3.8), (GUST, "wind", 3.5, 6.5)])
 def test_drive_and_gust_are_named_in_a_swing_that_the_axial_channel_shows(
@@ -33,7 +34,6 @@ def test_drive_and_gust_are_named_in_a_swing_that_the_axial_channel_shows(
     assert np.mean([one == state for one in named]) > 0.8
 
 
-@pytest.mark.slow
 def test_hoist_is_named_and_measured() -> None:
     recording = swing(amplitude_deg=4.0, events=[HOIST], duration_s=30.0)
 
@@ -46,7 +46,6 @@ def test_hoist_is_named_and_measured() -> None:
     assert (estimates[-1].length_m or 0.0) == pytest.approx(8.5, rel=0.02)
 
 
-@pytest.mark.slow
 def test_free_swing_and_rest_are_named() -> None:
     free = states_between(list(follow(swing(amplitude_deg=5.0))), 15.0, 40.0)
     rest = states_between(list(follow(swing(amplitude_deg=0.0))), 15.0, 40.0)
@@ -62,7 +61,6 @@ def while_acting(events: list[Event], rho: float) -> Iterator[tuple[Recording, M
         yield from ((recording, estimate) for estimate in follow(recording) if estimate.time_s > START_S)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.3, 0.8])
 @pytest.mark.parametrize("events", [DRIVE_AND_HOIST, GUST_AND_HOIST], ids=["drive", "gust"])
 def test_interval_holds_the_angle_in_a_hoist_with_a_drive_or_a_gust(events: list[Event], rho: float) -> None:
@@ -74,7 +72,6 @@ def test_interval_holds_the_angle_in_a_hoist_with_a_drive_or_a_gust(events: list
     assert len(held) > 0.8 * len(acting)
 
 
-@pytest.mark.slow
 def test_acceleration_of_the_pivot_is_measured_in_a_drive() -> None:
     recording = swing(amplitude_deg=3.0, rho=0.5, events=[DRIVE], duration_s=22.0)
 

@@ -16,6 +16,8 @@ from gateway.swing.rig import MountedHousing
 from tests.gateway.motion.conftest import Recording, swing
 from tests.values import present
 
+pytestmark = pytest.mark.slow
+
 NOISE_G = 4e-4
 UPDATE = 5
 """Samples between two estimates: a tenth of a second."""
@@ -54,7 +56,6 @@ def dead(axis: int, level_g: float, noise_g: float = 0.0) -> Callable[[Array], A
     return spoil
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("spoil", "reason"),
     [
@@ -77,7 +78,6 @@ def test_a_fault_of_the_sensor_makes_the_angle_unknown(
     assert all(reason in e.reasons[0] for e in later)
 
 
-@pytest.mark.slow
 def test_the_angle_is_known_again_after_a_fault() -> None:
     recording = swing(duration_s=45.0)
     faulty = (recording.time_s > 10.0) & (recording.time_s < 20.0)
@@ -92,7 +92,6 @@ def test_the_angle_is_known_again_after_a_fault() -> None:
     assert present(last.angle_rad) == pytest.approx(recording.angle_at(last.time_s), abs=4 * present(last.u_rad))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("axis", "level_g"), [(0, 0.01), (1, 0.0), (2, 0.998)])
 @pytest.mark.parametrize("rho", [0.1, 0.5])
 def test_a_noisy_dead_axis_is_reported(axis: int, level_g: float, rho: float) -> None:
@@ -109,7 +108,6 @@ def known_share(recording: Recording) -> float:
     return float(np.mean([e.angle_rad is not None for e in follow(recording) if e.time_s > recording.rig.length_m / 2]))
 
 
-@pytest.mark.slow
 def test_a_rope_that_rings_after_a_drive_is_no_dead_axis() -> None:
     recording = swing(seed=5, amplitude_deg=1.0, rho=0.4, duration_s=45.0)
     since_s = np.maximum(recording.time_s - 12.0, 0.0)
@@ -121,7 +119,6 @@ def test_a_rope_that_rings_after_a_drive_is_no_dead_axis() -> None:
     assert known_share(rings) > 0.99
 
 
-@pytest.mark.slow
 def test_a_swing_along_one_axis_on_converging_ropes_is_no_dead_axis() -> None:
     recording = swing(seed=5, amplitude_deg=4.0, rho=0.9, duration_s=40.0)
     converging = replace(recording.rig, position_m=None, above_load_m=0.1 * recording.rig.length_m)
@@ -132,7 +129,6 @@ def test_a_swing_along_one_axis_on_converging_ropes_is_no_dead_axis() -> None:
     assert known_share(replace(less_across, rig=converging)) > 0.99
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.8, 1.2])
 def test_a_housing_that_is_elsewhere_widens_the_interval(share: float) -> None:
     recording = swing(seed=2, amplitude_deg=7.0, rho=0.4, duration_s=45.0)
@@ -145,7 +141,6 @@ def test_a_housing_that_is_elsewhere_widens_the_interval(share: float) -> None:
     assert np.mean(np.array(off) < 2) > 0.95
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("askew_deg", "says"), [(7.0, True), (0.5, False)])
 def test_a_housing_that_stands_askew_is_named_with_its_angle(askew_deg: float, says: bool) -> None:
     recording = swing(seed=5, amplitude_deg=3.0, rho=0.6, duration_s=45.0)
@@ -161,7 +156,6 @@ def test_a_housing_that_stands_askew_is_named_with_its_angle(askew_deg: float, s
     assert any("askew on the rope" in reason for reason in engineer_reasons(estimate)) is says
 
 
-@pytest.mark.slow
 def test_clipping_is_bridged_for_a_second_and_then_makes_the_angle_unknown() -> None:
     recording = swing(duration_s=20.0)
 
@@ -173,7 +167,6 @@ def test_clipping_is_bridged_for_a_second_and_then_makes_the_angle_unknown() -> 
     assert all(e.angle_rad is not None for e in estimates if e.time_s > 13.3)
 
 
-@pytest.mark.slow
 def test_the_first_angle_comes_within_one_period() -> None:
     recording = swing(duration_s=8.0)
 
@@ -182,7 +175,6 @@ def test_the_first_angle_comes_within_one_period() -> None:
     assert 0.4 * recording.rig.small_swing_period_s < known[0] < recording.rig.small_swing_period_s
 
 
-@pytest.mark.slow
 def test_restart_forgets_the_motion() -> None:
     recording = swing(duration_s=20.0)
     monitor = monitor_of(recording.rig)
@@ -194,7 +186,6 @@ def test_restart_forgets_the_motion() -> None:
     assert repr(again) == repr(list(follow(recording)))
 
 
-@pytest.mark.slow
 def test_a_hoist_is_followed_and_reported() -> None:
     begin_s, end_s = 15.0, 27.0
     recording = swing(amplitude_deg=7.0, rho=0.5, duration_s=50.0, events=[Hoist(begin_s, end_s - begin_s, -3.0)])
@@ -212,7 +203,6 @@ def test_a_hoist_is_followed_and_reported() -> None:
     assert estimates[-1].state == "free"
 
 
-@pytest.mark.slow
 def test_a_changed_sensor_widens_the_interval_and_says_why() -> None:
     recording = swing(duration_s=30.0)
     monitor, undisturbed = monitor_of(recording.rig), monitor_of(recording.rig)
@@ -228,7 +218,6 @@ def test_a_changed_sensor_widens_the_interval_and_says_why() -> None:
     assert present(after.u_rad) > present(before.u_rad)
 
 
-@pytest.mark.slow
 def test_readings_that_nothing_explains_are_reported() -> None:
     recording = swing(duration_s=20.0)
     force_g = recording.force_g.copy()
@@ -241,7 +230,6 @@ def test_readings_that_nothing_explains_are_reported() -> None:
     assert not any(explained for time_s, explained in seen if 16.2 < time_s < 16.8)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("block", [1, 5, 10])
 def test_estimates_do_not_depend_on_the_blocks(block: int) -> None:
     recording = swing(duration_s=15.0)
@@ -263,7 +251,6 @@ def test_estimates_do_not_depend_on_the_blocks(block: int) -> None:
     assert [a for a, _ in known] == pytest.approx([b for _, b in known], rel=1e-9)
 
 
-@pytest.mark.slow
 def test_an_uncalibrated_sensor_at_the_load_states_no_angle() -> None:
     """There a constant axial reading is an offset or a steady circular swing."""
     recording = swing(duration_s=20.0, amplitude_deg=30.0, length_m=4.0, rho=1.0, noise_g=0.012, offset_g=0.02)

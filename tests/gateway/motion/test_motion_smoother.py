@@ -54,9 +54,16 @@ def history_of_working(histories: tuple[MotionHistory, ...]) -> MotionHistory:
     return histories[0]
 
 
+@pytest.fixture(scope="module")
+def history_of_free(free_swing: Recording) -> MotionHistory:
+    return smooth(free_swing)
+
+
 @pytest.mark.slow
-def test_the_smoothed_angle_of_a_free_swing_is_better_than_the_live_one(free_swing: Recording) -> None:
-    history, live = smooth(free_swing), list(follow(free_swing))
+def test_the_smoothed_angle_of_a_free_swing_is_better_than_the_live_one(
+    free_swing: Recording, history_of_free: MotionHistory
+) -> None:
+    history, live = history_of_free, list(follow(free_swing))
     period_s = free_swing.rig.small_swing_period_s
     ratios = [np.interp(one.time_s, history.time_s, history.u_rad) / present(one.u_rad) for one in live]
     in_first_periods = np.array([one.time_s < 2 * period_s for one in live])
@@ -66,13 +73,8 @@ def test_the_smoothed_angle_of_a_free_swing_is_better_than_the_live_one(free_swi
     assert np.sqrt((error_rad**2).mean()) < np.sqrt(np.square(live_error_rad).mean())
     assert coverage(error_rad, history.u_rad) > 0.92
     assert set(history.state) == {"free"}
-
-
-@pytest.mark.slow
-def test_the_angle_is_known_from_the_first_reading_on(free_swing: Recording) -> None:
-    history = smooth(free_swing)
-    first = next(iter(follow(free_swing)))
-    assert history.u_rad[0] < 0.2 * present(first.u_rad)
+    # the angle is known from the first reading on
+    assert history.u_rad[0] < 0.2 * present(live[0].u_rad)
     assert abs(errors_rad(free_swing, history)[0]) < NORMAL_975 * history.u_rad[0]
 
 
@@ -124,9 +126,11 @@ def test_live_and_smoothed_angles_agree_within_their_intervals(
 
 
 @pytest.mark.slow
-def test_smoothing_in_blocks_is_smoothing_at_once(monkeypatch: pytest.MonkeyPatch, free_swing: Recording) -> None:
+def test_smoothing_in_blocks_is_smoothing_at_once(
+    monkeypatch: pytest.MonkeyPatch, free_swing: Recording, history_of_free: MotionHistory
+) -> None:
     """What comes later than the lookahead is left out; it is not much."""
-    whole = smooth(free_swing)
+    whole = history_of_free
     monkeypatch.setattr("gateway.motion.smoother.BLOCK_STEPS", 30)
     monkeypatch.setattr("gateway.motion.smoother.LOOKAHEAD_STEPS", 40)
     monkeypatch.setattr("gateway.motion.smoother.SAMPLES", 100)
@@ -159,9 +163,11 @@ def test_every_bin_of_the_stream_is_in_the_history(working: Recording, history_o
 
 
 @pytest.mark.slow
-def test_a_gap_within_a_recording_widens_the_interval_there_alone(free_swing: Recording) -> None:
+def test_a_gap_within_a_recording_widens_the_interval_there_alone(
+    free_swing: Recording, history_of_free: MotionHistory
+) -> None:
     gap_s = 1.2 * free_swing.rig.small_swing_period_s
-    history, whole = smooth(free_swing.without(15.0, 15.0 + gap_s)), smooth(free_swing)
+    history, whole = smooth(free_swing.without(15.0, 15.0 + gap_s)), history_of_free
     assert not ((history.time_s > 15.4) & (history.time_s < 14.6 + gap_s)).any()
     error_rad = errors_rad(free_swing, history)
     assert coverage(error_rad, history.u_rad) > 0.92

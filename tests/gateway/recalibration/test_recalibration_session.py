@@ -10,6 +10,7 @@ import pytest
 from gateway.calibration.acceptance import Acceptance
 from gateway.calibration.record import CalibrationError
 from gateway.recalibration.session import MAX_IDLE_S, MAX_REVIEW_S, MAX_SESSION_S
+from tests.gateway.conftest import record_content
 from tests.gateway.recalibration.scripted_site import Site
 from tests.values import present
 
@@ -166,8 +167,8 @@ def test_a_rollback_returns_to_the_parent_or_to_a_named_record(site: Site) -> No
     assert site.store.ids() == sorted([first, second, third])
 
 
-def test_a_rollback_of_the_first_record_returns_to_the_factory_record(site: Site, record: MakeContent) -> None:
-    factory = record(id="factory-7")
+def test_a_rollback_of_the_first_record_returns_to_the_factory_record(site: Site) -> None:
+    factory = record_content(id="factory-7")
     site.restart(factory_calibration=factory)
     site.commit(1.0)
     assert site.record_in_force().parent == "factory-7"
@@ -249,11 +250,11 @@ def test_stored_records_and_the_record_in_review_can_be_fetched(site: Site) -> N
     assert "cannot be read" in entry["error"] or "Field required" in entry["error"]
 
 
-def test_a_record_made_offline_is_put_in_force_by_a_request_that_is_audited(site: Site, record: MakeContent) -> None:
+def test_a_record_made_offline_is_put_in_force_by_a_request_that_is_audited(site: Site) -> None:
     """A file in the store is unused until a person names it; one of another part, or a changed one, is refused."""
     folder = site.store.folder / "records"
     folder.mkdir(parents=True, exist_ok=True)
-    made, other = record(id="ramps-1", method="thermal"), record(id="ramps-2", device_id="part-8")
+    made, other = record_content(id="ramps-1", method="thermal"), record_content(id="ramps-2", device_id="part-8")
     for content in (made, other, made | {"id": "ramps-3"}):
         (folder / f"{content['id']}.json").write_text(json.dumps(content))
     assert site.in_force() is None

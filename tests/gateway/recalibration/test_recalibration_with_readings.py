@@ -18,6 +18,8 @@ from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.requests import VERBS
 from gateway.recalibration.session import Session, Timestamp, make_session_message
 
+pytestmark = pytest.mark.slow
+
 RATE_HZ, BLOCK = 125.0, 25
 START_NS = 1_767_225_600_000_000_000
 AXES = ((0, 1), (1, 1), (2, 1))
@@ -76,7 +78,6 @@ def bench(tmp_path: Path) -> Bench:
     return Bench(tmp_path)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("method", ["six-position", "norm-fit"])
 def test_the_injected_errors_are_found(bench: Bench, method: str) -> None:
     bench.ask("recalibrate", "request-1", method=method, housing_off_rope=True)
@@ -108,7 +109,6 @@ def assert_same(live: dict[str, Any], fit: CalibrationFit) -> None:
     assert live["covariance"] == fit.covariance.tolist()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("method", ["six-position", "norm-fit"])
 def test_the_offline_procedure_makes_the_same_record_from_the_same_readings(bench: Bench, method: str) -> None:
     bench.ask("recalibrate", "request-1", method=method, housing_off_rope=True)
@@ -116,7 +116,6 @@ def test_the_offline_procedure_makes_the_same_record_from_the_same_readings(benc
     assert_same(bench.candidate, fit_offline(method, bench.blocks))
 
 
-@pytest.mark.slow
 def test_a_norm_fit_keeps_the_frame_of_the_record_in_force_live_and_offline(bench: Bench) -> None:
     bench.ask("recalibrate", "request-1", method="six-position", housing_off_rope=True)
     bench.turn_as_requested()

@@ -15,9 +15,9 @@ from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.format.content import RecordingHeader
 from gateway.recording.segments.compaction import compact
 from gateway.recording.segments.recorder import Recorder
+from tests.clocks import START_NS
+from tests.gateway.conftest import make_samples
 
-START_NS = 1_767_225_600_000_000_000
-"""2026-01-01 00:00:00 UTC."""
 HEAD: dict[str, Any] = {"time_ns": START_NS, "clock": "synchronised", "sequence": 5, "calibration_id": "c-1"}
 COUNTS_PER_G = 256_000.0
 GATEWAY = "yard/crane-2/hook"
@@ -57,30 +57,30 @@ Record = Callable[..., list[Path]]
 SECOND_NS = 1_000_000_000
 
 
-@pytest.fixture
-def device() -> DeviceInfo:
-    return DeviceInfo(
-        kind="adxl355",
-        device_id="adxl355-0x1d-label7",
-        unit="counts",
-        odr_hz=1000.0,
-        units_per_g=COUNTS_PER_G,
-        full_scale_g=2.048,
-        noise_g=5e-4,
-        details={"revision": "1", "bus": "/dev/i2c-1"},
-    )
+DEVICE = DeviceInfo(
+    kind="adxl355",
+    device_id="adxl355-0x1d-label7",
+    unit="counts",
+    odr_hz=1000.0,
+    units_per_g=COUNTS_PER_G,
+    full_scale_g=2.048,
+    noise_g=5e-4,
+    details={"revision": "1", "bus": "/dev/i2c-1"},
+)
+HEADER = RecordingHeader(
+    software="0.1.0",
+    site="yard",
+    crane="crane-2",
+    sensor="hook",
+    boot_id="b00t",
+    configuration_toml='[gateway]\nsite = "yard"  # größte Halle\n',
+)
 
 
 @pytest.fixture
 def header() -> RecordingHeader:
-    return RecordingHeader(
-        software="0.1.0",
-        site="yard",
-        crane="crane-2",
-        sensor="hook",
-        boot_id="b00t",
-        configuration_toml='[gateway]\nsite = "yard"  # größte Halle\n',
-    )
+    """Whose recordings are made; a module may state another."""
+    return HEADER
 
 
 @pytest.fixture
@@ -93,79 +93,7 @@ def make_recorder(tmp_path: Path, header: RecordingHeader) -> MakeRecorder:
     return make
 
 
-@pytest.fixture
-def every_message(
-    make_samples: Callable[..., messages.Samples],
-    make_tilt: Callable[..., messages.Tilt],
-    make_swing: Callable[..., messages.Swing],
-    make_alert: Callable[..., messages.Alert],
-    make_calibration: Callable[..., messages.Calibration],
-) -> dict[str, messages.Message | messages.Log]:
-    """One message of each topic, null wherever a number may be missing in at least one of them."""
-    return {
-        "samples": make_samples(),
-        "acceleration": messages.Acceleration(
-            **HEAD,
-            x_g=0.01,
-            y_g=0.0,
-            z_g=0.99,
-            x_min_g=-0.02,
-            x_max_g=0.04,
-            y_min_g=-0.01,
-            y_max_g=0.01,
-            z_min_g=0.8,
-            z_max_g=1.3,
-        ),
-        "tilt": make_tilt(1.5),
-        "motion": MOTION,
-        "swing": make_swing(None),
-        "condition": messages.Condition(
-            **HEAD,
-            verdict="swinging",
-            cause=None,
-            trusted=False,
-            reasons=["jerk"],
-            gates={"norm": True, "stationary": False},
-            norm_g=1.0002,
-            permissible_norm_error_g=None,
-            calibration="calibrated",
-        ),
-        "alert": make_alert("raised"),
-        "health": messages.Health(
-            **HEAD,
-            state="running",
-            device_id=None,
-            device_kind="adxl355",
-            boot_id="b00t",
-            software="0.1.0",
-            uptime_s=12.5,
-            measured_rate_hz=999.87,
-            samples=12345,
-            lost=1,
-            invalid=0,
-            faults={"overrun": 1},
-            dropped={},
-            recording="x.mcap",
-            recording_error=None,
-            disk_free_mb=1e4,
-            cpu_percent=0.3,
-            resident_mb=44.0,
-        ),
-        "calibration": make_calibration("c-1"),
-        "mark": messages.Mark(**HEAD, id="cli-12345678", by="ann", text="Größe"),
-        "clock": messages.ClockOffset(**HEAD, log_time_ns=START_NS, wall_offset_ns=-1500, stepped=False),
-        "log": messages.Log(
-            timestamp=messages.FoxgloveTime(sec=START_NS // 10**9, nsec=5), level=2, message="Größe", name="plumbline"
-        ),
-    }
-
-
-@pytest.fixture
-def make_tilt() -> Callable[..., messages.Tilt]:
-    return _tilt
-
-
-def _tilt(axial_deg: float | None) -> messages.Tilt:
+def make_tilt(axial_deg: float | None) -> messages.Tilt:
     return messages.Tilt(
         **HEAD,
         pitch_deg=None,
@@ -180,12 +108,7 @@ def _tilt(axial_deg: float | None) -> messages.Tilt:
     )
 
 
-@pytest.fixture
-def make_swing() -> Callable[..., messages.Swing]:
-    return _swing
-
-
-def _swing(phi_max_deg: float | None, time_ns: int = START_NS) -> messages.Swing:
+def make_swing(phi_max_deg: float | None, time_ns: int = START_NS) -> messages.Swing:
     return messages.Swing(
         **{**HEAD, "time_ns": time_ns},
         swinging=phi_max_deg is not None,
@@ -207,12 +130,7 @@ def _swing(phi_max_deg: float | None, time_ns: int = START_NS) -> messages.Swing
     )
 
 
-@pytest.fixture
-def make_alert() -> Callable[..., messages.Alert]:
-    return _alert
-
-
-def _alert(event: AlertEvent) -> messages.Alert:
+def make_alert(event: AlertEvent) -> messages.Alert:
     standing = messages.ActiveAlert(
         rule="swing",
         level="trip",
@@ -232,12 +150,7 @@ def _alert(event: AlertEvent) -> messages.Alert:
     )
 
 
-@pytest.fixture
-def make_calibration() -> Callable[..., messages.Calibration]:
-    return _calibration
-
-
-def _calibration(name: str) -> messages.Calibration:
+def make_calibration(name: str) -> messages.Calibration:
     return messages.Calibration(
         **{**HEAD, "calibration_id": name},
         status="calibrated",
@@ -248,10 +161,67 @@ def _calibration(name: str) -> messages.Calibration:
     )
 
 
+EVERY_MESSAGE: dict[str, messages.Message | messages.Log] = {
+    "samples": make_samples(),
+    "acceleration": messages.Acceleration(
+        **HEAD,
+        x_g=0.01,
+        y_g=0.0,
+        z_g=0.99,
+        x_min_g=-0.02,
+        x_max_g=0.04,
+        y_min_g=-0.01,
+        y_max_g=0.01,
+        z_min_g=0.8,
+        z_max_g=1.3,
+    ),
+    "tilt": make_tilt(1.5),
+    "motion": MOTION,
+    "swing": make_swing(None),
+    "condition": messages.Condition(
+        **HEAD,
+        verdict="swinging",
+        cause=None,
+        trusted=False,
+        reasons=["jerk"],
+        gates={"norm": True, "stationary": False},
+        norm_g=1.0002,
+        permissible_norm_error_g=None,
+        calibration="calibrated",
+    ),
+    "alert": make_alert("raised"),
+    "health": messages.Health(
+        **HEAD,
+        state="running",
+        device_id=None,
+        device_kind="adxl355",
+        boot_id="b00t",
+        software="0.1.0",
+        uptime_s=12.5,
+        measured_rate_hz=999.87,
+        samples=12345,
+        lost=1,
+        invalid=0,
+        faults={"overrun": 1},
+        dropped={},
+        recording="x.mcap",
+        recording_error=None,
+        disk_free_mb=1e4,
+        cpu_percent=0.3,
+        resident_mb=44.0,
+    ),
+    "calibration": make_calibration("c-1"),
+    "mark": messages.Mark(**HEAD, id="cli-12345678", by="ann", text="Größe"),
+    "clock": messages.ClockOffset(**HEAD, log_time_ns=START_NS, wall_offset_ns=-1500, stepped=False),
+    "log": messages.Log(
+        timestamp=messages.FoxgloveTime(sec=START_NS // 10**9, nsec=5), level=2, message="Größe", name="plumbline"
+    ),
+}
+"""One message of each topic, null wherever a number may be missing in at least one of them."""
+
+
 @pytest.fixture
-def record(
-    make_samples: Callable[..., messages.Samples], device: DeviceInfo, header: RecordingHeader, tmp_path: Path
-) -> Record:
+def record(tmp_path: Path, header: RecordingHeader) -> Record:
     """Record segments of half a minute; without compaction the last one stays as it was written."""
 
     def run(
@@ -269,7 +239,7 @@ def record(
         site, crane, sensor = gateway.split("/")
         of_gateway = replace(header, site=site, crane=crane, sensor=sensor)
         recorder = Recorder(folder, of_gateway, segment_s=30, fsync_s=1.0, quota_mb=quota_mb, chain=chain)
-        recorder.set_device(device, start_ns)
+        recorder.set_device(DEVICE, start_ns)
         recorder.start(start_ns)
         for number in range(segments * 30 - 1):
             now_ns = start_ns + number * SECOND_NS

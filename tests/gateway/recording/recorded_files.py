@@ -1,7 +1,6 @@
 """What a recorder wrote, read from its folder."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,8 @@ from gateway.recording.export.recording_info import RecordingInfo, summarise_tim
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.reading.timeline import open_timeline
 from gateway.recording.segments.recorder import Recorder
+from tests.clocks import START_NS
+from tests.gateway.conftest import make_samples
 
 
 def contents(path: Path) -> list[tuple[str, dict[str, Any]]]:
@@ -27,6 +28,9 @@ def summarise(path: Path) -> RecordingInfo:
     return summarise_timeline(open_timeline([path]))
 
 
+BLOCK_NS = 32_000_000
+
+
 def segments(folder: Path) -> list[Path]:
     return sorted(folder.glob("*.mcap"))
 
@@ -35,11 +39,9 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-def record_blocks(
-    recorder: Recorder, make_samples: Callable[..., Any], numbers: range, start_ns: int, block_s: float = 0.032
-) -> None:
+def record_blocks(recorder: Recorder, numbers: range) -> None:
     for number in numbers:
-        now_ns = start_ns + round(number * block_s * 1e9)
+        now_ns = START_NS + number * BLOCK_NS
         recorder.write(encode_message("samples", make_samples(number), now_ns))
         recorder.tick(now_ns)
 

@@ -3,7 +3,6 @@
 import errno
 import json
 import os
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,19 +10,18 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from devices.block import DeviceInfo
-from gateway import messages
 from gateway.calibration.record import CalibrationRecord, content_hash
 from gateway.cli.main import main
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.pki.signing_key import load_or_create_key
 from gateway.recording.chain.segment_chain import SegmentChain
-from gateway.recording.format.content import RecordingHeader
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.segments.copying import recover
 from gateway.recording.segments.recorder import Recorder, RecorderError
 from gateway.recording.segments.segment import CalibrationFiles, calibration_files
-from tests.gateway.recording.conftest import GATEWAY, SECOND_NS, MakeRecorder
+from tests.clocks import START_NS
+from tests.gateway.conftest import make_samples
+from tests.gateway.recording.conftest import DEVICE, GATEWAY, HEADER, SECOND_NS, MakeRecorder
 from tests.gateway.recording.recorded_files import record_blocks, segments, summarise
 from tests.values import present
 
@@ -63,17 +61,13 @@ def attachments(path: Path) -> dict[str, bytes]:
 
 
 def test_every_segment_contains_the_record_and_its_certificate(
-    make_recorder: MakeRecorder,
-    make_samples: Callable[..., messages.Samples],
-    device: DeviceInfo,
-    files: CalibrationFiles,
-    start_ns: int,
+    make_recorder: MakeRecorder, files: CalibrationFiles
 ) -> None:
     recorder = make_recorder(segment_s=2.0)
-    recorder.set_device(device, start_ns)
-    folder = recorder.start(start_ns).parent
-    recorder.set_calibration(files, start_ns)
-    record_blocks(recorder, make_samples, range(150), start_ns)
+    recorder.set_device(DEVICE, START_NS)
+    folder = recorder.start(START_NS).parent
+    recorder.set_calibration(files, START_NS)
+    record_blocks(recorder, range(150))
     recorder.close()
     assert len(segments(folder)) == 3
     for path in segments(folder):
@@ -88,53 +82,45 @@ def test_every_segment_contains_the_record_and_its_certificate(
 
 
 def test_a_new_record_is_on_the_disk_at_once_after_earlier_messages(
-    make_recorder: MakeRecorder,
-    make_samples: Callable[..., messages.Samples],
-    device: DeviceInfo,
-    files: CalibrationFiles,
-    start_ns: int,
+    make_recorder: MakeRecorder, files: CalibrationFiles
 ) -> None:
     recorder = make_recorder(fsync_s=3600.0)
-    recorder.set_device(device, start_ns)
-    path = recorder.start(start_ns)
-    recorder.write(encode_message("samples", make_samples(0), start_ns))
-    recorder.set_calibration(files, start_ns + 5)
-    recorder.set_calibration(calibration_files(make_record("r2"), make_record("r1")), start_ns + 6)
+    recorder.set_device(DEVICE, START_NS)
+    path = recorder.start(START_NS)
+    recorder.write(encode_message("samples", make_samples(0), START_NS))
+    recorder.set_calibration(files, START_NS + 5)
+    recorder.set_calibration(calibration_files(make_record("r2"), make_record("r1")), START_NS + 6)
     as_killed = open_recording(path)
     assert [message.topic for message in as_killed.messages()] == ["/samples"]  # an attachment alone would overtake it
     assert set(as_killed.attachments) >= {"calibration-r1.json", "calibration-r2.json", "calibration-r2.html"}
-    assert as_killed.attachments["calibration-r2.json"].log_time == start_ns + 6
+    assert as_killed.attachments["calibration-r2.json"].log_time == START_NS + 6
     recorder.close()
     assert set(attachments(path)) == {*as_killed.attachments, "summary.json"}
 
 
-def test_the_same_record_is_not_written_twice(
-    make_recorder: MakeRecorder, device: DeviceInfo, files: CalibrationFiles, start_ns: int
-) -> None:
+def test_the_same_record_is_not_written_twice(make_recorder: MakeRecorder, files: CalibrationFiles) -> None:
     recorder = make_recorder()
-    recorder.set_device(device, start_ns)
-    first = recorder.start(start_ns)
-    recorder.set_calibration(files, start_ns)
+    recorder.set_device(DEVICE, START_NS)
+    first = recorder.start(START_NS)
+    recorder.set_calibration(files, START_NS)
     size = first.stat().st_size
-    recorder.set_calibration(calibration_files(make_record("r1"), None), start_ns + 1)
+    recorder.set_calibration(calibration_files(make_record("r1"), None), START_NS + 1)
     assert first.stat().st_size == size
-    recorder.set_calibration(None, start_ns + 2)
-    second = recorder.start(start_ns + SECOND_NS)
+    recorder.set_calibration(None, START_NS + 2)
+    second = recorder.start(START_NS + SECOND_NS)
     recorder.close()
     assert "calibration-r1.json" in attachments(first)
     assert set(attachments(present(second))) == {"configuration.toml"}
 
 
-def test_a_swapped_sensor_does_not_inherit_the_record(
-    make_recorder: MakeRecorder, device: DeviceInfo, files: CalibrationFiles, start_ns: int
-) -> None:
+def test_a_swapped_sensor_does_not_inherit_the_record(make_recorder: MakeRecorder, files: CalibrationFiles) -> None:
     recorder = make_recorder()
-    recorder.set_calibration(files, start_ns)
-    recorder.set_device(device, start_ns)
-    first = recorder.start(start_ns)
-    recorder.set_device(replace(device, device_id="adxl355-0x53-label8"), start_ns + SECOND_NS)
+    recorder.set_calibration(files, START_NS)
+    recorder.set_device(DEVICE, START_NS)
+    first = recorder.start(START_NS)
+    recorder.set_device(replace(DEVICE, device_id="adxl355-0x53-label8"), START_NS + SECOND_NS)
     second = recorder.path
-    recorder.set_calibration(calibration_files(make_record("r9", "adxl355-0x53-label8"), None), start_ns + SECOND_NS)
+    recorder.set_calibration(calibration_files(make_record("r9", "adxl355-0x53-label8"), None), START_NS + SECOND_NS)
     recorder.close()
     assert set(attachments(first)) == {"configuration.toml", *CERTIFICATES_OF_R1}
     assert set(attachments(present(second))) == {
@@ -143,31 +129,22 @@ def test_a_swapped_sensor_does_not_inherit_the_record(
     }
 
 
-def test_a_record_is_written_when_the_recording_starts(
-    make_recorder: MakeRecorder, device: DeviceInfo, files: CalibrationFiles, start_ns: int
-) -> None:
+def test_a_record_is_written_when_the_recording_starts(make_recorder: MakeRecorder, files: CalibrationFiles) -> None:
     recorder = make_recorder()
-    recorder.set_device(device, start_ns)
-    recorder.set_calibration(files, start_ns)
-    path = recorder.start(start_ns)
+    recorder.set_device(DEVICE, START_NS)
+    recorder.set_calibration(files, START_NS)
+    path = recorder.start(START_NS)
     recorder.close()
     assert "calibration-r1.html" in attachments(path)
 
 
-def test_recovery_keeps_the_attachments(
-    make_recorder: MakeRecorder,
-    make_samples: Callable[..., messages.Samples],
-    device: DeviceInfo,
-    files: CalibrationFiles,
-    start_ns: int,
-    tmp_path: Path,
-) -> None:
+def test_recovery_keeps_the_attachments(make_recorder: MakeRecorder, files: CalibrationFiles, tmp_path: Path) -> None:
     recorder = make_recorder()
-    recorder.set_device(device, start_ns)
-    path = recorder.start(start_ns)
-    recorder.set_calibration(files, start_ns)
-    recorder.write(encode_message("samples", make_samples(0), start_ns))
-    recorder.tick(start_ns + 2 * SECOND_NS)
+    recorder.set_device(DEVICE, START_NS)
+    path = recorder.start(START_NS)
+    recorder.set_calibration(files, START_NS)
+    recorder.write(encode_message("samples", make_samples(0), START_NS))
+    recorder.tick(START_NS + 2 * SECOND_NS)
     torn, whole = tmp_path / "torn", tmp_path / "whole.mcap"
     torn.write_bytes(path.read_bytes())
     recorder.close()
@@ -178,19 +155,14 @@ def test_recovery_keeps_the_attachments(
 
 
 def test_a_record_is_in_the_recording_after_a_disk_failure(
-    make_recorder: MakeRecorder,
-    make_samples: Callable[..., messages.Samples],
-    device: DeviceInfo,
-    files: CalibrationFiles,
-    start_ns: int,
-    monkeypatch: pytest.MonkeyPatch,
+    make_recorder: MakeRecorder, files: CalibrationFiles, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recorder = make_recorder()
-    recorder.set_device(device, start_ns)
-    recorder.start(start_ns)
-    recorder.write(encode_message("samples", make_samples(0), start_ns))
-    recorder.set_calibration(calibration_files(make_record("r0"), None), start_ns)
-    recorder.write(encode_message("samples", make_samples(1), start_ns))
+    recorder.set_device(DEVICE, START_NS)
+    recorder.start(START_NS)
+    recorder.write(encode_message("samples", make_samples(0), START_NS))
+    recorder.set_calibration(calibration_files(make_record("r0"), None), START_NS)
+    recorder.write(encode_message("samples", make_samples(1), START_NS))
 
     def full(descriptor: int, data: bytes) -> int:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -198,10 +170,10 @@ def test_a_record_is_in_the_recording_after_a_disk_failure(
     with monkeypatch.context() as broken:
         broken.setattr(os, "write", full)
         with pytest.raises(RecorderError, match="free space on the disk") as caught:
-            recorder.set_calibration(files, start_ns)
+            recorder.set_calibration(files, START_NS)
     assert (caught.value.lost_messages, caught.value.lost_samples) == (1, 32)
     assert recorder.path is None
-    path = recorder.start(start_ns + SECOND_NS)
+    path = recorder.start(START_NS + SECOND_NS)
     recorder.close()
     assert "calibration-r1.html" in attachments(path)
 
@@ -222,18 +194,13 @@ def test_a_record_without_a_date_has_no_digital_certificate() -> None:
 
 
 def test_record_verify_names_a_changed_digital_certificate(
-    header: RecordingHeader,
-    device: DeviceInfo,
-    files: CalibrationFiles,
-    start_ns: int,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    files: CalibrationFiles, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     chain = SegmentChain(tmp_path, GATEWAY, load_or_create_key(tmp_path / "signing-key.pem"))
-    recorder = Recorder(tmp_path, header, segment_s=600.0, fsync_s=1.0, quota_mb=100.0, chain=chain)
-    recorder.set_device(device, start_ns)
-    path = recorder.start(start_ns)
-    recorder.set_calibration(files, start_ns)
+    recorder = Recorder(tmp_path, HEADER, segment_s=600.0, fsync_s=1.0, quota_mb=100.0, chain=chain)
+    recorder.set_device(DEVICE, START_NS)
+    path = recorder.start(START_NS)
+    recorder.set_calibration(files, START_NS)
     recorder.close()
     assert main(["record", "verify", str(path), "--key", str(path.parent / "signing-key.pem.pub")]) == 0
     content = path.read_bytes()

@@ -24,6 +24,7 @@ from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.statements import hash_of
 from gateway.recording.format.content import segment_number
+from tests.clocks import START_NS
 from tests.gateway.recording.conftest import GATEWAY, SECOND_NS, Record
 from tests.gateway.recording.recorded_files import problems
 
@@ -32,9 +33,9 @@ NEXT: dict[str, Any] = {"segment": 9, "name": "x", "n_bytes": 0, "sha256": "", "
 
 
 @pytest.fixture
-def folder(record: Record, start_ns: int) -> Path:
+def folder(record: Record) -> Path:
     """Three segments of a former run, and the state that it saved."""
-    return record(start_ns)[0].parent
+    return record(START_NS)[0].parent
 
 
 def restored(folder: Path) -> SegmentChain:
@@ -168,11 +169,11 @@ OBSTACLES: dict[str, MakeObstacle] = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", OBSTACLES)
-def test_recording_goes_on_whatever_the_file_is(record: Record, folder: Path, start_ns: int, name: str) -> None:
+def test_recording_goes_on_whatever_the_file_is(record: Record, folder: Path, name: str) -> None:
     path = folder / "chain.json"
     path.unlink()
     OBSTACLES[name](path)
-    record(start_ns + LATER_NS, segments=2)
+    record(START_NS + LATER_NS, segments=2)
     found = verify(folder)
     assert problems(found) == []
     assert [file.segment for file in found.files] == [1, 2, 3, 4, 5]
@@ -217,13 +218,13 @@ def test_a_disk_that_takes_nothing_leaves_the_state_in_memory(folder: Path, monk
     assert path.read_bytes() == b"damaged"
 
 
-def test_a_file_of_the_version_before_is_believed(record: Record, folder: Path, start_ns: int) -> None:
+def test_a_file_of_the_version_before_is_believed(record: Record, folder: Path) -> None:
     sound = stated(restored(folder))
     (folder / "chain.json").write_text(plain(newest_segment=7, final_sha256=sound[2]))
     chain = restored(folder)
     assert chain.loss is None
     assert stated(chain) == (8, *sound[1:])
-    record(start_ns + LATER_NS, segments=1)
+    record(START_NS + LATER_NS, segments=1)
     assert b'"sha256":' in (folder / "chain.json").read_bytes()
     assert list_aside(folder) == []
 
@@ -235,21 +236,21 @@ def test_a_number_below_that_of_the_last_final_statement_is_not_given(folder: Pa
 
 
 @pytest.mark.slow
-def test_what_the_quota_deleted_is_rebuilt(record: Record, start_ns: int) -> None:
-    folder = record(start_ns, segments=8, quota_mb=0.2)[0].parent
+def test_what_the_quota_deleted_is_rebuilt(record: Record) -> None:
+    folder = record(START_NS, segments=8, quota_mb=0.2)[0].parent
     sound = stated(restored(folder))
     assert sound[3] > 0
     (folder / "chain.json").write_bytes(b"damaged")
     assert stated(restored(folder)) == sound
-    record(start_ns + LATER_NS, segments=1)
+    record(START_NS + LATER_NS, segments=1)
     assert problems(verify(folder)) == []
 
 
 @pytest.mark.slow
-def test_after_a_kill_the_number_of_the_open_segment_is_not_given_twice(record: Record, start_ns: int) -> None:
-    folder = record(start_ns, segments=3, compacted=False, closed=False)[0].parent
+def test_after_a_kill_the_number_of_the_open_segment_is_not_given_twice(record: Record) -> None:
+    folder = record(START_NS, segments=3, compacted=False, closed=False)[0].parent
     (folder / "chain.json").write_bytes(b"damaged")
-    record(start_ns + LATER_NS, segments=1)
+    record(START_NS + LATER_NS, segments=1)
     found = verify(folder)
     assert problems(found) == []
     assert [file.segment for file in found.files] == [1, 2, 3, 4]
@@ -281,10 +282,10 @@ def test_statements_of_another_key_give_no_hash_and_their_numbers_are_not_given_
     assert stated(restored(folder)) == (4, 0, "", 0)
 
 
-def test_without_a_key_the_state_is_rebuilt_from_hashes(record: Record, tmp_path: Path, start_ns: int) -> None:
-    record(start_ns, signed=False)
+def test_without_a_key_the_state_is_rebuilt_from_hashes(record: Record, tmp_path: Path) -> None:
+    record(START_NS, signed=False)
     (tmp_path / "data" / "chain.json").write_bytes(b"damaged")
-    record(start_ns + LATER_NS, segments=1, signed=False)
+    record(START_NS + LATER_NS, segments=1, signed=False)
     found = verify(tmp_path / "data")
     assert problems(found) == []
     assert [file.segment for file in found.files] == [1, 2, 3, 4]
@@ -322,12 +323,10 @@ def test_verification_says_what_a_damaged_or_missing_file_cannot_prove(folder: P
 
 
 @pytest.mark.slow
-def test_verification_names_a_removed_segment_after_the_state_was_rebuilt(
-    record: Record, folder: Path, start_ns: int
-) -> None:
+def test_verification_names_a_removed_segment_after_the_state_was_rebuilt(record: Record, folder: Path) -> None:
     sorted(folder.glob("*.mcap"))[1].unlink()
     (folder / "chain.json").write_bytes(b"damaged")
-    record(start_ns + LATER_NS, segments=1)
+    record(START_NS + LATER_NS, segments=1)
     found = verify(folder)
     assert problems(found) == [
         "REMOVED: segment 2 is missing in the middle; nothing signed speaks of a deletion by the gateway"

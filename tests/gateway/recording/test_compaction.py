@@ -7,16 +7,14 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from devices.block import DeviceInfo, SampleBlock
+from devices.block import SampleBlock
 from devices.errors import RecordingError
-from gateway import messages
 from gateway.packing import pack
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.pki.signing_key import load_or_create_key
 from gateway.recording.chain.chain_verification import verify_chain
 from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.chain.segment_chain import SegmentChain
-from gateway.recording.format.content import RecordingHeader
 from gateway.recording.format.mcap_writer import McapWriter
 from gateway.recording.reading.recording_file import RecordedMessage, open_recording
 from gateway.recording.reading.samples import read_samples
@@ -24,34 +22,39 @@ from gateway.recording.segments.compaction import CompactionError, compact, trim
 from gateway.recording.segments.copying import recover, recovered_path
 from gateway.recording.segments.events import EventIndex, is_trimmed, uncompacted_marker
 from gateway.recording.segments.recorder import Recorder
-from tests.gateway.recording.conftest import SECOND_NS, MakeRecorder
+from tests.clocks import START_NS
+from tests.gateway.conftest import make_samples
+from tests.gateway.recording.conftest import (
+    DEVICE,
+    EVERY_MESSAGE,
+    HEADER,
+    SECOND_NS,
+    MakeRecorder,
+    make_alert,
+    make_calibration,
+)
 
 NOISE_COUNTS, BLOCK, SECONDS = 143, 32, 30
 PRE_S, POST_S, EVENT_S = 10, 15, 45
 
 
 @pytest.fixture
-def ended(
-    make_recorder: MakeRecorder,
-    every_message: dict[str, messages.Message | messages.Log],
-    device: DeviceInfo,
-    start_ns: int,
-) -> Path:
+def ended(make_recorder: MakeRecorder) -> Path:
     """A closed segment of half a minute at 1 kHz with the noise of an ADXL355, and one message of each other topic."""
     recorder = make_recorder()
-    recorder.set_device(device, start_ns)
-    path = recorder.start(start_ns)
+    recorder.set_device(DEVICE, START_NS)
+    path = recorder.start(START_NS)
     rng = np.random.default_rng(3)
     for number in range(SECONDS * 1000 // BLOCK):
-        time_ns = start_ns + (np.arange(BLOCK) + number * BLOCK) * 1_000_000
+        time_ns = START_NS + (np.arange(BLOCK) + number * BLOCK) * 1_000_000
         raw = (np.array([0, 0, 256_000]) + rng.normal(0, NOISE_COUNTS, (BLOCK, 3))).astype(np.int32)
         now_ns = int(time_ns[-1])
         header = {"clock": "synchronised", "sequence": number, "calibration_id": "c-1"}
         message = pack(SampleBlock(time_ns, raw, 25.5), time_ns=now_ns, **header)  # type: ignore[arg-type]
         recorder.write(encode_message("samples", message, now_ns))
         if number == 40:
-            for topic in set(every_message) - {"samples"}:
-                recorder.write(encode_message(topic, every_message[topic], now_ns))
+            for topic in set(EVERY_MESSAGE) - {"samples"}:
+                recorder.write(encode_message(topic, EVERY_MESSAGE[topic], now_ns))
         recorder.tick(now_ns)
     recorder.close()
     assert recorder.take_uncompacted() == [path]
@@ -136,11 +139,9 @@ def forget(add: Callable[..., None]) -> Callable[..., None]:
     return adding
 
 
-def test_segments_of_a_former_run_are_listed_for_compaction(
-    ended: Path, make_recorder: MakeRecorder, start_ns: int
-) -> None:
+def test_segments_of_a_former_run_are_listed_for_compaction(ended: Path, make_recorder: MakeRecorder) -> None:
     recorder = make_recorder()
-    recorder.start(start_ns + 60 * 10**9)
+    recorder.start(START_NS + 60 * 10**9)
     assert recorder.take_uncompacted() == [ended]
     compact(ended)
     assert make_recorder().take_uncompacted() == []
@@ -153,24 +154,16 @@ def test_recover_names_its_copy_after_the_source(ended: Path) -> None:
 
 
 @pytest.fixture
-def recorded(
-    make_samples: Callable[..., messages.Samples],
-    make_alert: Callable[..., messages.Alert],
-    make_calibration: Callable[..., messages.Calibration],
-    device: DeviceInfo,
-    header: RecordingHeader,
-    start_ns: int,
-    tmp_path: Path,
-) -> tuple[list[Path], SegmentChain]:
+def recorded(tmp_path: Path) -> tuple[list[Path], SegmentChain]:
     """Three segments of 40 s with a block of 32 samples a second, and an alert 5 s into the second one."""
     chain = SegmentChain(tmp_path, "yard/crane-2/hook", load_or_create_key(tmp_path / "signing-key.pem"))
     events = EventIndex(PRE_S, POST_S)
-    recorder = Recorder(tmp_path, header, segment_s=40, fsync_s=1.0, quota_mb=100, events=events, chain=chain)
-    recorder.set_device(device, start_ns)
-    recorder.start(start_ns)
-    recorder.write(encode_message("calibration", make_calibration("c-1"), start_ns))
+    recorder = Recorder(tmp_path, HEADER, segment_s=40, fsync_s=1.0, quota_mb=100, events=events, chain=chain)
+    recorder.set_device(DEVICE, START_NS)
+    recorder.start(START_NS)
+    recorder.write(encode_message("calibration", make_calibration("c-1"), START_NS))
     for second in range(120):
-        now_ns = start_ns + second * SECOND_NS
+        now_ns = START_NS + second * SECOND_NS
         samples = make_samples(second, length=32, period_ns=31_250_000.0)
         recorder.write(encode_message("samples", samples, samples.time_ns))
         if second == EVENT_S:
@@ -183,15 +176,13 @@ def recorded(
 
 
 @pytest.mark.slow
-def test_the_time_around_an_event_is_kept_to_the_sample(
-    recorded: tuple[list[Path], SegmentChain], start_ns: int
-) -> None:
+def test_the_time_around_an_event_is_kept_to_the_sample(recorded: tuple[list[Path], SegmentChain]) -> None:
     (_, path, _), chain = recorded
     before = read_samples([path])
     trim(path, chain)
     after = read_samples([path])
     kept, before_ns = set(after.samples.time_ns.tolist()), before.samples.time_ns
-    around = before_ns[before_ns <= start_ns + (EVENT_S + POST_S) * SECOND_NS]
+    around = before_ns[before_ns <= START_NS + (EVENT_S + POST_S) * SECOND_NS]
     assert set(around.tolist()) <= kept < set(before_ns.tolist())
     assert np.array_equal(after.samples.raw, before.samples.raw[np.isin(before_ns, after.samples.time_ns)])
     assert [each.message.calibration_id for each in after.calibrations] == ["c-1"]

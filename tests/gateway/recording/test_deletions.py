@@ -20,6 +20,7 @@ from gateway.recording.format.salvage import SalvageReport, open_mcap, read_reco
 from gateway.recording.reading.recording_file import read_index
 from gateway.recording.segments.copying import RecordCopier
 from gateway.recording.segments.events import marker_path
+from tests.clocks import START_NS
 from tests.gateway.recording.conftest import SECOND_NS, Record
 from tests.gateway.recording.recorded_files import segments
 
@@ -40,14 +41,14 @@ def verify(capsys: Capture, *paths: Path) -> tuple[int, str, dict[str, Any]]:
 
 
 @pytest.fixture
-def folder(record: Record, start_ns: int) -> Path:
+def folder(record: Record) -> Path:
     """A folder of which the quota has deleted the oldest of eight segments."""
-    return record(start_ns, segments=8, quota_mb=QUOTA_MB)[0].parent
+    return record(START_NS, segments=8, quota_mb=QUOTA_MB)[0].parent
 
 
 @pytest.mark.slow
-def test_first_segments_that_were_taken_away_are_missed(record: Record, start_ns: int, capsys: Capture) -> None:
-    first, second, third, *_ = record(start_ns, segments=4)
+def test_first_segments_that_were_taken_away_are_missed(record: Record, capsys: Capture) -> None:
+    first, second, third, *_ = record(START_NS, segments=4)
     first.unlink()
     second.unlink()
     code, text, result = verify(capsys, third.parent)
@@ -59,8 +60,8 @@ def test_first_segments_that_were_taken_away_are_missed(record: Record, start_ns
 
 
 @pytest.mark.slow
-def test_files_that_are_named_may_begin_anywhere(record: Record, start_ns: int, capsys: Capture) -> None:
-    paths = record(start_ns, segments=4)
+def test_files_that_are_named_may_begin_anywhere(record: Record, capsys: Capture) -> None:
+    paths = record(START_NS, segments=4)
     code, text, result = verify(capsys, *paths[2:])
     assert code == 0
     assert "the files are segments 3 to 4\n" in text
@@ -95,12 +96,12 @@ def test_a_segment_taken_away_after_those_of_the_quota_is_told_apart(folder: Pat
 
 
 @pytest.mark.slow
-def test_a_segment_that_the_quota_had_kept_is_missed(record: Record, start_ns: int, capsys: Capture) -> None:
+def test_a_segment_that_the_quota_had_kept_is_missed(record: Record, capsys: Capture) -> None:
     """The largest number that the quota has deleted is beyond that of a segment with an event."""
-    eventful = record(start_ns, segments=2)[0]
+    eventful = record(START_NS, segments=2)[0]
     folder = eventful.parent
     marker_path(eventful).touch()
-    record(start_ns + LATER_NS, segments=8, quota_mb=QUOTA_MB)
+    record(START_NS + LATER_NS, segments=8, quota_mb=QUOTA_MB)
     code, text, result = verify(capsys, folder)
     assert (code, result["first_segment"]) == (0, 1)
     assert "are missing in the middle: deleted by the quota" in text
@@ -111,25 +112,25 @@ def test_a_segment_that_the_quota_had_kept_is_missed(record: Record, start_ns: i
 
 
 @pytest.mark.slow
-def test_deletions_of_a_changed_quota_stand_apart(record: Record, folder: Path, start_ns: int, capsys: Capture) -> None:
+def test_deletions_of_a_changed_quota_stand_apart(record: Record, folder: Path, capsys: Capture) -> None:
     first = verify(capsys, folder)[2]["first_segment"]
-    record(start_ns + LATER_NS, segments=1, quota_mb=0.1)
+    record(START_NS + LATER_NS, segments=1, quota_mb=0.1)
     code, text, result = verify(capsys, folder)
     assert code == 0
     assert [(each["first"], each["quota_mb"]) for each in result["missing"]] == [(1, 0.2), (first, 0.1)]
     assert "deleted by the quota of 0.1 MB" in text
 
 
-def test_a_segment_without_a_message_is_as_it_was_signed(record: Record, start_ns: int, capsys: Capture) -> None:
+def test_a_segment_without_a_message_is_as_it_was_signed(record: Record, capsys: Capture) -> None:
     """A gateway that is stopped before its first sample, or a segment that a tiny quota ends at once."""
-    folder = record(start_ns, segments=0, compacted=False)[0].parent
+    folder = record(START_NS, segments=0, compacted=False)[0].parent
     code, _, result = verify(capsys, folder)
     assert (code, result["problems"]) == (0, [])
 
 
 @pytest.mark.slow
-def test_a_deletion_is_stated_before_the_next_sync(record: Record, start_ns: int, capsys: Capture) -> None:
-    folder = record(start_ns, segments=8, quota_mb=QUOTA_MB, compacted=False, closed=False)[0].parent
+def test_a_deletion_is_stated_before_the_next_sync(record: Record, capsys: Capture) -> None:
+    folder = record(START_NS, segments=8, quota_mb=QUOTA_MB, compacted=False, closed=False)[0].parent
     (folder / "chain.json").unlink()
     code, text, result = verify(capsys, folder)
     assert (code, result["problems"]) == (3, [])
@@ -150,20 +151,18 @@ def test_a_deletion_that_no_segment_states_yet_is_in_the_saved_state(folder: Pat
 
 @pytest.mark.slow
 def test_recording_goes_on_where_signatures_can_no_longer_be_checked(
-    record: Record, folder: Path, start_ns: int, monkeypatch: pytest.MonkeyPatch
+    record: Record, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patched:
         patched.setitem(sys.modules, "cryptography.exceptions", None)
-        paths = record(start_ns + LATER_NS, segments=1, signed=False)
+        paths = record(START_NS + LATER_NS, segments=1, signed=False)
     assert b'"quota_mb":0.2' in paths[-1].read_bytes()
 
 
 @pytest.mark.slow
-def test_a_deletion_that_was_written_into_the_saved_state_is_never_believed(
-    record: Record, start_ns: int, capsys: Capture
-) -> None:
+def test_a_deletion_that_was_written_into_the_saved_state_is_never_believed(record: Record, capsys: Capture) -> None:
     """The checksum is right, the signature cannot be; the gateway does not sign it at its next start either."""
-    first, *_ = record(start_ns, segments=4)
+    first, *_ = record(START_NS, segments=4)
     folder = first.parent
     state = read_state(folder)
     assert state is not None
@@ -175,7 +174,7 @@ def test_a_deletion_that_was_written_into_the_saved_state_is_never_believed(
     code, text, _ = verify(capsys, folder)
     assert code == 1
     assert "FORGED: what chain.json says of deletions" in text
-    record(start_ns + LATER_NS, segments=1)
+    record(START_NS + LATER_NS, segments=1)
     code, text, _ = verify(capsys, folder)
     assert code == 1
     assert "REMOVED: segment 1 is missing at the beginning" in text
@@ -198,12 +197,12 @@ def test_the_statement_stays_short_however_many_segments_are_kept_in_between(fol
 @pytest.mark.slow
 @pytest.mark.parametrize("damage", [b"damaged", None])
 def test_what_was_deleted_is_known_without_the_saved_state(
-    record: Record, folder: Path, start_ns: int, capsys: Capture, damage: bytes | None
+    record: Record, folder: Path, capsys: Capture, damage: bytes | None
 ) -> None:
     before = verify(capsys, folder)[2]["missing"]
     (folder / "chain.json").unlink() if damage is None else (folder / "chain.json").write_bytes(damage)
     assert verify(capsys, folder)[2]["missing"] == before
-    record(start_ns + LATER_NS, segments=1)
+    record(START_NS + LATER_NS, segments=1)
     code, _, result = verify(capsys, folder)
     assert (code, result["missing"]) == (0, before)
 
@@ -239,7 +238,7 @@ def as_the_version_before_wrote_it(path: Path) -> None:
 
 @pytest.mark.slow
 def test_recordings_of_a_version_before_are_judged_by_what_they_state(
-    record: Record, folder: Path, start_ns: int, capsys: Capture
+    record: Record, folder: Path, capsys: Capture
 ) -> None:
     """They state the largest number that the quota has deleted; the hashes of those before no longer match here."""
     newest = segments(folder)[-1]
@@ -262,4 +261,4 @@ def test_recordings_of_a_version_before_are_judged_by_what_they_state(
             {"first": 1, "last": deleted, "place": "beginning", "reason": "not_stated", "quota_mb": None},
             {"first": deleted + 1, "last": first - 1, "place": "beginning", "reason": "removed", "quota_mb": None},
         ]
-        record(start_ns + LATER_NS, segments=1)
+        record(START_NS + LATER_NS, segments=1)

@@ -13,8 +13,9 @@ from gateway.cli.main import main
 from gateway.messages import NewestStatement
 from gateway.pki.signing_key import read_public_key
 from gateway.recording.chain.chain_state import read_state
+from tests.clocks import START_NS
 from tests.gateway.pki.site import Site
-from tests.gateway.recording.conftest import GATEWAY, SECOND_NS, START_NS, Record
+from tests.gateway.recording.conftest import GATEWAY, SECOND_NS, Record
 from tests.values import present
 
 Verify = Callable[..., tuple[int, str, Any]]

@@ -4,7 +4,6 @@ The axes of a recording need nothing else of its configuration, which may be of 
 """
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,18 +13,19 @@ from mcap.records import Attachment
 from mcap.writer import Writer
 
 from devices.axes_map import SAME_AXES, parse_axes_map
-from devices.block import DeviceInfo, SampleBlock
+from devices.block import SampleBlock
 from devices.errors import RecordingError
 from gateway import messages
 from gateway.packing import pack
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.format.content import CONFIGURATION, ORIGIN, RecordingHeader
+from gateway.recording.format.content import CONFIGURATION, ORIGIN
 from gateway.recording.reading.recording_file import RecordingFile, open_recording
 from gateway.recording.reading.sample_calibration import recorded_axes
 from gateway.recording.reading.samples import read_samples
 from gateway.recording.segments.recorder import Recorder
-from tests.gateway.conftest import MakeBlock
-from tests.gateway.recording.conftest import MakeRecorder
+from tests.clocks import START_NS
+from tests.gateway.conftest import make_block, make_samples
+from tests.gateway.recording.conftest import DEVICE, EVERY_MESSAGE, HEADER, MakeRecorder, make_calibration
 
 
 def record(recorder: Recorder, blocks: list[SampleBlock]) -> Path:
@@ -38,19 +38,12 @@ def record(recorder: Recorder, blocks: list[SampleBlock]) -> Path:
     return path
 
 
-def test_a_recording_is_read_back_block_by_block(
-    make_recorder: MakeRecorder,
-    make_block: MakeBlock,
-    every_message: dict[str, messages.Message | messages.Log],
-    device: DeviceInfo,
-    header: RecordingHeader,
-    start_ns: int,
-) -> None:
+def test_a_recording_is_read_back_block_by_block(make_recorder: MakeRecorder) -> None:
     recorder = make_recorder()
-    recorder.set_device(device, start_ns)
-    recorder.start(start_ns)
-    standing = every_message["calibration"]
-    recorder.write(encode_message("calibration", standing, start_ns))
+    recorder.set_device(DEVICE, START_NS)
+    recorder.start(START_NS)
+    standing = EVERY_MESSAGE["calibration"]
+    recorder.write(encode_message("calibration", standing, START_NS))
     blocks = [make_block(0), make_block(4, length=8, lost=9), make_block(12, length=5)]
     path = record(recorder, blocks)
     run = read_samples([path])
@@ -61,40 +54,32 @@ def test_a_recording_is_read_back_block_by_block(
     assert samples.length.tolist() == [len(block) for block in blocks]
     assert samples.temperature_c.tolist() == [block.temperature_c for block in blocks]
     assert samples.lost.tolist() == [block.lost for block in blocks]
-    assert run.device == device
-    assert run.files[0].configuration_toml == header.configuration_toml
+    assert run.device == DEVICE
+    assert run.files[0].configuration_toml == HEADER.configuration_toml
     assert run.files[0].metadata[ORIGIN]["boot_id"] == "b00t"
     assert [calibration.message for calibration in run.calibrations] == [standing]
     assert run.losses.closed
 
 
-def test_each_calibration_is_listed_once_in_order(
-    make_recorder: MakeRecorder,
-    make_samples: Callable[..., messages.Samples],
-    make_calibration: Callable[..., messages.Calibration],
-    device: DeviceInfo,
-    start_ns: int,
-) -> None:
+def test_each_calibration_is_listed_once_in_order(make_recorder: MakeRecorder) -> None:
     recorder = make_recorder()
-    recorder.set_device(device, start_ns)
-    path = recorder.start(start_ns)
-    recorder.write(encode_message("samples", make_samples(0), start_ns))
+    recorder.set_device(DEVICE, START_NS)
+    path = recorder.start(START_NS)
+    recorder.write(encode_message("samples", make_samples(0), START_NS))
     for step, name in enumerate(["a", "a", "b", "a"]):
-        recorder.write(encode_message("calibration", make_calibration(name), start_ns + step))
+        recorder.write(encode_message("calibration", make_calibration(name), START_NS + step))
     recorder.close()
-    told = [(found.log_time_ns - start_ns, found.message.calibration_id) for found in read_samples([path]).calibrations]
+    told = [(found.log_time_ns - START_NS, found.message.calibration_id) for found in read_samples([path]).calibrations]
     assert told == [(0, "a"), (2, "b"), (3, "a")]
 
 
-def test_all_samples_are_joined_with_the_losses(
-    make_recorder: MakeRecorder, make_block: MakeBlock, device: DeviceInfo, start_ns: int
-) -> None:
+def test_all_samples_are_joined_with_the_losses(make_recorder: MakeRecorder) -> None:
     recorder = make_recorder()
-    recorder.set_device(device, start_ns)
+    recorder.set_device(DEVICE, START_NS)
     blocks = [make_block(0, period_ns=1e6), make_block(1, period_ns=1e6, lost=2), make_block(4, period_ns=1e6)]
     path = record(recorder, blocks)
     recording = read_samples([path]).recording()
-    assert (recording.unit, recording.origin_ns) == ("counts", start_ns)
+    assert (recording.unit, recording.origin_ns) == ("counts", START_NS)
     assert recording.raw.shape == (96, 3)
     np.testing.assert_array_equal(recording.raw[32:64], blocks[1].raw)
     np.testing.assert_allclose(recording.time_s[[0, 1, 31, 64]], [0.0, 0.001, 0.031, 0.128], rtol=0, atol=1e-12)
@@ -105,11 +90,9 @@ def test_all_samples_are_joined_with_the_losses(
     assert (recording.temperature_c[[0, 31, 32]] == [25.0, 25.0, 25 + 1 / 64]).all()
 
 
-def test_repeated_and_backward_times_are_counted(
-    make_recorder: MakeRecorder, make_block: MakeBlock, device: DeviceInfo, start_ns: int
-) -> None:
+def test_repeated_and_backward_times_are_counted(make_recorder: MakeRecorder) -> None:
     recorder = make_recorder()
-    recorder.set_device(device, start_ns)
+    recorder.set_device(DEVICE, START_NS)
     again = make_block(5, length=4, period_ns=1e6)
     late = replace(again, time_ns=again.time_ns[:3] + 500_000, raw=again.raw[:3])
     path = record(recorder, [make_block(0, period_ns=1e6), again, late, make_block(1, period_ns=1e6)])
@@ -118,11 +101,11 @@ def test_repeated_and_backward_times_are_counted(
     assert (np.diff(recording.time_s) > 0).all()
 
 
-def test_readings_in_g_are_read_back_exactly(make_recorder: MakeRecorder, device: DeviceInfo, start_ns: int) -> None:
+def test_readings_in_g_are_read_back_exactly(make_recorder: MakeRecorder) -> None:
     recorder = make_recorder()
-    recorder.set_device(type(device)(kind="replay", device_id="r", unit="g", odr_hz=10, units_per_g=1.0), start_ns)
+    recorder.set_device(type(DEVICE)(kind="replay", device_id="r", unit="g", odr_hz=10, units_per_g=1.0), START_NS)
     rng = np.random.default_rng(1)
-    block = SampleBlock(start_ns + np.arange(5) * 100, rng.normal(size=(5, 3)))
+    block = SampleBlock(START_NS + np.arange(5) * 100, rng.normal(size=(5, 3)))
     back = read_samples([record(recorder, [block])]).samples
     assert back.raw.tobytes() == block.raw.tobytes()
 
@@ -142,12 +125,10 @@ def test_a_file_that_is_not_a_recording_is_refused(tmp_path: Path) -> None:
             open_recording(tmp_path / name)
 
 
-def test_a_recording_without_samples_is_refused(
-    make_recorder: MakeRecorder, every_message: dict[str, messages.Message | messages.Log], start_ns: int
-) -> None:
+def test_a_recording_without_samples_is_refused(make_recorder: MakeRecorder) -> None:
     recorder = make_recorder()
-    path = recorder.start(start_ns)
-    recorder.write(encode_message("health", every_message["health"], start_ns))
+    path = recorder.start(START_NS)
+    recorder.write(encode_message("health", EVERY_MESSAGE["health"], START_NS))
     recorder.close()
     with pytest.raises(RecordingError, match="has no samples; the gateway was stopped or lost its device"):
         read_samples([path])
@@ -166,30 +147,24 @@ def test_a_foreign_file_is_refused_with_its_topics(tmp_path: Path) -> None:
         read_samples([path])
 
 
-def test_samples_without_a_device_description_are_refused(
-    make_recorder: MakeRecorder, make_samples: Callable[..., messages.Samples], start_ns: int
-) -> None:
+def test_samples_without_a_device_description_are_refused(make_recorder: MakeRecorder) -> None:
     recorder = make_recorder()
-    path = recorder.start(start_ns)
-    recorder.write(encode_message("samples", make_samples(0), start_ns))
+    path = recorder.start(START_NS)
+    recorder.write(encode_message("samples", make_samples(0), START_NS))
     recorder.close()
     with pytest.raises(RecordingError, match="no metadata 'device'"):
         read_samples([path])
 
 
-def test_samples_in_another_unit_than_the_device_are_refused(
-    make_recorder: MakeRecorder, device: DeviceInfo, start_ns: int
-) -> None:
+def test_samples_in_another_unit_than_the_device_are_refused(make_recorder: MakeRecorder) -> None:
     recorder = make_recorder()
-    recorder.set_device(device, start_ns)
-    path = record(recorder, [SampleBlock(np.array([start_ns]), np.array([[0.0, 0.0, 1.0]]))])
+    recorder.set_device(DEVICE, START_NS)
+    path = record(recorder, [SampleBlock(np.array([START_NS]), np.array([[0.0, 0.0, 1.0]]))])
     with pytest.raises(RecordingError, match="samples in g from a device in counts"):
         read_samples([path])
 
 
-def test_messages_that_do_not_decode_are_counted(
-    tmp_path: Path, make_samples: Callable[..., messages.Samples], make_recorder: MakeRecorder, device: DeviceInfo
-) -> None:
+def test_messages_that_do_not_decode_are_counted(tmp_path: Path, make_recorder: MakeRecorder) -> None:
     path = tmp_path / "odd.mcap"
     good = messages.Samples.__name__
     with path.open("wb") as file:

@@ -17,7 +17,7 @@ from gateway import messages
 from gateway.recording.format.content import encode_recorded, logged_topics, schema_bytes
 from gateway.recording.format.mcap_writer import CHUNK_BYTES, McapWriter
 from gateway.topics import TOPICS, adapter, encode, json_schema
-from tests.gateway.recording.conftest import SECOND_NS
+from tests.gateway.recording.conftest import EVERY_MESSAGE, SECOND_NS
 from tests.gateway.recording.viewer_rules import lichtblick_fields
 
 TYPES: dict[str, tuple[type, ...]] = {
@@ -138,10 +138,8 @@ def object_faults(value: dict[str, Any], schema: dict[str, Any], path: str) -> l
 
 
 @pytest.mark.parametrize("topic", logged_topics())
-def test_every_message_is_valid_by_its_schema(
-    every_message: dict[str, messages.Message | messages.Log], topic: str
-) -> None:
-    content = json.loads(encode_recorded(every_message[topic]))
+def test_every_message_is_valid_by_its_schema(topic: str) -> None:
+    content = json.loads(encode_recorded(EVERY_MESSAGE[topic]))
     assert faults(content, json.loads(schema_bytes(topic))) == []
 
 
@@ -162,30 +160,26 @@ def test_every_message_is_valid_by_its_schema(
         ("alert", {"active": [{**STANDING, "clear_deg": "3"}]}),
     ],
 )
-def test_a_wrong_message_is_invalid_by_its_schema(
-    every_message: dict[str, messages.Message | messages.Log], topic: str, change: dict[str, Any]
-) -> None:
-    content = {**json.loads(encode_recorded(every_message[topic])), **change}
+def test_a_wrong_message_is_invalid_by_its_schema(topic: str, change: dict[str, Any]) -> None:
+    content = {**json.loads(encode_recorded(EVERY_MESSAGE[topic])), **change}
     assert faults(content, json.loads(schema_bytes(topic)))
 
 
-def test_a_message_without_its_time_is_invalid(every_message: dict[str, messages.Message | messages.Log]) -> None:
-    content = json.loads(encode_recorded(every_message["swing"]))
+def test_a_message_without_its_time_is_invalid() -> None:
+    content = json.loads(encode_recorded(EVERY_MESSAGE["swing"]))
     del content["time_ns"]
     assert faults(content, json.loads(schema_bytes("swing"))) == ["$: time_ns is missing"]
 
 
 @pytest.mark.parametrize("topic", logged_topics())
-def test_what_is_not_known_is_left_out_and_read_as_null(
-    every_message: dict[str, messages.Message | messages.Log], topic: str
-) -> None:
-    recorded = encode_recorded(every_message[topic])
+def test_what_is_not_known_is_left_out_and_read_as_null(topic: str) -> None:
+    recorded = encode_recorded(EVERY_MESSAGE[topic])
     assert None not in json.loads(recorded).values()
-    assert adapter(topic).validate_json(recorded) == every_message[topic]
+    assert adapter(topic).validate_json(recorded) == EVERY_MESSAGE[topic]
 
 
-def test_a_number_that_is_not_finite_is_left_out(every_message: dict[str, messages.Message | messages.Log]) -> None:
-    motion = every_message["motion"]
+def test_a_number_that_is_not_finite_is_left_out() -> None:
+    motion = EVERY_MESSAGE["motion"]
     assert isinstance(motion, messages.Motion)
     broken = replace(motion, angle_deg=float("nan"), pivot_accel_m_s2=[float("inf"), 0.0])
     assert not {"angle_deg", "pivot_accel_m_s2"} & set(json.loads(encode_recorded(broken)))
@@ -221,10 +215,8 @@ def test_recorded_numbers_have_the_digits_that_their_unit_justifies() -> None:
     assert b"-0.0" not in encode_recorded(motion)
 
 
-def test_samples_and_calibrations_are_recorded_exactly(
-    every_message: dict[str, messages.Message | messages.Log],
-) -> None:
-    samples = every_message["samples"]
+def test_samples_and_calibrations_are_recorded_exactly() -> None:
+    samples = EVERY_MESSAGE["samples"]
     assert isinstance(samples, messages.Samples)
     exact = replace(samples, unit="g", packing="plain", x=[0.123456789012345], period_ns=1000000.0312345)
     assert json.loads(encode_recorded(exact))["x"] == [0.123456789012345]
@@ -232,11 +224,9 @@ def test_samples_and_calibrations_are_recorded_exactly(
 
 
 @pytest.mark.parametrize("topic", logged_topics())
-def test_on_the_bus_every_field_is_sent_and_required(
-    every_message: dict[str, messages.Message | messages.Log], topic: str
-) -> None:
+def test_on_the_bus_every_field_is_sent_and_required(topic: str) -> None:
     names = {field.name for field in fields(TOPICS[topic].type)}
-    assert set(json.loads(encode(every_message[topic]))) == names == set(json_schema(topic)["required"])
+    assert set(json.loads(encode(EVERY_MESSAGE[topic]))) == names == set(json_schema(topic)["required"])
 
 
 @pytest.mark.parametrize("topic", logged_topics())
@@ -254,26 +244,20 @@ def test_viewers_offer_every_number_of_a_message(topic: str) -> None:
 
 
 @pytest.mark.parametrize("topic", [name for name in logged_topics() if name != "log"])
-def test_every_message_states_the_version_of_its_schema(
-    every_message: dict[str, messages.Message | messages.Log], topic: str
-) -> None:
-    assert json.loads(encode_recorded(every_message[topic]))["schema_version"] == 1
+def test_every_message_states_the_version_of_its_schema(topic: str) -> None:
+    assert json.loads(encode_recorded(EVERY_MESSAGE[topic]))["schema_version"] == 1
     schema = json.loads(schema_bytes(topic))
     assert schema["properties"]["schema_version"]["const"] == 1
 
 
-def test_messages_without_a_version_have_the_first_one(
-    every_message: dict[str, messages.Message | messages.Log],
-) -> None:
-    content = json.loads(encode_recorded(every_message["tilt"]))
+def test_messages_without_a_version_have_the_first_one() -> None:
+    content = json.loads(encode_recorded(EVERY_MESSAGE["tilt"]))
     del content["schema_version"]
     assert adapter("tilt").validate_python(content).schema_version == 1
 
 
-def test_alerts_recorded_before_the_clear_level_was_a_field_remain_readable(
-    every_message: dict[str, messages.Message | messages.Log],
-) -> None:
-    content = json.loads(encode_recorded(every_message["alert"]))
+def test_alerts_recorded_before_the_clear_level_was_a_field_remain_readable() -> None:
+    content = json.loads(encode_recorded(EVERY_MESSAGE["alert"]))
     assert content["active"][0].pop("clear_deg") == 3.0
     assert faults(content, json.loads(schema_bytes("alert"))) == []
     assert adapter("alert").validate_python(content).active[0].clear_deg is None

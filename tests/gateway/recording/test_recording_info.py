@@ -1,63 +1,63 @@
 import json
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from gateway import messages
 from gateway.errors import InputError
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.export.info_text import info_text
 from gateway.recording.export.recording_info import TopicInfo, summarise_timeline
-from gateway.recording.format.content import RecordingHeader
 from gateway.recording.format.segment_summary import RecordedPeak
 from gateway.recording.reading.interval import RecordingInterval, parse_recording_time
 from gateway.recording.reading.timeline import open_timeline
 from gateway.recording.segments.copying import recover
 from gateway.recording.segments.recorder import Recorder
-from tests.gateway.recording.conftest import SECOND_NS, MakeRecorder, Record
+from tests.clocks import START_NS
+from tests.gateway.conftest import make_samples
+from tests.gateway.recording.conftest import (
+    DEVICE,
+    EVERY_MESSAGE,
+    HEADER,
+    SECOND_NS,
+    MakeRecorder,
+    Record,
+    make_alert,
+    make_swing,
+)
 from tests.gateway.recording.recorded_crane import RecordedCrane
 from tests.gateway.recording.recorded_files import summarise
 
 
 @pytest.fixture
-def recorded(
-    make_recorder: MakeRecorder,
-    make_samples: Callable[..., messages.Samples],
-    make_swing: Callable[..., messages.Swing],
-    make_alert: Callable[..., messages.Alert],
-    every_message: dict[str, messages.Message | messages.Log],
-    device: DeviceInfo,
-    start_ns: int,
-) -> Path:
+def recorded(make_recorder: MakeRecorder) -> Path:
     """Ten seconds at 1 kHz with a hole of 64 ms, three swings and an alert that came and went."""
     recorder = make_recorder()
-    recorder.set_device(device, start_ns)
-    path = recorder.start(start_ns)
-    recorder.write(encode_message("calibration", every_message["calibration"], start_ns))
+    recorder.set_device(DEVICE, START_NS)
+    path = recorder.start(START_NS)
+    recorder.write(encode_message("calibration", EVERY_MESSAGE["calibration"], START_NS))
     for number in (n for n in range(313) if n not in (100, 101)):
         message = make_samples(number, period_ns=1e6, lost=64 if number == 102 else 0)
         recorder.write(encode_message("samples", message, message.time_ns))
         recorder.tick(message.time_ns)
     for second, phi_max_deg in enumerate([2.0, 4.25, None, 3.0]):
         recorder.write(
-            encode_message("swing", make_swing(phi_max_deg, start_ns + second), start_ns + second * SECOND_NS)
+            encode_message("swing", make_swing(phi_max_deg, START_NS + second), START_NS + second * SECOND_NS)
         )
     for event in ("raised", "standing", "standing", "cleared"):
-        recorder.write(encode_message("alert", make_alert(event), start_ns + SECOND_NS))
-    clock = every_message["clock"]
+        recorder.write(encode_message("alert", make_alert(event), START_NS + SECOND_NS))
+    clock = EVERY_MESSAGE["clock"]
     assert isinstance(clock, messages.ClockOffset)
     clock = replace(clock, wall_offset_ns=2 * SECOND_NS, stepped=True)
-    recorder.write(encode_message("clock", clock, start_ns + SECOND_NS))
+    recorder.write(encode_message("clock", clock, START_NS + SECOND_NS))
     recorder.close()
     return path
 
 
-def test_info_states_the_whole_content_of_a_recording(recorded: Path, device: DeviceInfo, start_ns: int) -> None:
+def test_info_states_the_whole_content_of_a_recording(recorded: Path) -> None:
     info = summarise(recorded)
     assert info.closed
     assert info.samples.count == 311 * 32
@@ -67,15 +67,15 @@ def test_info_states_the_whole_content_of_a_recording(recorded: Path, device: De
     swing = next(topic for topic in info.topics if topic.topic == "/swing")
     assert swing == TopicInfo("/swing", "plumbline.Swing", 4, swing.rate_hz, swing.bytes)
     assert swing.rate_hz == pytest.approx(4 / info.duration_s)
-    assert info.largest_swing == RecordedPeak(start_ns + 1, 4.25, 0.05)
+    assert info.largest_swing == RecordedPeak(START_NS + 1, 4.25, 0.05)
     assert [(alert.rule, alert.level, alert.ended) for alert in info.alerts] == [("swing", "trip", "cleared")]
     assert (info.calibration_id, info.calibration_status) == ("c-1", "calibrated")
-    assert (info.origin["software"], info.device["device_id"]) == ("0.1.0", device.device_id)
+    assert (info.origin["software"], info.device["device_id"]) == ("0.1.0", DEVICE.device_id)
     assert info.configuration
     assert info.size_bytes == recorded.stat().st_size
     assert info.bytes_per_sample == info.size_bytes / info.samples.count
     assert info.duration_s == pytest.approx(313 * 0.032 - 0.001)
-    assert info.from_utc_ns == start_ns + 2 * SECOND_NS
+    assert info.from_utc_ns == START_NS + 2 * SECOND_NS
     assert info.clock is not None
     assert (info.clock.quality, info.clock.wall_offset_s, info.clock.steps) == ("synchronised", 2.0, 1)
 
@@ -120,11 +120,9 @@ def test_info_reports_an_incomplete_recording(recorded: Path) -> None:
     assert "not closed: incomplete, or still being written" in info_text(info)
 
 
-def test_blocks_of_one_sample_have_a_rate_and_gaps(
-    make_recorder: MakeRecorder, make_samples: Callable[..., messages.Samples], start_ns: int
-) -> None:
+def test_blocks_of_one_sample_have_a_rate_and_gaps(make_recorder: MakeRecorder) -> None:
     recorder = make_recorder()
-    path = recorder.start(start_ns)
+    path = recorder.start(START_NS)
     for number in (0, 1, 2, 3, 7, 8):
         message = make_samples(number, length=1, period_ns=1e7)
         recorder.write(encode_message("samples", message, message.time_ns))
@@ -135,12 +133,10 @@ def test_blocks_of_one_sample_have_a_rate_and_gaps(
     assert samples.longest_gap_s == pytest.approx(0.04)
 
 
-def test_info_omits_what_a_recording_does_not_have(
-    make_recorder: MakeRecorder, every_message: dict[str, messages.Message | messages.Log], start_ns: int
-) -> None:
+def test_info_omits_what_a_recording_does_not_have(make_recorder: MakeRecorder) -> None:
     recorder = make_recorder()
-    path = recorder.start(start_ns)
-    recorder.write(encode_message("log", every_message["log"], start_ns))
+    path = recorder.start(START_NS)
+    recorder.write(encode_message("log", EVERY_MESSAGE["log"], START_NS))
     recorder.close()
     text = info_text(summarise(path))
     assert "samples        none" in text
@@ -148,9 +144,9 @@ def test_info_omits_what_a_recording_does_not_have(
     assert "alerts: 0" in text
 
 
-def test_a_recording_without_a_message_is_refused(make_recorder: MakeRecorder, start_ns: int) -> None:
+def test_a_recording_without_a_message_is_refused(make_recorder: MakeRecorder) -> None:
     recorder = make_recorder()
-    path = recorder.start(start_ns)
+    path = recorder.start(START_NS)
     recorder.close()
     with pytest.raises(RecordingError, match="has no message"):
         summarise(path)
@@ -198,18 +194,13 @@ def test_interval_is_summarised_as_if_the_rest_were_not_there(tmp_path: Path) ->
         summarise_timeline(timeline, RecordingInterval(parse_recording_time("60")))
 
 
-def test_fault_is_listed_when_its_count_changes_and_added_up_over_restarts(
-    header: RecordingHeader,
-    every_message: dict[str, messages.Message | messages.Log],
-    start_ns: int,
-    tmp_path: Path,
-) -> None:
-    health = every_message["health"]
+def test_fault_is_listed_when_its_count_changes_and_added_up_over_restarts(tmp_path: Path) -> None:
+    health = EVERY_MESSAGE["health"]
     assert isinstance(health, messages.Health)
     for start, counts in enumerate([[0, 0, 0, 0, 0, 3, 3, 3, 3, 4], [5, 5, 6]]):
-        begin_ns = start_ns + start * 60 * SECOND_NS
+        begin_ns = START_NS + start * 60 * SECOND_NS
         recorder = Recorder(
-            tmp_path, replace(header, boot_id=f"boot-{start}"), segment_s=2.0, fsync_s=0.5, quota_mb=100.0
+            tmp_path, replace(HEADER, boot_id=f"boot-{start}"), segment_s=2.0, fsync_s=0.5, quota_mb=100.0
         )
         recorder.start(begin_ns)
         for second, count in enumerate(counts):
@@ -220,20 +211,18 @@ def test_fault_is_listed_when_its_count_changes_and_added_up_over_restarts(
         recorder.close()
     info = summarise_timeline(open_timeline([tmp_path]))
     assert len(info.files) > 4
-    seconds = [((fault.utc_ns - start_ns) // SECOND_NS, fault.count) for fault in info.faults]
+    seconds = [((fault.utc_ns - START_NS) // SECOND_NS, fault.count) for fault in info.faults]
     assert seconds == [(5, 3), (9, 4), (60, 9), (62, 10)]
     assert "overrun: 10, first at" in info_text(info)
 
 
-def test_marks_are_listed(
-    make_recorder: MakeRecorder, every_message: dict[str, messages.Message | messages.Log], start_ns: int
-) -> None:
+def test_marks_are_listed(make_recorder: MakeRecorder) -> None:
     recorder = make_recorder()
-    path = recorder.start(start_ns)
-    mark = every_message["mark"]
+    path = recorder.start(START_NS)
+    mark = EVERY_MESSAGE["mark"]
     assert isinstance(mark, messages.Mark)
-    recorder.write(encode_message("mark", mark, start_ns))
-    recorder.write(encode_message("mark", replace(mark, reason="call at 10:05"), start_ns))
+    recorder.write(encode_message("mark", mark, START_NS))
+    recorder.write(encode_message("mark", replace(mark, reason="call at 10:05"), START_NS))
     recorder.close()
     said = info_text(summarise(path))
     assert f"{mark.text} ({mark.by})" in said
@@ -241,10 +230,10 @@ def test_marks_are_listed(
 
 
 def test_changes_of_the_configuration_have_a_heading_and_other_lines_stay_in_the_log(
-    make_recorder: MakeRecorder, start_ns: int
+    make_recorder: MakeRecorder,
 ) -> None:
     recorder = make_recorder()
-    path = recorder.start(start_ns)
+    path = recorder.start(START_NS)
     entry = {"event": "applied", "id": "a", "by": "ann", "reason": "sling", "changes": ["alerts.trip_deg: 6.0 -> 5.0"]}
     for name, text in (
         ("plumbline.configuration", f"audit {json.dumps(entry)}"),
@@ -256,9 +245,9 @@ def test_changes_of_the_configuration_have_a_heading_and_other_lines_stay_in_the
         ("plumbline", f"audit {json.dumps(entry)}"),
     ):
         line = messages.Log(
-            timestamp=messages.FoxgloveTime(sec=start_ns // SECOND_NS, nsec=0), level=3, message=text, name=name
+            timestamp=messages.FoxgloveTime(sec=START_NS // SECOND_NS, nsec=0), level=3, message=text, name=name
         )
-        recorder.write(encode_message("log", line, start_ns))
+        recorder.write(encode_message("log", line, START_NS))
     recorder.close()
     said = info_text(summarise(path))
     assert "configuration: 1 change applied over the bus, 2 steps in all\n" in said
@@ -267,11 +256,11 @@ def test_changes_of_the_configuration_have_a_heading_and_other_lines_stay_in_the
     assert "log: 2 warnings and errors\n" in said
 
 
-def test_a_file_that_was_cut_off_and_completed_says_so(record: Record, start_ns: int) -> None:
-    (whole,) = record(start_ns, segments=1)
+def test_a_file_that_was_cut_off_and_completed_says_so(record: Record) -> None:
+    (whole,) = record(START_NS, segments=1)
     assert "cut off" not in info_text(summarise(whole))
-    record(start_ns + 60 * SECOND_NS, segments=1, compacted=False, closed=False)
-    paths = record(start_ns + 120 * SECOND_NS, segments=1)
+    record(START_NS + 60 * SECOND_NS, segments=1, compacted=False, closed=False)
+    paths = record(START_NS + 120 * SECOND_NS, segments=1)
     info = summarise_timeline(open_timeline(paths))
     assert [file.repaired for file in info.files] == [False, True, False]
     assert "1 of 3 files cut off by a kill or a power failure and completed at the next start" in info_text(info)

@@ -1,4 +1,3 @@
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -6,36 +5,30 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from devices.block import DeviceInfo
 from devices.errors import RecordingError
-from gateway import messages
 from gateway.cli.main import main
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.export.info_text import info_text
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.reading.samples import read_samples
 from gateway.recording.segments.copying import recover, recovered_path
-from tests.gateway.recording.conftest import MakeRecorder
+from tests.clocks import START_NS
+from tests.gateway.conftest import make_samples
+from tests.gateway.recording.conftest import DEVICE, EVERY_MESSAGE, MakeRecorder
 from tests.gateway.recording.recorded_files import summarise
 from tests.values import present
 
 
 @pytest.fixture
-def torn(
-    make_recorder: MakeRecorder,
-    make_samples: Callable[..., messages.Samples],
-    every_message: dict[str, messages.Message | messages.Log],
-    device: DeviceInfo,
-    start_ns: int,
-) -> Path:
+def torn(make_recorder: MakeRecorder) -> Path:
     """A recording that ends in the middle of its last chunk."""
     recorder = make_recorder()
-    recorder.set_device(device, start_ns)
-    path = recorder.start(start_ns)
+    recorder.set_device(DEVICE, START_NS)
+    path = recorder.start(START_NS)
     for topic in ("calibration", "log"):
-        recorder.write(encode_message(topic, every_message[topic], start_ns))
+        recorder.write(encode_message(topic, EVERY_MESSAGE[topic], START_NS))
     for number in range(100):
-        now_ns = start_ns + number * 32_000_000
+        now_ns = START_NS + number * 32_000_000
         recorder.write(encode_message("samples", make_samples(number), now_ns))
         recorder.tick(now_ns)
     recorder.close()
@@ -111,11 +104,9 @@ def test_an_existing_file_is_never_replaced(torn: Path) -> None:
     assert torn.read_bytes() == before
 
 
-def test_no_file_is_left_if_nothing_can_be_recovered(
-    make_recorder: MakeRecorder, start_ns: int, tmp_path: Path
-) -> None:
+def test_no_file_is_left_if_nothing_can_be_recovered(make_recorder: MakeRecorder, tmp_path: Path) -> None:
     recorder = make_recorder()
-    path = recorder.start(start_ns)
+    path = recorder.start(START_NS)
     recorder.close()
     folder = tmp_path / "out"
     folder.mkdir()
@@ -130,9 +121,9 @@ def test_a_path_that_cannot_be_written_is_reported(torn: Path, tmp_path: Path) -
 
 
 def test_a_segment_that_a_kill_ended_before_its_first_message_is_no_error(
-    make_recorder: MakeRecorder, start_ns: int, capsys: pytest.CaptureFixture[str]
+    make_recorder: MakeRecorder, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = make_recorder().start(start_ns)
+    path = make_recorder().start(START_NS)
     assert main(["record", "recover", str(path)]) == 0
     assert "ended before its first message; nothing is lost" in capsys.readouterr().out
     assert not recovered_path(path).exists()

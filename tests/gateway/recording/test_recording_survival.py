@@ -10,28 +10,26 @@ import pickle
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from devices.block import DeviceInfo
 from devices.errors import RecordingError
-from gateway import messages
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.export.info_text import info_text
 from gateway.recording.format import mcap_writer
-from gateway.recording.format.content import RecordingHeader
 from gateway.recording.format.salvage import SalvageReport
 from gateway.recording.reading.recording_file import is_altered, open_recording, read_index
 from gateway.recording.reading.samples import read_samples
 from gateway.recording.segments.copying import recover
 from gateway.recording.segments.recorder import Recorder
 from tests.benchmarks.survival import campaign, content, record, specimen
-from tests.gateway.recording.conftest import MakeRecorder
+from tests.clocks import START_NS
+from tests.gateway.conftest import make_samples
+from tests.gateway.recording.conftest import DEVICE, EVERY_MESSAGE, HEADER, MakeRecorder
 from tests.gateway.recording.recorded_files import sample_sequences, summarise
 
 BLOCK = 32
@@ -55,24 +53,18 @@ for message in made:
 
 
 @pytest.fixture
-def small(
-    make_recorder: MakeRecorder,
-    make_samples: Callable[..., messages.Samples],
-    every_message: dict[str, messages.Message | messages.Log],
-    device: DeviceInfo,
-    start_ns: int,
-) -> tuple[Path, list[int]]:
+def small(make_recorder: MakeRecorder) -> tuple[Path, list[int]]:
     """A closed file of 12 short blocks and one message of each other topic, and where its syncs ended."""
     recorder: Recorder = make_recorder()
-    recorder.set_device(device, start_ns)
-    path = recorder.start(start_ns)
+    recorder.set_device(DEVICE, START_NS)
+    path = recorder.start(START_NS)
     ends = [path.stat().st_size]
     for number in range(12):
-        now_ns = start_ns + number * 400_000_000
+        now_ns = START_NS + number * 400_000_000
         recorder.write(encode_message("samples", make_samples(number, length=4), now_ns))
         if number == 1:
-            for topic in set(every_message) - {"samples"}:
-                recorder.write(encode_message(topic, every_message[topic], now_ns))
+            for topic in set(EVERY_MESSAGE) - {"samples"}:
+                recorder.write(encode_message(topic, EVERY_MESSAGE[topic], now_ns))
         recorder.tick(now_ns)
         if path.stat().st_size > ends[-1]:
             ends.append(path.stat().st_size)
@@ -81,9 +73,7 @@ def small(
 
 
 @pytest.mark.slow
-def test_sigkill_costs_at_most_fsync_s_and_one_block(
-    header: RecordingHeader, make_samples: Callable[..., messages.Samples], tmp_path: Path
-) -> None:
+def test_sigkill_costs_at_most_fsync_s_and_one_block(tmp_path: Path) -> None:
     made = [make_samples(number, length=BLOCK, period_ns=1e6) for number in range(1000)]
     command = [sys.executable, "-c", RECORD_IN_REAL_TIME]
     with subprocess.Popen(
@@ -91,7 +81,7 @@ def test_sigkill_costs_at_most_fsync_s_and_one_block(
     ) as child:
         assert child.stdin is not None
         assert child.stdout is not None
-        child.stdin.write(pickle.dumps((header, made, tmp_path)))
+        child.stdin.write(pickle.dumps((HEADER, made, tmp_path)))
         child.stdin.close()
         written = -1
         for line in child.stdout:

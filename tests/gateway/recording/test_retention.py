@@ -17,7 +17,8 @@ from gateway.recording.segments.events import (
     read_event_intervals,
 )
 from gateway.recording.segments.retention import DiskSpace, Retention, SegmentNames
-from tests.gateway.recording.conftest import SECOND_NS, START_NS
+from tests.clocks import START_NS
+from tests.gateway.recording.conftest import SECOND_NS
 
 NAMES = SegmentNames("yard", "crane-2", "hook")
 HEAD: dict[str, Any] = {"time_ns": START_NS, "clock": "synchronised", "sequence": 0, "calibration_id": "c-1"}

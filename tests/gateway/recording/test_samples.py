@@ -11,7 +11,6 @@ import pytest
 
 from devices.block import DeviceInfo
 from devices.errors import RecordingError
-from gateway import messages
 from gateway.errors import InputError
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.format.content import RecordingHeader
@@ -19,7 +18,8 @@ from gateway.recording.reading.interval import RecordingInterval, parse_recordin
 from gateway.recording.reading.samples import PART_BLOCKS, SampleReader, read_samples
 from gateway.recording.reading.timeline import NoMessageError, list_recordings, open_timeline
 from gateway.recording.segments.recorder import Recorder
-from tests.gateway.recording.conftest import MakeRecorder
+from tests.gateway.conftest import make_samples
+from tests.gateway.recording.conftest import DEVICE, HEADER, MakeRecorder, make_calibration
 
 Write = Callable[..., Path]
 BLOCK = 32
@@ -28,20 +28,14 @@ SLOW_NS = 12_500_000
 
 
 @pytest.fixture
-def write(
-    tmp_path: Path,
-    header: RecordingHeader,
-    device: DeviceInfo,
-    make_samples: Callable[..., messages.Samples],
-    make_calibration: Callable[..., messages.Calibration],
-) -> Write:
+def write(tmp_path: Path) -> Write:
     """Write a closed segment with the blocks of these numbers, at 1 kHz without gaps between consecutive numbers."""
 
     def write(
         name: str,
         numbers: Sequence[int],
-        header: RecordingHeader = header,
-        device: DeviceInfo = device,
+        header: RecordingHeader = HEADER,
+        device: DeviceInfo = DEVICE,
         calibration: str = "a",
         length: int = BLOCK,
         period_ns: int = PERIOD_NS,
@@ -168,13 +162,11 @@ def test_incomplete_file_is_read_up_to_its_end(write: Write) -> None:
     assert not joined.losses.closed
 
 
-def test_open_segment_of_a_running_gateway_is_read(
-    write: Write, make_recorder: MakeRecorder, device: DeviceInfo, make_samples: Callable[..., messages.Samples]
-) -> None:
+def test_open_segment_of_a_running_gateway_is_read(write: Write, make_recorder: MakeRecorder) -> None:
     closed, number = write("a.mcap", range(4)), 4
     recorder = make_recorder()
     first = make_samples(number, length=BLOCK, period_ns=PERIOD_NS)
-    recorder.set_device(device, first.first_log_time_ns)
+    recorder.set_device(DEVICE, first.first_log_time_ns)
     path = recorder.start(first.first_log_time_ns)
     empty = read_samples([closed, path])
     (remark,) = empty.remarks
@@ -196,8 +188,8 @@ def test_times_that_occur_in_two_files_are_refused(write: Write) -> None:
         read_samples([later, first])
 
 
-def test_files_of_different_gateways_are_refused(write: Write, header: RecordingHeader) -> None:
-    paths = [write("a.mcap", [0]), write("b.mcap", [1], header=replace(header, crane="crane-3"))]
+def test_files_of_different_gateways_are_refused(write: Write) -> None:
+    paths = [write("a.mcap", [0]), write("b.mcap", [1], header=replace(HEADER, crane="crane-3"))]
     expected = (
         r"b\.mcap: is of gateway yard/crane-3/hook, .*a\.mcap of yard/crane-2/hook; give the files of one gateway"
     )
@@ -205,8 +197,8 @@ def test_files_of_different_gateways_are_refused(write: Write, header: Recording
         read_samples(paths)
 
 
-def test_restart_and_update_of_the_gateway_are_accepted(write: Write, header: RecordingHeader) -> None:
-    paths = [write("a.mcap", [0]), write("b.mcap", [1], header=replace(header, boot_id="another", software="0.2.0"))]
+def test_restart_and_update_of_the_gateway_are_accepted(write: Write) -> None:
+    paths = [write("a.mcap", [0]), write("b.mcap", [1], header=replace(HEADER, boot_id="another", software="0.2.0"))]
     assert len(read_samples(paths).files) == 2
 
 
@@ -218,10 +210,8 @@ def test_restart_and_update_of_the_gateway_are_accepted(write: Write, header: Re
         ({"factory_calibration": {"id": "x"}}, r"device\.factory_calibration than"),
     ],
 )
-def test_files_of_different_devices_are_refused(
-    write: Write, device: DeviceInfo, change: dict[str, object], text: str
-) -> None:
-    paths = [write("a.mcap", [0]), write("b.mcap", [1], device=replace(device, **change))]  # type: ignore[arg-type]
+def test_files_of_different_devices_are_refused(write: Write, change: dict[str, object], text: str) -> None:
+    paths = [write("a.mcap", [0]), write("b.mcap", [1], device=replace(DEVICE, **change))]  # type: ignore[arg-type]
     with pytest.raises(RecordingError, match=rf"b\.mcap: has another {text}.* give the files of one device and rate"):
         read_samples(paths)
 

@@ -15,13 +15,14 @@ from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.segments.compaction import compact
+from tests.clocks import START_NS
 from tests.gateway.recording import forgery
 from tests.gateway.recording.conftest import GATEWAY, SECOND_NS, Record
 
 
 @pytest.fixture
-def segments(record: Record, start_ns: int) -> list[Path]:
-    return record(start_ns, segments=5)
+def segments(record: Record) -> list[Path]:
+    return record(START_NS, segments=5)
 
 
 def verify(paths: list[Path]) -> ChainVerification:
@@ -88,39 +89,39 @@ def test_another_name_of_a_channel_in_the_index_is_named_and_not_believed(segmen
 
 
 @pytest.mark.slow
-def test_a_finished_segment_that_was_replaced_by_its_beginning_is_named(record: Record, start_ns: int) -> None:
-    record(start_ns, segments=2)
-    (third,) = record(start_ns + 60 * SECOND_NS, segments=1, compacted=False)[2:]
+def test_a_finished_segment_that_was_replaced_by_its_beginning_is_named(record: Record) -> None:
+    record(START_NS, segments=2)
+    (third,) = record(START_NS + 60 * SECOND_NS, segments=1, compacted=False)[2:]
     early = forgery.cut_behind_first_signature(third.read_bytes())
-    paths = record(start_ns + 90 * SECOND_NS, segments=2)  # the third is signed whole, and the others follow it
+    paths = record(START_NS + 90 * SECOND_NS, segments=2)  # the third is signed whole, and the others follow it
     assert problems(verify(paths)) == ""
-    third.write_bytes(forgery.with_chunk(early, start_ns + 61 * SECOND_NS))
+    third.write_bytes(forgery.with_chunk(early, START_NS + 61 * SECOND_NS))
     assert "is not whole: " in problems(verify(paths))
     third.write_bytes(early)
     assert "is not whole: " in problems(verify(paths))
 
 
 @pytest.mark.slow
-def test_unsigned_bytes_of_a_segment_that_others_follow_are_a_difference(record: Record, start_ns: int) -> None:
-    (first,) = record(start_ns, segments=1, compacted=False, closed=False)
+def test_unsigned_bytes_of_a_segment_that_others_follow_are_a_difference(record: Record) -> None:
+    (first,) = record(START_NS, segments=1, compacted=False, closed=False)
     live = first.read_bytes()
-    paths = record(start_ns + 60 * SECOND_NS, segments=1, compacted=False)
+    paths = record(START_NS + 60 * SECOND_NS, segments=1, compacted=False)
     first.write_bytes(live)
     paths[1].write_bytes(forgery.cut_behind_first_signature(paths[1].read_bytes()))
     assert "are not signed, though segment 2 follows" in problems(verify(paths))
 
 
-def test_content_of_a_closed_segment_behind_its_last_signature_is_named(record: Record, start_ns: int) -> None:
-    (path,) = record(start_ns, segments=1, compacted=False)
+def test_content_of_a_closed_segment_behind_its_last_signature_is_named(record: Record) -> None:
+    (path,) = record(START_NS, segments=1, compacted=False)
     content = path.read_bytes()
     end = forgery.data_end(content)
-    added = forgery.with_chunk(content[:end], start_ns + SECOND_NS)
+    added = forgery.with_chunk(content[:end], START_NS + SECOND_NS)
     path.write_bytes(added + content[end:])
     assert "ADDED: " in problems(verify([path]))
 
 
-def test_what_differs_from_its_checkpoints_is_never_signed_as_a_whole(record: Record, start_ns: int) -> None:
-    (path,) = record(start_ns, segments=1, compacted=False)
+def test_what_differs_from_its_checkpoints_is_never_signed_as_a_whole(record: Record) -> None:
+    (path,) = record(START_NS, segments=1, compacted=False)
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
     path.write_bytes(content)
@@ -130,9 +131,9 @@ def test_what_differs_from_its_checkpoints_is_never_signed_as_a_whole(record: Re
 @pytest.mark.slow
 @pytest.mark.parametrize("signed", [True, False])
 def test_what_another_key_or_none_has_signed_is_never_signed_as_a_whole(
-    record: Record, start_ns: int, tmp_path: Path, signed: bool
+    record: Record, tmp_path: Path, signed: bool
 ) -> None:
-    (path,) = record(start_ns, segments=1, compacted=False, signed=signed)
+    (path,) = record(START_NS, segments=1, compacted=False, signed=signed)
     is_refused(path, tmp_path / "another-key.pem")
 
 

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from gateway import messages
 from gateway.errors import InputError
@@ -26,6 +25,9 @@ from gateway.recording.reading.recording_file import EVERYTHING, Selection, read
 from gateway.recording.reading.timeline import Timeline, open_timeline, open_timelines, summarise_segment
 from gateway.recording.segments.copying import recover
 from gateway.recording.segments.recorder import Recorder
+from tests.clocks import START_NS
+from tests.gateway.conftest import make_samples
+from tests.gateway.recording.conftest import DEVICE, EVERY_MESSAGE, HEADER
 
 BLOCK_NS = 32_000_000
 """A block of 32 samples at 1 kHz."""
@@ -33,23 +35,16 @@ WriteRun = Callable[..., list[Path]]
 
 
 @pytest.fixture
-def write_run(
-    tmp_path: Path,
-    header: RecordingHeader,
-    device: DeviceInfo,
-    make_samples: Callable[..., messages.Samples],
-    every_message: dict[str, messages.Message | messages.Log],
-    start_ns: int,
-) -> WriteRun:
+def write_run(tmp_path: Path) -> WriteRun:
     """Write blocks of these numbers in segments of 2 s, with a calibration, a clock each second and an alert."""
 
-    def write(numbers: range = range(200), header: RecordingHeader = header, folder: Path = tmp_path) -> list[Path]:
+    def write(numbers: range = range(200), header: RecordingHeader = HEADER, folder: Path = tmp_path) -> list[Path]:
         recorder = Recorder(folder, header, segment_s=2.0, fsync_s=0.1, quota_mb=100.0)
         before = set(folder.glob("*.mcap"))
-        begin_ns = start_ns + numbers.start * BLOCK_NS
-        recorder.set_device(device, begin_ns)
+        begin_ns = START_NS + numbers.start * BLOCK_NS
+        recorder.set_device(DEVICE, begin_ns)
         recorder.start(begin_ns)
-        calibration, clock, alert = (every_message[name] for name in ("calibration", "clock", "alert"))
+        calibration, clock, alert = (EVERY_MESSAGE[name] for name in ("calibration", "clock", "alert"))
         assert isinstance(clock, messages.ClockOffset)
         recorder.write(encode_message("calibration", calibration, begin_ns))
         for number in numbers:
@@ -134,10 +129,10 @@ def test_segments_are_one_timeline_in_which_nothing_occurs_twice(write_run: Writ
 
 
 @pytest.mark.slow
-def test_selection_reads_the_interval_and_the_topics_that_are_wanted(write_run: WriteRun, start_ns: int) -> None:
+def test_selection_reads_the_interval_and_the_topics_that_are_wanted(write_run: WriteRun) -> None:
     timeline = open_timeline(write_run())
     everything = [(message.recorded.topic, message.recorded.log_time_ns) for message in timeline.messages()]
-    begin_ns, end_ns = start_ns + 1_900_000_000, start_ns + 4_100_000_000
+    begin_ns, end_ns = START_NS + 1_900_000_000, START_NS + 4_100_000_000
     wanted = Selection(begin_ns, end_ns, frozenset({"/samples", "/alert"}))
     found = [(message.recorded.topic, message.recorded.log_time_ns) for message in timeline.messages(wanted)]
     assert found == [
@@ -149,12 +144,12 @@ def test_selection_reads_the_interval_and_the_topics_that_are_wanted(write_run: 
 
 
 @pytest.mark.slow
-def test_interval_counts_from_the_first_sample(write_run: WriteRun, start_ns: int) -> None:
+def test_interval_counts_from_the_first_sample(write_run: WriteRun) -> None:
     timeline = open_timeline(write_run())
     span = timeline.span()
-    assert (span.first_ns, span.last_ns) == (start_ns, start_ns + 200 * BLOCK_NS - 1_000_000)
+    assert (span.first_ns, span.last_ns) == (START_NS, START_NS + 200 * BLOCK_NS - 1_000_000)
     interval = RecordingInterval(parse_recording_time("1.5"), parse_recording_time("2"))
-    assert timeline.select(interval) == Selection(start_ns + 1_500_000_000, start_ns + 2_000_000_000)
+    assert timeline.select(interval) == Selection(START_NS + 1_500_000_000, START_NS + 2_000_000_000)
     last = timeline.select(RecordingInterval(last_s=1.0), ["/samples"])
     assert last == Selection(span.last_ns - 1_000_000_000, None, frozenset({"/samples"}))
 
@@ -168,9 +163,9 @@ def test_progress_reaches_the_end_and_never_goes_back(write_run: WriteRun) -> No
     assert shares[-1] == 1.0
 
 
-def test_gateways_are_told_apart(write_run: WriteRun, header: RecordingHeader, tmp_path: Path) -> None:
+def test_gateways_are_told_apart(write_run: WriteRun, tmp_path: Path) -> None:
     write_run(range(10))
-    other = write_run(range(10, 20), header=replace(header, crane="crane-3"))
+    other = write_run(range(10, 20), header=replace(HEADER, crane="crane-3"))
     assert [timeline.gateway for timeline in open_timelines([tmp_path])] == ["yard/crane-2/hook", "yard/crane-3/hook"]
     with pytest.raises(
         RecordingError, match=rf"{other[0].name}: is of gateway yard/crane-3/hook, .* give the files of one"

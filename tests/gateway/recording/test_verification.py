@@ -13,14 +13,15 @@ from gateway.recording.chain.chain_state import read_state, save_state
 from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
 from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.segments.recorder import RecorderError
+from tests.clocks import START_NS
 from tests.gateway.recording.conftest import SECOND_NS, Record
 from tests.gateway.recording.recorded_files import problems
 from tests.values import present
 
 
 @pytest.fixture
-def segments(record: Record, start_ns: int) -> list[Path]:
-    return record(start_ns)
+def segments(record: Record) -> list[Path]:
+    return record(START_NS)
 
 
 def verify(paths: list[Path], key: str | None = None, folders: tuple[Path, ...] = ()) -> ChainVerification:
@@ -112,13 +113,11 @@ def test_exchanged_segments_are_named(segments: list[Path]) -> None:
 
 
 @pytest.mark.slow
-def test_a_segment_of_another_chain_is_named(
-    record: Record, segments: list[Path], start_ns: int, tmp_path: Path
-) -> None:
+def test_a_segment_of_another_chain_is_named(record: Record, segments: list[Path], tmp_path: Path) -> None:
     folder = tmp_path / "other"
     folder.mkdir()
     shutil.copy(segments[0].parent / "signing-key.pem", folder)
-    others = record(start_ns + 5 * SECOND_NS, folder=folder)
+    others = record(START_NS + 5 * SECOND_NS, folder=folder)
     shutil.copy(others[1], segments[1])
     assert any("does not follow this" in text for text in problems(verify(segments)))
 
@@ -131,8 +130,8 @@ def test_a_cut_tail_is_named(segments: list[Path], cut: int) -> None:
 
 
 @pytest.mark.slow
-def test_a_forged_key_is_named(record: Record, segments: list[Path], start_ns: int, tmp_path: Path) -> None:
-    forged = record(start_ns, folder=tmp_path / "forged")
+def test_a_forged_key_is_named(record: Record, segments: list[Path], tmp_path: Path) -> None:
+    forged = record(START_NS, folder=tmp_path / "forged")
     assert problems(verify(forged)) == []
     key = key_of(segments[0].parent)
     assert all("WRONG KEY" in file.problems[0] for file in verify(forged, key).files)
@@ -146,8 +145,8 @@ def test_a_signature_that_was_moved_to_another_statement_is_named(segments: list
 
 
 @pytest.mark.slow
-def test_a_clock_that_was_set_back_is_named(record: Record, segments: list[Path], start_ns: int) -> None:
-    later = record(start_ns - 3600 * SECOND_NS, segments=1)
+def test_a_clock_that_was_set_back_is_named(record: Record, segments: list[Path]) -> None:
+    later = record(START_NS - 3600 * SECOND_NS, segments=1)
     found = verify(later)
     assert any("CLOCK SET BACK by 3688" in text for text in problems(found))
 
@@ -155,22 +154,20 @@ def test_a_clock_that_was_set_back_is_named(record: Record, segments: list[Path]
 @pytest.mark.slow
 @pytest.mark.parametrize("late_s", [1, 25])
 def test_samples_that_come_after_the_health_of_the_segment_before_are_no_difference(
-    record: Record, start_ns: int, late_s: int
+    record: Record, late_s: int
 ) -> None:
-    record(start_ns, segments=1)
-    assert problems(verify(record(start_ns + (28 - late_s) * SECOND_NS + 500_000_000, segments=1))) == []
+    record(START_NS, segments=1)
+    assert problems(verify(record(START_NS + (28 - late_s) * SECOND_NS + 500_000_000, segments=1))) == []
 
 
-def test_a_segment_that_could_not_be_begun_takes_no_number(
-    record: Record, start_ns: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    paths = record(start_ns, segments=1)
+def test_a_segment_that_could_not_be_begun_takes_no_number(record: Record, monkeypatch: pytest.MonkeyPatch) -> None:
+    paths = record(START_NS, segments=1)
     folder = paths[0].parent
     with monkeypatch.context() as patched:
         patched.setattr("gateway.recording.segments.segment.sync_folder", full)
         with pytest.raises(RecorderError):
-            record(start_ns + 60 * SECOND_NS, segments=1)
-    assert problems(verify(record(start_ns + 120 * SECOND_NS, segments=1), folders=(folder,))) == []
+            record(START_NS + 60 * SECOND_NS, segments=1)
+    assert problems(verify(record(START_NS + 120 * SECOND_NS, segments=1), folders=(folder,))) == []
 
 
 def full(_: Path) -> None:
@@ -178,26 +175,26 @@ def full(_: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_number_that_a_kill_left_unnoted_is_not_given_twice(record: Record, start_ns: int) -> None:
-    (path,) = record(start_ns, segments=1)
+def test_a_number_that_a_kill_left_unnoted_is_not_given_twice(record: Record) -> None:
+    (path,) = record(START_NS, segments=1)
     state = read_state(path.parent)
     assert state is not None
     state.newest_segment = 0
     save_state(path.parent, state)
-    found = verify(record(start_ns + 60 * SECOND_NS, segments=1))
+    found = verify(record(START_NS + 60 * SECOND_NS, segments=1))
     assert problems(found) == []
     assert found.remarks == ()
     assert [file.segment for file in found.files] == [1, 2]
 
 
-def test_a_live_file_is_verified_up_to_its_last_signature(record: Record, start_ns: int) -> None:
-    (path,) = record(start_ns, segments=1, compacted=False, closed=False)
+def test_a_live_file_is_verified_up_to_its_last_signature(record: Record) -> None:
+    (path,) = record(START_NS, segments=1, compacted=False, closed=False)
     found = verify([path])
     assert problems(found) == []
     statement = found.files[0].statement
     assert statement is not None
     assert statement.kind == "checkpoint"
-    assert statement.to_ns == start_ns + 20 * SECOND_NS
+    assert statement.to_ns == START_NS + 20 * SECOND_NS
     assert "bytes at its end are not signed" in found.files[0].remarks[0]
     content = bytearray(path.read_bytes())
     content[statement.bytes - 200] ^= 1
@@ -205,12 +202,10 @@ def test_a_live_file_is_verified_up_to_its_last_signature(record: Record, start_
     assert "ALTERED" in problems(verify([path]))[0]
 
 
-def test_a_repaired_segment_says_from_when_on_it_was_signed_afterwards(
-    record: Record, start_ns: int, tmp_path: Path
-) -> None:
+def test_a_repaired_segment_says_from_when_on_it_was_signed_afterwards(record: Record, tmp_path: Path) -> None:
     folder = tmp_path / "data"
-    record(start_ns, segments=1, compacted=False, closed=False)
-    paths = record(start_ns + 60 * SECOND_NS, segments=1)
+    record(START_NS, segments=1, compacted=False, closed=False)
+    paths = record(START_NS + 60 * SECOND_NS, segments=1)
     found = verify(paths, folders=(folder,))
     assert problems(found) == []
     assert any(
@@ -219,8 +214,8 @@ def test_a_repaired_segment_says_from_when_on_it_was_signed_afterwards(
 
 
 @pytest.mark.slow
-def test_without_the_package_segments_are_chained_and_not_signed(record: Record, start_ns: int) -> None:
-    paths = record(start_ns, signed=False)
+def test_without_the_package_segments_are_chained_and_not_signed(record: Record) -> None:
+    paths = record(START_NS, signed=False)
     found = verify(paths)
     assert problems(found) == []
     assert all("not signed, chained by hashes only" in file.remarks for file in found.files)

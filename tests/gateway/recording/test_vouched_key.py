@@ -20,8 +20,9 @@ from gateway.messages import NewestStatement
 from gateway.pki.signing_key import fingerprint, load_or_create_key
 from gateway.pki.site_folder import Holder, utc_now
 from gateway.recording.format.content import RecordingHeader
+from tests.clocks import START_NS
 from tests.gateway.pki.site import Site, vouch
-from tests.gateway.recording.conftest import GATEWAY, START_NS, Record
+from tests.gateway.recording.conftest import GATEWAY, Record
 from tests.values import present
 
 
@@ -175,7 +176,7 @@ def test_a_file_that_is_no_ca_is_named(
 
 @pytest.mark.slow
 def test_segments_at_the_end_are_missed_as_far_as_somebody_heard(
-    record: Record, start_ns: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    record: Record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
 
@@ -184,7 +185,7 @@ def test_segments_at_the_end_are_missed_as_far_as_somebody_heard(
         said = capsys.readouterr()
         return code, said.out + said.err
 
-    paths = record(start_ns)
+    paths = record(START_NS)
     folder = paths[0].parent
     state = json.loads((folder / "chain.json").read_text())
     heard: dict[str, Any] = {"segment": 3, "sha256": state["final_sha256"], "gateway": GATEWAY, "public_key": "00" * 32}

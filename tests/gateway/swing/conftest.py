@@ -5,7 +5,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import pytest
 
 from devices.pendulum import equations, pendulum
 from devices.pendulum.equations import Vector, add, scale
@@ -93,12 +92,3 @@ def simulate(
 def _moved(motion: Motion, step_s: float, rate: Motion) -> Motion:
     n, n_rate, x_axis = (add(c, scale(step_s, c_rate)) for c, c_rate in zip(motion, rate, strict=True))
     return n, n_rate, x_axis
-
-
-Simulate = Callable[..., Recording]
-
-
-@pytest.fixture(scope="session")
-def simulated() -> Simulate:
-    """The function that makes a recording."""
-    return simulate

@@ -30,18 +30,9 @@ def test_nine_in_ten_ends_of_free_swings_between_hands_are_found_within_half_a_p
 
 
 @pytest.mark.slow
-def test_a_few_free_swings_between_hands_are_found() -> None:
-    recordings = [each for each in drawn_recordings(4, seed=2) if is_visible(each)]
-    assert len(recordings) >= 2
-    inside = np.array([inside_periods(recording) for recording in recordings])
-    assert (inside > -0.2).all()
-    assert (inside < 0.5).all()
-
-
-@pytest.mark.slow
 def test_plain_free_swings_are_found_whole() -> None:
     assert all(
-        find_free_swing(each.time_s, each.force_g).is_whole for each in drawn_recordings(20, seed=12, held=False)
+        find_free_swing(each.time_s, each.force_g).is_whole for each in drawn_recordings(10, seed=12, held=False)
     )
 
 

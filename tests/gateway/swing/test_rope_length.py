@@ -10,6 +10,8 @@ from gateway.swing.detection.rope_length import rope_length_by_period
 from tests.gateway.swing.held_pendulum import GRAVITY_M_S2, readings_g, swing
 from tests.values import present
 
+pytestmark = pytest.mark.slow
+
 
 @cache
 def swing_from(amplitude_deg: float) -> tuple[Array, Array]:
@@ -19,7 +21,6 @@ def swing_from(amplitude_deg: float) -> tuple[Array, Array]:
     return time_w0, motions[:, 0]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize(("amplitude_deg", "length_m"), [(6.0, 12.0), (40.0, 0.4), (80.0, 0.8), (130.0, 0.5)])
 def test_the_length_is_that_of_the_period_with_the_amplitude(rho: float, amplitude_deg: float, length_m: float) -> None:
@@ -31,13 +32,11 @@ def test_the_length_is_that_of_the_period_with_the_amplitude(rho: float, amplitu
     assert found.u_rel < 0.06
 
 
-@pytest.mark.slow
 def test_a_load_at_rest_has_no_length() -> None:
     still_g = np.array([0.0, 0.0, 1.0]) + np.random.default_rng(1).normal(0.0, 0.001, (2000, 3))
     assert rope_length_by_period(np.arange(2000) / 50, still_g, GRAVITY_M_S2) is None
 
 
-@pytest.mark.slow
 def test_a_sensor_beside_the_rope_near_the_load_does_not_double_the_period() -> None:
     """It reads the swing's own frequency along the rope: as much as across it, but less than twice that frequency."""
     time_w0, motion = swing_from(97.0)

@@ -9,7 +9,7 @@ from gateway.swing.fit.harmonics import find_harmonics
 from gateway.swing.fit.initial_guess import initial_motions
 from gateway.swing.fit.priors import nominal_prior
 from gateway.swing.rig import MountedHousing
-from tests.gateway.swing.conftest import Recording, Simulate
+from tests.gateway.swing.conftest import Recording, simulate
 from tests.values import present
 
 PERIOD_S = 2 * np.pi * np.sqrt(9.0 / 9.80665)
@@ -17,13 +17,13 @@ NOISE_G = np.full(3, 4e-4)
 
 
 @pytest.fixture(scope="module")
-def driven(simulated: Simulate) -> Recording:
+def driven() -> Recording:
     """Swung all the time by a trolley that goes to and fro at another rhythm than the load's."""
 
     def trolley(time_s: float) -> tuple[float, float, float]:
         return (1.5 * np.sin(0.55 * time_s), 0.8 * np.sin(1.9 * time_s + 1), 0.0)
 
-    return simulated(rho=0.4, amplitude_deg=4.0, duration_s=40, push=trolley)
+    return simulate(rho=0.4, amplitude_deg=4.0, duration_s=40, push=trolley)
 
 
 def initial_fit(recording: Recording, rig: MountedHousing) -> SwingFit:
@@ -43,8 +43,8 @@ def test_a_fit_that_hardly_improves_is_given_up(driven: Recording) -> None:
 
 
 @pytest.mark.slow
-def test_a_fit_that_converges_is_never_given_up(simulated: Simulate) -> None:
-    recording = simulated(rho=0.4, duration_s=40)
+def test_a_fit_that_converges_is_never_given_up() -> None:
+    recording = simulate(rho=0.4, duration_s=40)
     asked: list[SwingFit] = []
 
     def note(fit: SwingFit) -> bool:

@@ -11,7 +11,7 @@ from gateway.swing.fit.priors import nominal_prior
 from gateway.swing.offline import grow_window
 from gateway.swing.rig import MountedHousing
 from gateway.swing.uncertainty.peaks import largest_angle
-from tests.gateway.swing.conftest import Recording, Simulate
+from tests.gateway.swing.conftest import Recording, simulate
 from tests.values import present
 
 NOISE_G = np.full(3, 4e-4)
@@ -43,9 +43,9 @@ def leaning_g() -> NDArray[np.float64]:
 
 
 @pytest.fixture(scope="module")
-def segments(simulated: Simulate) -> tuple[list[FittedInterval], Recording]:
-    upright = simulated(amplitude_deg=8.0, duration_s=24.0)
-    pulled = simulated(amplitude_deg=8.0, duration_s=12.0, lean_deg=PULL_DEG, lean_azimuth_deg=0.0, seed=2)
+def segments() -> tuple[list[FittedInterval], Recording]:
+    upright = simulate(amplitude_deg=8.0, duration_s=24.0)
+    pulled = simulate(amplitude_deg=8.0, duration_s=12.0, lean_deg=PULL_DEG, lean_azimuth_deg=0.0, seed=2)
     return [segment(upright, 0.0), segment(upright, 24.0)], pulled
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from gateway.swing.offline import estimate_swing
 from gateway.swing.rig import MountedHousing
-from tests.gateway.swing.conftest import Recording, Simulate
+from tests.gateway.swing.conftest import Recording, simulate
 from tests.values import present
 
 pytestmark = pytest.mark.slow
@@ -31,8 +31,8 @@ def deadened(recording: Recording, axis: int, level_g: float) -> NDArray[np.floa
     ("rho", "azimuth_deg", "axis"),
     [(0.1, 35, 1), (0.5, 35, 0), (0.5, 60, 0), (0.5, 0, 0), (0.1, 60, 2), (0.5, 15, 2)],
 )
-def test_a_noisy_dead_axis_is_reported(simulated: Simulate, rho: float, azimuth_deg: int, axis: int) -> None:
-    recording = simulated(rho=rho, azimuth_deg=azimuth_deg, amplitude_deg=6, duration_s=45)
+def test_a_noisy_dead_axis_is_reported(rho: float, azimuth_deg: int, axis: int) -> None:
+    recording = simulate(rho=rho, azimuth_deg=azimuth_deg, amplitude_deg=6, duration_s=45)
     force_g = deadened(recording, axis, 0.998 if axis == 2 else 0.01)
 
     estimate = estimate_swing(recording.time_s, force_g, rig=housing(recording), noise_g=NOISE_G)
@@ -54,8 +54,8 @@ def test_a_recording_that_never_changes_is_named_as_dead() -> None:
 
 @pytest.mark.parametrize("rho", [0.1, 0.8])
 @pytest.mark.parametrize("azimuth_deg", [0, 90, 3, 45])
-def test_a_planar_swing_along_any_azimuth_has_no_dead_axis(simulated: Simulate, rho: float, azimuth_deg: int) -> None:
-    recording = simulated(rho=rho, azimuth_deg=azimuth_deg, amplitude_deg=6, duration_s=40)
+def test_a_planar_swing_along_any_azimuth_has_no_dead_axis(rho: float, azimuth_deg: int) -> None:
+    recording = simulate(rho=rho, azimuth_deg=azimuth_deg, amplitude_deg=6, duration_s=40)
 
     estimate = estimate_swing(recording.time_s, recording.force_g, rig=housing(recording), noise_g=NOISE_G)
 
@@ -65,11 +65,9 @@ def test_a_planar_swing_along_any_azimuth_has_no_dead_axis(simulated: Simulate, 
 
 
 @pytest.mark.parametrize(("rho", "azimuth_deg"), [(0.5, 15), (0.8, 35)])
-def test_the_interval_includes_both_cases_where_a_dead_axis_cannot_be_decided(
-    simulated: Simulate, rho: float, azimuth_deg: int
-) -> None:
+def test_the_interval_includes_both_cases_where_a_dead_axis_cannot_be_decided(rho: float, azimuth_deg: int) -> None:
     """Near x a dead y takes little, and near the load the housing's place explains as much."""
-    recording = simulated(rho=rho, azimuth_deg=azimuth_deg, amplitude_deg=6, duration_s=45)
+    recording = simulate(rho=rho, azimuth_deg=azimuth_deg, amplitude_deg=6, duration_s=45)
     force_g = deadened(recording, 1, 0.0)
 
     estimate = estimate_swing(recording.time_s, force_g, rig=housing(recording), noise_g=NOISE_G)

@@ -6,7 +6,7 @@ import pytest
 from gateway.numerics.foreign_readings import lone_spikes
 from gateway.swing.offline import estimate_swing
 from gateway.swing.rig import MountedHousing
-from tests.gateway.swing.conftest import Simulate
+from tests.gateway.swing.conftest import simulate
 from tests.values import present
 
 NOISE_G = 2.5e-3
@@ -30,9 +30,9 @@ def test_an_event_of_many_samples_is_not_a_spike() -> None:
 
 
 @pytest.mark.slow
-def test_a_swing_near_the_detection_limit_has_an_interval_down_to_zero(simulated: Simulate) -> None:
+def test_a_swing_near_the_detection_limit_has_an_interval_down_to_zero() -> None:
     """At the load 1 degree is 0.2 mg along the rope, in a noise of 2.5 mg per sample."""
-    recording = simulated(rho=0.999, amplitude_deg=1.0, duration_s=90, noise_g=NOISE_G, seed=2)
+    recording = simulate(rho=0.999, amplitude_deg=1.0, duration_s=90, noise_g=NOISE_G, seed=2)
     rig = MountedHousing(length_m=9.2, position_m=recording.position_m)
 
     estimate = estimate_swing(recording.time_s, recording.force_g, rig=rig, noise_g=NOISE_G)

@@ -16,7 +16,7 @@ from gateway.swing.fit.initial_guess import initial_motions
 from gateway.swing.fit.priors import nominal_prior
 from gateway.swing.offline import estimate_swing
 from gateway.swing.rig import MountedHousing
-from tests.gateway.swing.conftest import Simulate
+from tests.gateway.swing.conftest import simulate
 
 NOISE_G, LENGTH_M = 4e-4, 9.0
 RIG = MountedHousing(length_m=1.1 * LENGTH_M, above_load_m=4.5)
@@ -41,7 +41,7 @@ def hoisted() -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.slow
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(gaps_s=GAPS_S)
 @example(gaps_s=[(30.6, 1.2), (12.9, 13.2), (2.0, 14.7)])  # no bin in a core
 @example(gaps_s=[(17.6, 10.8), (9.6, 7.9), (4.3, 15.8)])  # no bin in the window of a hoist
@@ -60,9 +60,9 @@ def test_gaps_beside_a_hoist_leave_an_estimate_or_a_reason(
         assert 0 <= low_rad < high_rad <= np.pi
 
 
-def test_a_recording_whose_first_periods_are_clipped_away_is_judged_from_the_rest(simulated: Simulate) -> None:
+def test_a_recording_whose_first_periods_are_clipped_away_is_judged_from_the_rest() -> None:
     """Readings of z at the limit are spared; here all of them are, but the first ones, for four periods."""
-    recording = simulated(rho=0.9, amplitude_deg=8.0, duration_s=90.0)
+    recording = simulate(rho=0.9, amplitude_deg=8.0, duration_s=90.0)
     force_g = recording.force_g.copy()
     lost = (recording.time_s > 0.02) & (recording.time_s < 25.0)
     force_g[lost, 2] = force_g[:, 2].max()
@@ -79,8 +79,8 @@ def test_a_recording_whose_first_periods_are_clipped_away_is_judged_from_the_res
 
 
 @pytest.mark.parametrize("count", range(MIN_FITTED_BINS))
-def test_few_readings_are_not_fitted(simulated: Simulate, count: int) -> None:
-    recording = simulated(duration_s=20.0)
+def test_few_readings_are_not_fitted(count: int) -> None:
+    recording = simulate(duration_s=20.0)
     noise_g = np.full(3, NOISE_G)
     bins = bin_samples(recording.time_s, recording.force_g, 0.2)
     (guess, *_) = initial_motions(find_harmonics(bins, noise_g, RIG), RIG, 0.0, 21.0)

@@ -16,7 +16,7 @@ from gateway.pipeline.rig import UNSTATED_GRAVITY_U_REL, Rig
 from gateway.swing.estimate import SwingEstimate
 from gateway.swing.offline import estimate_swing
 from gateway.swing.rig import MountedHousing
-from tests.gateway.swing.conftest import Recording, Simulate
+from tests.gateway.swing.conftest import Recording, simulate
 from tests.values import present
 
 DATA = Path(__file__).parents[2] / "data" / "swings"
@@ -40,8 +40,8 @@ def sigmas(estimate: SwingEstimate, recording: Recording) -> float:
     return abs(present(estimate.phi_max_rad) - recording.phi_max_rad) / present(estimate.u_rad)
 
 
-def test_a_rope_by_the_period_is_as_uncertain_as_gravity(simulated: Simulate) -> None:
-    recording = simulated()
+def test_a_rope_by_the_period_is_as_uncertain_as_gravity() -> None:
+    recording = simulate()
     stated, unstated = (measured(recording, gravity_u_rel=u_rel) for u_rel in (0.0, UNSTATED_GRAVITY_U_REL))
     assert present(stated.length_u_m) < 1e-3 * recording.length_m
     assert present(unstated.length_u_m) > UNSTATED_GRAVITY_U_REL * recording.length_m
@@ -65,15 +65,9 @@ def test_a_rope_by_the_period_is_as_uncertain_as_gravity(simulated: Simulate) ->
 @example(rho=1.0, amplitude_deg=8, ellipticity=0.0, azimuth_deg=60, length_m=12, length_error=0.9)
 @example(rho=0.5, amplitude_deg=15, ellipticity=1.0, azimuth_deg=0, length_m=9, length_error=1.1)
 def test_any_swing_is_estimated_within_its_uncertainty(
-    simulated: Simulate,
-    rho: float,
-    amplitude_deg: float,
-    ellipticity: float,
-    azimuth_deg: float,
-    length_m: float,
-    length_error: float,
+    rho: float, amplitude_deg: float, ellipticity: float, azimuth_deg: float, length_m: float, length_error: float
 ) -> None:
-    recording = simulated(
+    recording = simulate(
         rho=rho,
         amplitude_deg=amplitude_deg,
         ellipticity=ellipticity,
@@ -93,8 +87,8 @@ def test_any_swing_is_estimated_within_its_uncertainty(
 
 
 @pytest.mark.slow
-def test_every_quantity_of_the_estimate_is_the_planted_one(simulated: Simulate) -> None:
-    recording = simulated(
+def test_every_quantity_of_the_estimate_is_the_planted_one() -> None:
+    recording = simulate(
         rho=0.3, amplitude_deg=6, ellipticity=0.3, azimuth_deg=-35, lean_deg=2, damping_ratio=0.004, duration_s=60
     )
 
@@ -119,8 +113,8 @@ def test_every_quantity_of_the_estimate_is_the_planted_one(simulated: Simulate) 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("azimuth_deg", [-60.0, 20.0, 85.0])
-def test_azimuth_of_a_planar_swing(simulated: Simulate, azimuth_deg: float) -> None:
-    estimate = measured(simulated(azimuth_deg=azimuth_deg, duration_s=20))
+def test_azimuth_of_a_planar_swing(azimuth_deg: float) -> None:
+    estimate = measured(simulate(azimuth_deg=azimuth_deg, duration_s=20))
 
     assert np.degrees(present(estimate.azimuth_rad)) == pytest.approx(azimuth_deg, abs=0.5)
     assert present(estimate.minor_phi_max_rad) < 0.01 * present(estimate.phi_max_rad)
@@ -150,8 +144,8 @@ def test_recordings_of_an_independent_engine(
 
 
 @pytest.mark.slow
-def test_missing_uneven_and_unusable_samples_leave_the_estimate_correct(simulated: Simulate) -> None:
-    recording = simulated(duration_s=40)
+def test_missing_uneven_and_unusable_samples_leave_the_estimate_correct() -> None:
+    recording = simulate(duration_s=40)
     kept = np.random.default_rng(5).random(len(recording.time_s)) > 0.3
     kept[700:830] = False
     force_g = recording.force_g.copy()
@@ -164,8 +158,8 @@ def test_missing_uneven_and_unusable_samples_leave_the_estimate_correct(simulate
 
 
 @pytest.mark.slow
-def test_lone_spikes_are_left_out_and_counted(simulated: Simulate) -> None:
-    recording = simulated(duration_s=40)
+def test_lone_spikes_are_left_out_and_counted() -> None:
+    recording = simulate(duration_s=40)
     force_g = recording.force_g.copy()
     force_g[[0, 555, 1200]] += [0.2, -0.3, 0.1]
 
@@ -176,9 +170,9 @@ def test_lone_spikes_are_left_out_and_counted(simulated: Simulate) -> None:
 
 
 @pytest.mark.slow
-def test_stated_uncertainty_of_rig_and_sensor_widens_the_interval_and_covers(simulated: Simulate) -> None:
+def test_stated_uncertainty_of_rig_and_sensor_widens_the_interval_and_covers() -> None:
     """A wrong position and offset that the rig admits to: less sure, and still right."""
-    recording = simulated(rho=0.5, duration_s=60)
+    recording = simulate(rho=0.5, duration_s=60)
     force_g = recording.force_g + np.array([0.0, 0.0, 0.01])
     sure = measured(recording)
 
@@ -193,8 +187,8 @@ def test_stated_uncertainty_of_rig_and_sensor_widens_the_interval_and_covers(sim
 
 
 @pytest.mark.slow
-def test_uncertainty_of_the_offset_is_part_of_that_of_the_lean(simulated: Simulate) -> None:
-    recording = simulated(duration_s=30)
+def test_uncertainty_of_the_offset_is_part_of_that_of_the_lean() -> None:
+    recording = simulate(duration_s=30)
 
     estimate = measured(recording, zero_g_offset_u_g=(0.005, 0.005, 0.0))
 
@@ -202,8 +196,8 @@ def test_uncertainty_of_the_offset_is_part_of_that_of_the_lean(simulated: Simula
 
 
 @pytest.mark.slow
-def test_a_housing_known_from_the_load_has_its_place_by_the_measured_length(simulated: Simulate) -> None:
-    recording = simulated(rho=0.6, duration_s=40)
+def test_a_housing_known_from_the_load_has_its_place_by_the_measured_length() -> None:
+    recording = simulate(rho=0.6, duration_s=40)
     above_m = recording.length_m - recording.position_m
 
     estimate = estimate_swing(
@@ -223,9 +217,9 @@ def test_a_housing_known_from_the_load_has_its_place_by_the_measured_length(simu
     ],
 )
 def test_unstated_errors_are_found_reported_and_part_of_the_uncertainty(
-    simulated: Simulate, spoil: Callable[..., Any], reported: str
+    spoil: Callable[..., Any], reported: str
 ) -> None:
-    recording = simulated(rho=0.4, ellipticity=0.5, duration_s=60)
+    recording = simulate(rho=0.4, ellipticity=0.5, duration_s=60)
 
     estimate = measured(recording, force_g=spoil(recording.force_g))
 
@@ -236,8 +230,8 @@ def test_unstated_errors_are_found_reported_and_part_of_the_uncertainty(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("stated_rho", [1.1, 1.2, 1.3])
-def test_a_housing_stated_below_its_load_gives_no_angle_that_is_wrong(simulated: Simulate, stated_rho: float) -> None:
-    recording = simulated(
+def test_a_housing_stated_below_its_load_gives_no_angle_that_is_wrong(stated_rho: float) -> None:
+    recording = simulate(
         amplitude_deg=12.0, length_m=2.0, rho=0.8, damping_ratio=0.0, duration_s=60.0, noise_g=1e-3, azimuth_deg=0.0
     )
     rig = MountedHousing(
@@ -251,8 +245,8 @@ def test_a_housing_stated_below_its_load_gives_no_angle_that_is_wrong(simulated:
 
 
 @pytest.mark.slow
-def test_a_wrong_position_is_reported(simulated: Simulate) -> None:
-    recording = simulated(rho=0.3, duration_s=60)
+def test_a_wrong_position_is_reported() -> None:
+    recording = simulate(rho=0.3, duration_s=60)
 
     estimate = estimate_swing(
         recording.time_s, recording.force_g, rig=MountedHousing(length_m=9, position_m=recording.position_m + 1.2)
@@ -263,8 +257,8 @@ def test_a_wrong_position_is_reported(simulated: Simulate) -> None:
 
 
 @pytest.mark.slow
-def test_a_load_at_rest_has_an_upper_bound_that_holds(simulated: Simulate) -> None:
-    still = measured(simulated(amplitude_deg=0.0, lean_deg=3, lean_azimuth_deg=-50, duration_s=40))
+def test_a_load_at_rest_has_an_upper_bound_that_holds() -> None:
+    still = measured(simulate(amplitude_deg=0.0, lean_deg=3, lean_azimuth_deg=-50, duration_s=40))
 
     assert still.swinging is False
     assert (still.phi_max_rad, still.u_rad, still.swings) == (None, None, ())
@@ -276,8 +270,8 @@ def test_a_load_at_rest_has_an_upper_bound_that_holds(simulated: Simulate) -> No
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
-def test_a_swing_hidden_by_noise_is_below_the_upper_bound(simulated: Simulate, rho: float) -> None:
-    recording = simulated(rho=rho, amplitude_deg=0.004, noise_g=2e-3, duration_s=40)
+def test_a_swing_hidden_by_noise_is_below_the_upper_bound(rho: float) -> None:
+    recording = simulate(rho=rho, amplitude_deg=0.004, noise_g=2e-3, duration_s=40)
 
     hidden = measured(recording)
 
@@ -286,8 +280,8 @@ def test_a_swing_hidden_by_noise_is_below_the_upper_bound(simulated: Simulate, r
 
 
 @pytest.mark.slow
-def test_irregular_motion_is_bounded_by_its_largest_deviation(simulated: Simulate) -> None:
-    recording = simulated(amplitude_deg=0.0, noise_g=1e-5, duration_s=40)
+def test_irregular_motion_is_bounded_by_its_largest_deviation() -> None:
+    recording = simulate(amplitude_deg=0.0, noise_g=1e-5, duration_s=40)
     steps = 1e-4 * np.random.default_rng(6).normal(size=recording.force_g.shape)
     fading = 0.98 ** np.arange(400)
     wander = np.stack([np.convolve(axis, fading)[: len(steps)] for axis in steps.T], axis=1)
@@ -300,11 +294,11 @@ def test_irregular_motion_is_bounded_by_its_largest_deviation(simulated: Simulat
 
 
 @pytest.mark.slow
-def test_a_push_separates_two_segments(simulated: Simulate) -> None:
+def test_a_push_separates_two_segments() -> None:
     def push(time_s: float) -> tuple[float, float, float]:
         return (0.8, 0.4, 0.0) if 40 <= time_s < 40.3 else (0.0, 0.0, 0.0)
 
-    recording = simulated(amplitude_deg=4, duration_s=90, push=push)
+    recording = simulate(amplitude_deg=4, duration_s=90, push=push)
 
     estimate = measured(recording)
 
@@ -313,19 +307,19 @@ def test_a_push_separates_two_segments(simulated: Simulate) -> None:
 
 
 @pytest.mark.slow
-def test_a_long_drive_leaves_no_interval(simulated: Simulate) -> None:
+def test_a_long_drive_leaves_no_interval() -> None:
     def drive(time_s: float) -> tuple[float, float, float]:
         return (0.25 * np.sin(1.9 * time_s), 0.1, 0.0) if 30 <= time_s < 50 else (0.0, 0.0, 0.0)
 
-    estimate = measured(simulated(amplitude_deg=4, duration_s=80, push=drive))
+    estimate = measured(simulate(amplitude_deg=4, duration_s=80, push=drive))
 
     assert (estimate.u_rad, estimate.coverage95_rad) == (None, None)
     assert any("largest angle unknown" in reason for reason in estimate.reasons)
 
 
 @pytest.mark.slow
-def test_data_of_no_pendulum_get_no_angle(simulated: Simulate) -> None:
-    recording = simulated(duration_s=40)
+def test_data_of_no_pendulum_get_no_angle() -> None:
+    recording = simulate(duration_s=40)
     wander = np.cumsum(np.random.default_rng(2).normal(scale=2e-3, size=recording.force_g.shape), axis=0)
 
     estimate = measured(recording, force_g=wander - wander.mean(axis=0) + np.array([0.0, 0.0, 1.0]))
@@ -337,8 +331,8 @@ def test_data_of_no_pendulum_get_no_angle(simulated: Simulate) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("spoil", [lambda f: f * [0, 1, 1], lambda f: np.minimum(f, [9, 9, 1.004]), lambda f: f * 9.81])
-def test_a_broken_sensor_gets_a_reason_and_no_angle(simulated: Simulate, spoil: Callable[..., Any]) -> None:
-    recording = simulated(rho=0.8, duration_s=40)
+def test_a_broken_sensor_gets_a_reason_and_no_angle(spoil: Callable[..., Any]) -> None:
+    recording = simulate(rho=0.8, duration_s=40)
 
     estimate = measured(recording, force_g=spoil(recording.force_g))
 
@@ -346,8 +340,8 @@ def test_a_broken_sensor_gets_a_reason_and_no_angle(simulated: Simulate, spoil: 
     assert len(estimate.reasons) == 1
 
 
-def test_too_short_or_empty_is_unknown(simulated: Simulate) -> None:
-    recording = simulated(duration_s=3)
+def test_too_short_or_empty_is_unknown() -> None:
+    recording = simulate(duration_s=3)
 
     assert measured(recording).reasons == ("shorter than one swing",)
     empty = estimate_swing(np.empty(0), np.empty((0, 3)), rig=MountedHousing(length_m=9, position_m=1))

@@ -8,7 +8,7 @@ from gateway.motion.motion_monitor import MotionMonitor
 from gateway.swing.estimate import SwingEstimate
 from gateway.swing.offline import estimate_swing
 from gateway.swing.rig import MountedHousing
-from tests.gateway.swing.conftest import Recording, Simulate
+from tests.gateway.swing.conftest import Recording, simulate
 from tests.values import present
 
 BANDWIDTH_HZ = 1.0
@@ -36,8 +36,8 @@ def estimated(
 
 
 @pytest.fixture(scope="module", params=[0.05, 0.6])
-def filtered(request: pytest.FixtureRequest, simulated: Simulate) -> tuple[Recording, NDArray[np.float64]]:
-    recording = simulated(rho=request.param, length_m=6.0, noise_g=0.0, duration_s=40)
+def filtered(request: pytest.FixtureRequest) -> tuple[Recording, NDArray[np.float64]]:
+    recording = simulate(rho=request.param, length_m=6.0, noise_g=0.0, duration_s=40)
     noise_g = 1e-4 * np.random.default_rng(2).normal(size=recording.force_g.shape)
     return recording, one_pole(recording.force_g) + noise_g
 
@@ -82,8 +82,8 @@ def test_attenuation_is_part_of_the_uncertainty_live(filtered: tuple[Recording, 
 
 
 @pytest.mark.slow
-def test_a_wide_band_changes_no_result_significantly(simulated: Simulate) -> None:
-    recording = simulated(duration_s=30)
+def test_a_wide_band_changes_no_result_significantly() -> None:
+    recording = simulate(duration_s=30)
 
     plain, wide = (estimated(recording, recording.force_g, hz) for hz in (None, 31.25))
 

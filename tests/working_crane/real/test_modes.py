@@ -17,6 +17,8 @@ from tests.working_crane.real.reeving import HOOK_M, block, falls_of_block
 from tests.working_crane.real.rig import G_M_S2, Place, Rig, Rope
 from tests.working_crane.real.spreader import LOAD_BELOW_M, LOAD_SIZE_M, four_ropes, spreader_body
 
+pytestmark = pytest.mark.slow
+
 STEP_S = 0.002
 STILL = Moves(np.arange(10) * STEP_S / 2, (), 0.1)
 SMALL = 1e-5
@@ -55,7 +57,6 @@ def draws() -> Draw:
     return Draw(np.random.default_rng(1), 0, STILL.time_s, 10.0)
 
 
-@pytest.mark.slow
 def test_point_load_swings_like_a_pendulum_and_bounces_on_its_rope() -> None:
     parts = one_rope(draws(), 12.0, 1500.0, 3.0, bounce_hz=3.0)
     found_hz = frequencies_hz(plain(parts.bodies, parts.ropes))
@@ -63,7 +64,6 @@ def test_point_load_swings_like_a_pendulum_and_bounces_on_its_rope() -> None:
     assert found_hz[2] == pytest.approx(3.0, rel=1e-4)
 
 
-@pytest.mark.slow
 def test_hook_and_load_swing_like_a_double_pendulum() -> None:
     upper_m, lower_m, share = 14.0, 2.5, 0.1
     parts = one_rope(draws(), upper_m, 3000.0, 3.0, bounce_hz=40.0, slings=(lower_m, share))
@@ -75,7 +75,6 @@ def test_hook_and_load_swing_like_a_double_pendulum() -> None:
     assert found_hz[2] == pytest.approx(expected_hz[1], rel=5e-3)
 
 
-@pytest.mark.slow
 def test_heavy_rope_has_the_frequencies_of_a_hanging_chain_with_a_load() -> None:
     length_m, rope_kg, load_kg = 25.0, 60.0, 400.0
     found_hz = frequencies_hz(plain(pivot(site("pivot") + chain(length_m, rope_kg, load_kg)), ()))
@@ -121,7 +120,6 @@ def linkage(top_m: float, block_m: float, length_m: float, below_m: float) -> tu
     return x_m / small, 2 * (z_m - rest_m) / small**2
 
 
-@pytest.mark.slow
 def test_spreader_on_four_converging_ropes_sways_at_the_frequencies_of_the_linkage() -> None:
     length_m, top_m, block_m, load_kg = 16.1, (2.0, 4.75), (1.4, 3.325), 20_000.0
     ropes, top = four_ropes(length_m, top_m, block_m, load_kg, 30.0)
@@ -140,7 +138,6 @@ def test_spreader_on_four_converging_ropes_sways_at_the_frequencies_of_the_linka
     assert (2 * np.pi * found_hz[0]) ** -2 * G_M_S2 < length_m + LOAD_BELOW_M
 
 
-@pytest.mark.slow
 def test_two_fixed_falls_swing_at_different_frequencies_in_the_two_planes() -> None:
     length_m, top_m, block_m, sling_m, load_kg = 9.0, 0.7, 0.4, 2.0, 4000.0
     ropes, top, _ = falls_of_block(
@@ -156,7 +153,6 @@ def test_two_fixed_falls_swing_at_different_frequencies_in_the_two_planes() -> N
     np.testing.assert_allclose(found_hz[:2], expected_hz, rtol=5e-3)
 
 
-@pytest.mark.slow
 def test_running_rope_lifts_its_block_by_a_share_of_what_is_paid_in() -> None:
     ropes, top, part_m = falls_of_block(
         falls=4, fixed=False, length_m=12.0, top_m=0.8, block_m=0.5, gap_m=0.3, hung_kg=2000.0, bounce_hz=3.0

@@ -13,11 +13,12 @@ from tests.working_crane.real.kinds import KINDS
 from tests.working_crane.real.recording import make
 from tests.working_crane.real.write import COLUMNS
 
+pytestmark = pytest.mark.slow
+
 VARIANTS = {"a": 2, "b": 3, "c": 3, "d": 3, "e": 1, "f": 3, "g": 4, "h": 4, "i": 3}
 """Variants that take turns."""
 
 
-@pytest.mark.slow
 def test_same_seed_writes_the_same_files_with_the_columns_that_are_scored(tmp_path: Path) -> None:
     for folder in ("a", "b"):
         main(
@@ -45,7 +46,6 @@ def test_same_seed_writes_the_same_files_with_the_columns_that_are_scored(tmp_pa
     )
 
 
-@pytest.mark.slow
 def test_radio_loses_samples_in_bursts_and_stamps_them_late() -> None:
     recording = make("g", 5, 3, 40.0, 50.0)
     assert 0.01 < 1 - len(recording.log_time_s) / 2000 < 0.12
@@ -54,7 +54,6 @@ def test_radio_loses_samples_in_bursts_and_stamps_them_late() -> None:
     assert np.isfinite(recording.reading_g).all()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", sorted(KINDS))
 def test_every_variant_is_recorded_with_angles_worth_watching(kind: str) -> None:
     for index in range(VARIANTS[kind]):

@@ -21,6 +21,7 @@ from gateway.messages import Verdict
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.requests import VERBS, Cancel, Fetch, LoadSignal, RequestError, parse_payload
 from gateway.recording.segments.segment import CalibrationFiles
+from tests.gateway.conftest import record_content
 from tests.values import present
 
 INFO = DeviceInfo(kind="test", device_id="part-7", unit="counts", odr_hz=100.0, units_per_g=1000.0)
@@ -124,7 +125,7 @@ def test_requests_before_a_device_is_open_are_refused(tmp_path: Path, clock: Tur
 
 
 def test_the_record_is_attached_to_the_recording_until_the_recorder_takes_it(
-    tmp_path: Path, clock: TurnedClock, record: Callable[..., dict[str, Any]]
+    tmp_path: Path, clock: TurnedClock
 ) -> None:
     offered: list[str | None] = []
 
@@ -132,7 +133,7 @@ def test_the_record_is_attached_to_the_recording_until_the_recorder_takes_it(
         offered.append(None if files is None else files.record_id)
         return len(offered) != 2
 
-    CalibrationStore(tmp_path, INFO.device_id).add(CalibrationRecord.model_validate(record(id="r1")))
+    CalibrationStore(tmp_path, INFO.device_id).add(CalibrationRecord.model_validate(record_content(id="r1")))
     service = make_service(tmp_path, clock, attach)
     service.tick()
     service.open(INFO)
@@ -158,11 +159,11 @@ def test_a_verdict_from_before_the_last_change_does_not_count(
 
 @pytest.mark.slow
 def test_a_commit_on_a_slow_disk_is_carried_out(
-    service: RecalibrationService, tmp_path: Path, record: Callable[..., dict[str, Any]], slow_sync: list[int]
+    service: RecalibrationService, tmp_path: Path, slow_sync: list[int]
 ) -> None:
     """Each sync takes longer than the 0.2 s after which a commit was refused while the processing thread waited for it."""
     store = CalibrationStore(tmp_path, INFO.device_id)
-    store.add(CalibrationRecord.model_validate(record(id="r1", device_id=INFO.device_id)))
+    store.add(CalibrationRecord.model_validate(record_content(id="r1", device_id=INFO.device_id)))
     accepted, known = ask(service, "rollback", "request-1", to="r1")
     assert accepted
     assert known.correction.calibration_id == "r1"

@@ -10,6 +10,8 @@ from gateway.daemon.runtime.supervision import STOP_S, Shutdown
 from gateway.daemon.runtime.worker import BoundedQueue, Worker
 from tests.waiting import PATIENCE_S
 
+pytestmark = pytest.mark.slow
+
 STEP_S = 0.05
 
 
@@ -33,7 +35,6 @@ class Steps(Worker[float]):
         pass
 
 
-@pytest.mark.slow
 def test_a_slow_thread_that_progresses_is_waited_for() -> None:
     worker = Steps(*[STEP_S] * 40)
     shutdown = Shutdown(threading.Event())
@@ -42,7 +43,6 @@ def test_a_slow_thread_that_progresses_is_waited_for() -> None:
     assert shutdown.stuck == []
 
 
-@pytest.mark.slow
 def test_a_thread_that_hangs_is_named() -> None:
     worker = Steps(STEP_S, STEP_S, 60.0)
     shutdown = Shutdown(threading.Event())
@@ -53,7 +53,6 @@ def test_a_thread_that_hangs_is_named() -> None:
     worker.released.set()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("delay_s", [0.0, 0.3])
 def test_a_signal_leaves_time_for_the_threads_after(delay_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervision, "STOP_S", PATIENCE_S)
@@ -67,7 +66,6 @@ def test_a_signal_leaves_time_for_the_threads_after(delay_s: float, monkeypatch:
     worker.released.set()
 
 
-@pytest.mark.slow
 def test_after_a_signal_a_thread_that_gets_on_is_waited_for_and_one_that_hangs_is_not() -> None:
     signalled = threading.Event()
     signalled.set()
@@ -81,7 +79,6 @@ def test_after_a_signal_a_thread_that_gets_on_is_waited_for_and_one_that_hangs_i
     hung.released.set()
 
 
-@pytest.mark.slow
 def test_a_signal_bounds_the_wait_for_all_threads() -> None:
     first, second, signalled = Steps(60.0), Steps(60.0), threading.Event()
     signalled.set()

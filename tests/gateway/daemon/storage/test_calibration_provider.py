@@ -21,6 +21,7 @@ from gateway.daemon.storage.recording_worker import CalibrationChange, Recording
 from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.recording.segments.recorder import Recorder, RecorderError
 from gateway.recording.segments.segment import CalibrationFiles, calibration_files
+from tests.gateway.conftest import record_content
 from tests.values import present
 
 INFO = DeviceInfo(kind="test", device_id="part-7", unit="counts", odr_hz=100.0, units_per_g=1000.0)
@@ -32,12 +33,12 @@ REST = dict.fromkeys(("complete", "not_clipped", "no_impact", "axes_alive", "qui
 
 
 @pytest.fixture
-def put(tmp_path: Path, record: Callable[..., dict[str, Any]]) -> PutRecord:
+def put(tmp_path: Path) -> PutRecord:
     """Puts a record in force; its id is its name."""
     store = CalibrationStore(tmp_path, INFO.device_id)
 
     def _put(name: str, **changes: Any) -> CalibrationRecord:
-        made = CalibrationRecord.model_validate(record(id=name, **changes))
+        made = CalibrationRecord.model_validate(record_content(id=name, **changes))
         store.add(made)
         store.put_in_force(name, by="ann", reason="", request="request-1", time_utc="2026-01-01T00:00:00Z")
         return made
@@ -113,11 +114,9 @@ def test_a_damaged_older_record_is_reported_and_does_not_affect_the_new_one(
     assert "r0.json" in caplog.text
 
 
-def test_the_factorys_record_is_a_parent_too(
-    provider: CalibrationProvider, put: PutRecord, record: Callable[..., dict[str, Any]]
-) -> None:
+def test_the_factorys_record_is_a_parent_too(provider: CalibrationProvider, put: PutRecord) -> None:
     put("r1", parent="factory-1")
-    info = replace(INFO, factory_calibration=record(id="factory-1"))
+    info = replace(INFO, factory_calibration=record_content(id="factory-1"))
     files = present(provider.files(info, provider.correction(info)))
     assert any(b"Change since the parent record factory-1" in file.data for file in files.files)
 

@@ -24,10 +24,11 @@ from gateway.recording.format.content import RecordingHeader
 from gateway.recording.format.salvage import SalvageReport
 from gateway.recording.segments.compaction import compact, trim
 from gateway.recording.segments.recorder import Recorder
+from tests.gateway.conftest import make_samples
 
 
 @pytest.fixture
-def message(make_samples: Callable[..., Samples]) -> EncodedMessage:
+def message() -> EncodedMessage:
     return encode_message("samples", make_samples(), 1)
 
 
