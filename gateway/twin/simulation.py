@@ -88,7 +88,7 @@ def _prediction(
     values = simulator.values([], predicted)
     _check_bounds(simulator, values)
     start = _initial_state(simulator, predicted, random)
-    known = [spec.parameter for spec in simulator.initial]
+    known = [spec.name for spec in simulator.initial]
     for name, value in initial.items():
         if name not in known:
             raise InputError(

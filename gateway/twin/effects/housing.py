@@ -9,7 +9,7 @@ from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext, RopeGeometry
 from gateway.twin.effects.experiments import LOCK_SLEWING, MEASURE_CLAMP, MEASURE_HOUSING, MEASURE_LEVER_ARM
 from gateway.twin.effects.guess_context import GuessContext, guess_yaw_rate
-from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values, amplitude
+from gateway.twin.effects.parameter import ParameterKind, Symbols, Values, amplitude, shape
 from gateway.twin.effects.sensor import rotate_across
 
 Array = NDArray[np.float64]
@@ -35,15 +35,7 @@ class HousingPosition(Effect):
     length_like = True
     in_every_rig = True
     parameters = (
-        amplitude(
-            "error_m",
-            "m",
-            "e, positive if further from the pivot",
-            (-100.0, 100.0),
-            scale=0.02,
-            typical=1.0,
-            prior_sigma=0.05,
-        ),
+        amplitude("error_m", "m", "e, positive if further from the pivot", (-100.0, 100.0), 1.0, prior_sigma=0.05),
     )
 
     def rope_geometry(self, p: Symbols, context: EvaluationContext, geometry: RopeGeometry) -> RopeGeometry:
@@ -67,10 +59,9 @@ class LeverArm(Effect):
             "m",
             "d, from the rope's line to the accelerometer",
             (-1.0, 1.0),
-            scale=2e-3,
-            typical=(0.03, 0.0),
+            (0.03, 0.0),
+            ("x", "y"),
             limit=0.1,
-            components=("x", "y"),
         ),
     )
 
@@ -91,13 +82,7 @@ class HousingSpin(Effect):
     discriminating_experiment = LOCK_SLEWING
     parameters = (
         amplitude(
-            "rate_deg_s",
-            "°/s",
-            "Ω, right-handed about the housing's z axis",
-            (-60.0, 60.0),
-            scale=0.02,
-            typical=2.0,
-            operator_sigma=0.5,
+            "rate_deg_s", "°/s", "Ω, right-handed about the housing's z axis", (-60.0, 60.0), 2.0, operator_sigma=0.5
         ),
     )
 
@@ -121,9 +106,7 @@ class Slewing(Effect):
     reference = "Coriolis and centrifugal acceleration; the housing turns with the crane; without the radius of a jib"
     enters = "force on the load"
     discriminating_experiment = LOCK_SLEWING
-    parameters = (
-        amplitude("rate_deg_s", "°/s", "Ω, anticlockwise from above", (-30.0, 30.0), scale=0.02, typical=2.0),
-    )
+    parameters = (amplitude("rate_deg_s", "°/s", "Ω, anticlockwise from above", (-30.0, 30.0), 2.0),)
 
     def initial_guesses(self, context: GuessContext) -> list[Values]:
         """Return the rate at which the figure of the swing rotates in the housing's axes."""
@@ -161,10 +144,9 @@ class HousingRocking(Effect):
             "°/g",
             "C, rotation per specific force across the rope, positive for a housing that hangs below its clamp",
             (-40.0, 40.0),
-            scale=0.05,
-            typical=(3.0, 3.0),
+            (3.0, 3.0),
+            ("x", "y"),
             limit=10.0,
-            components=("x", "y"),
         ),
     )
 
@@ -186,27 +168,15 @@ class HousingTorsion(Effect):
     linear_at_neutral = False
     discriminating_experiment = LOCK_SLEWING
     parameters = (
-        Parameter(
-            "frequency_hz",
-            "Hz",
-            "f",
-            lower=1e-3,
-            upper=10.0,
-            neutral=0.1,
-            scale=1e-4,
-            typical=0.1,
-            kind=ParameterKind.FREQUENCY,
-            step_limit=0.01,
-        ),
-        amplitude("damping_ratio", "1", "ζ", (0.0, 0.5), scale=1e-3, typical=0.01, step_limit=0.05),
+        shape("frequency_hz", "Hz", "f", (1e-3, 10.0), 0.1, kind=ParameterKind.FREQUENCY, step_limit=0.01),
+        amplitude("damping_ratio", "1", "ζ", (0.0, 0.5), 0.01, step_limit=0.05),
         amplitude(
             "start_deg",
             "°",
             "ψ and (ψ′ + ζ ω ψ)/ω at the first sample",
             (-180.0, 180.0),
-            scale=0.1,
-            typical=(8.0, 0.0),
-            components=("angle", "rate"),
+            (8.0, 0.0),
+            ("angle", "rate"),
             refitted=True,
             step_limit=10.0,
         ),

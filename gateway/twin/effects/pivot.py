@@ -16,7 +16,7 @@ from gateway.twin.effects.effect import Effect, ModelStructure
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext
 from gateway.twin.effects.experiments import SWING_BOTH_WAYS, SWING_TO_REST
 from gateway.twin.effects.guess_context import GuessContext
-from gateway.twin.effects.parameter import Parameter, Symbols, Values, amplitude
+from gateway.twin.effects.parameter import Symbols, Values, amplitude, shape
 
 Array = NDArray[np.float64]
 TINY = 1e-30
@@ -111,13 +111,10 @@ class PivotCompliance(Effect):
             "m",
             "C, deflection of the pivot under a horizontal force of the load's weight",
             (0.0, 10.0),
-            scale=0.01,
-            typical=(0.15, 0.02),
-            components=("xx", "yy"),
+            (0.15, 0.02),
+            ("xx", "yy"),
         ),
-        amplitude(
-            "coupling_m", "m", "C, deflection toward y under a force toward x", (-10.0, 10.0), scale=0.01, typical=0.02
-        ),
+        amplitude("coupling_m", "m", "C, deflection toward y under a force toward x", (-10.0, 10.0), 0.02),
     )
 
     def initial_guesses(self, context: GuessContext) -> list[Values]:
@@ -148,23 +145,16 @@ class PivotFriction(Effect):
     structure = ModelStructure.PRESLIDING
     parameters = (
         amplitude(
-            "hold_rad",
-            "rad",
-            "ε, largest angle from its rest at which the friction holds the load",
-            (0.0, 0.2),
-            scale=1e-4,
-            typical=5e-4,
+            "hold_rad", "rad", "ε, largest angle from its rest at which the friction holds the load", (0.0, 0.2), 5e-4
         ),
-        Parameter(
+        # The limit is that of a pin of 10 mm that yields by 0.4 mm.
+        shape(
             "presliding_rad",
             "rad",
             "δ, rotation by which the contact yields before it slides",
-            lower=1e-3,
-            upper=0.1,
-            neutral=0.02,
-            scale=1e-3,
-            typical=0.02,
-            limit=0.019,  # a pin of 10 mm that yields by 0.4 mm
+            (1e-3, 0.1),
+            0.02,
+            limit=0.019,
         ),
     )
 

@@ -16,7 +16,16 @@ from numpy.typing import NDArray
 from devices.pendulum.equations import Scalar
 from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import EvaluationContext
-from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Value, Values, amplitude, without_rounding
+from gateway.twin.effects.parameter import (
+    Parameter,
+    ParameterKind,
+    Symbols,
+    Value,
+    Values,
+    amplitude,
+    shape,
+    without_rounding,
+)
 
 HORIZONTAL = ("x", "y")
 AXES = ("x", "y", "z")
@@ -29,15 +38,12 @@ STEPS_PER_PERIOD = 16
 """Integration steps in a period of a periodic coefficient. Basis: a choice; the integration of order six errs by far less than a
 sensor shows."""
 PHASORS = ("sine", "cosine")
-FREQUENCY = Parameter(
+FREQUENCY = shape(
     "frequency_hz",
     "Hz",
     "f",
-    lower=LOWEST_FREQUENCY_HZ,
-    upper=HIGHEST_FREQUENCY_HZ,
-    neutral=0.4,
-    scale=1e-3,
-    typical=0.4,
+    (LOWEST_FREQUENCY_HZ, HIGHEST_FREQUENCY_HZ),
+    0.4,
     kind=ParameterKind.FREQUENCY,
     step_limit=0.01,
 )
@@ -89,9 +95,8 @@ def coefficient(name: str, unit: str, meaning: str, typical: float, components: 
         unit,
         meaning,
         (-LARGEST * typical, LARGEST * typical),
-        scale=typical / 10,
-        typical=tuple(typical for _ in components) if components else typical,
-        components=components,
+        tuple(typical for _ in components) if components else typical,
+        components,
     )
 
 

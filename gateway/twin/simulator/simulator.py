@@ -112,7 +112,7 @@ class Simulator:
         vector = self.neutral()
         vector[: len(initial)] = initial
         for i, spec in enumerate(self.parameters):
-            given = effects.get(spec.effect, {}).get(spec.parameter)
+            given = effects.get(spec.effect, {}).get(spec.name)
             if given is not None:
                 vector[i] = given[spec.component] if isinstance(given, (tuple, list)) else given
         return vector

@@ -184,6 +184,6 @@ class FitContext:
         free |= np.array([each.effect in values for each in simulator.parameters])
         free[HEADING] = False
         for i, parameter in enumerate(simulator.parameters):
-            value = values.get(parameter.effect, {}).get(parameter.parameter)
+            value = values.get(parameter.effect, {}).get(parameter.name)
             free[i] &= not (parameter.kind is ParameterKind.EDGE and value == SHARPEST)
         return free

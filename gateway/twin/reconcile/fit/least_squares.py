@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.effects import EFFECTS
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.simulator.simulator import SegmentBatch, Simulator
 
@@ -105,11 +104,7 @@ def prior_of_parts(simulator: Simulator, centre: Array) -> NormalPrior:
     So wide a prior decides nothing that the data decide; it holds the sums that they do not determine, such as an offset along
     the rope beside a scale error.
     """
-    sigma = np.full(len(simulator.parameters), np.inf)
-    for i, spec in enumerate(simulator.parameters):
-        for parameter in EFFECTS[spec.effect].parameters if spec.effect else ():
-            if parameter.name == spec.parameter:
-                sigma[i] = parameter.limit or parameter.prior_sigma or np.inf
+    sigma = np.array([spec.limit or spec.prior_sigma or np.inf for spec in simulator.parameters])
     return NormalPrior(centre, sigma**-2.0)
 
 

@@ -117,7 +117,7 @@ def _named_effect(name: str, found: SearchOutcome, reaches: Reaches) -> NamedEff
     simulator = found.run.context.setting.simulator(tuple(final.values))
     parameters, stated = {}, found.run.known.model.effects.get(name, {})
     for p in effect.parameters:
-        own = [(spec.effect, spec.parameter) == (name, p.name) for spec in simulator.parameters]
+        own = [(spec.effect, spec.name) == (name, p.name) for spec in simulator.parameters]
         estimate = _estimate(p, values[p.name], below[own], above[own], found.rig)
         parameters[p.name] = replace(estimate, stated=stated.get(p.name))
     return NamedEffect(name, effect.explains, effect.equation, parameters, effect.interval_s(values))

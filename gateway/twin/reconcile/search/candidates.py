@@ -182,7 +182,7 @@ def make_candidate(setting: FitContext, values: EffectValues, fit: Fit) -> Candi
 def _length_limits(simulator: Simulator, fit: Fit, log: Observations) -> Limits:
     """Return the bounds of the fitted corrections of the rope's length by their labels."""
     chosen = [
-        (i, spec) for i, spec in enumerate(simulator.parameters) if fit.free[i] and spec.parameter == LENGTH_CORRECTION
+        (i, spec) for i, spec in enumerate(simulator.parameters) if fit.free[i] and spec.name == LENGTH_CORRECTION
     ]
     if not chosen:
         return NO_LIMITS
