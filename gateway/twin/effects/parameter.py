@@ -46,7 +46,7 @@ class ParameterKind(Enum):
     FREQUENCY = "frequency"
     PHASE = "phase"
     CUTOFF = "cutoff"
-    """A cutoff frequency. It is fitted by its inverse, the lag, in which the samples are nearly linear."""
+    """A cutoff frequency. In the parameter vector it stands by its inverse, a lag, in which the samples are nearly linear."""
 
 
 EVENT_TIME_KINDS = frozenset({ParameterKind.START, ParameterKind.DURATION, ParameterKind.EDGE})

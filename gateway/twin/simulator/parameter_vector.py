@@ -56,10 +56,9 @@ class ParameterSpec(Parameter):
         """Whether the number determines when an event acts, and not how strongly."""
         return self.kind in EVENT_TIME_KINDS
 
-    @property
-    def is_cutoff(self) -> bool:
-        """Whether the number is a cutoff frequency, which is fitted by its inverse."""
-        return self.kind is ParameterKind.CUTOFF
+    def convert(self, number: float) -> float:
+        """Return the number of the vector for one of the parameter, or the other way round: a cutoff stands by its inverse."""
+        return 1 / number if self.kind is ParameterKind.CUTOFF else number
 
 
 @lru_cache
@@ -75,11 +74,16 @@ def initial_state_specs(structure: ModelStructure) -> tuple[ParameterSpec, ...]:
 @lru_cache
 def effect_parameter_specs(effect: Effect, length_m: float) -> tuple[ParameterSpec, ...]:
     """Return the numbers of an effect on a rope of this nominal length."""
-    upper = {p.name: effect.upper_bound(p, length_m) for p in effect.parameters}
-    bounded = [replace(p, upper=upper[p.name], neutral=min(p.neutral, upper[p.name])) for p in effect.parameters]
+    bounded = [_in_vector(p, effect.upper_bound(p, length_m)) for p in effect.parameters]
     return tuple(
         ParameterSpec(**_fields_of(p), effect=effect.name, component=i) for p in bounded for i in range(p.size)
     )
+
+
+def _in_vector(p: Parameter, upper: float) -> Parameter:
+    if p.kind is ParameterKind.CUTOFF:
+        return replace(p, lower=1 / upper, upper=1 / p.lower, neutral=1 / min(p.neutral, upper))
+    return replace(p, upper=upper, neutral=min(p.neutral, upper))
 
 
 def _fields_of(parameter: Parameter) -> dict[str, Any]:

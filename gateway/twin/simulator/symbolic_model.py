@@ -17,7 +17,7 @@ from gateway.twin.effects.evaluation_context import (
     Rigging,
     RopeGeometry,
 )
-from gateway.twin.effects.parameter import Symbols
+from gateway.twin.effects.parameter import ParameterKind, Symbols
 from gateway.twin.simulator.state import (
     Expression,
     HousingOnBentRope,
@@ -58,7 +58,8 @@ class SymbolicModel:
             for parameter in effect.parameters:
                 symbol = ca.SX.sym(f"{effect.name}.{parameter.name}", parameter.size)
                 symbols.append(symbol)
-                named[parameter.name] = tuple(ca.vertsplit(symbol)) if parameter.components else symbol
+                given = 1 / symbol if parameter.kind is ParameterKind.CUTOFF else symbol
+                named[parameter.name] = tuple(ca.vertsplit(given)) if parameter.components else given
             by_effect[effect.name] = named
         return ca.vertcat(*symbols), by_effect
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.simulator.simulator import SegmentBatch, Simulator
+from gateway.twin.simulator.simulator import Simulator
 
 Array = NDArray[np.float64]
 FIT_ITERATIONS = 8
@@ -108,60 +108,6 @@ def prior_of_parts(simulator: Simulator, centre: Array) -> NormalPrior:
     return NormalPrior(centre, sigma**-2.0)
 
 
-class FittedSimulator:
-    """A simulator in the coordinates of a fit: free cutoff frequencies by their inverse, a delay.
-
-    The initial state compensates for a delay in proportion, so that a fit of it converges in fewer steps.
-    """
-
-    def __init__(self, simulator: Simulator, free: NDArray[np.bool_], limits: Limits = NO_LIMITS) -> None:
-        """`free`: which values are fitted, shape (values,); `limits` replace the bounds of effect values."""
-        self.simulator = simulator
-        parameters = simulator.parameters
-        is_cutoff = free & np.array([parameter.is_cutoff for parameter in parameters])
-        bounds = [limits.get(each.label, (each.lower, each.upper)) for each in parameters]
-        self.lower, self.upper = np.array(bounds, dtype=np.float64).T
-        """Bounds of all values, shape (values,) each."""
-        self.lower[is_cutoff], self.upper[is_cutoff] = 1 / self.upper[is_cutoff], 1 / self.lower[is_cutoff]
-        self.step_limit = np.array([parameter.step_limit for parameter in parameters])
-        """Largest step of each value, shape (values,)."""
-        self._is_cutoff = is_cutoff[simulator.n_initial_states :]
-
-    def to_fitted(self, effect_values: Array) -> Array:
-        """Return the coordinates of the fit for effect values (k,), and these for those."""
-        converted = effect_values.copy()
-        converted[self._is_cutoff] = 1 / effect_values[self._is_cutoff]
-        return converted
-
-    def physical_by_fitted(self, fitted: Array) -> Array:
-        """Return the derivatives of the effect values by the coordinates of the fit, shape (k,): -f^2 for a cutoff f."""
-        return np.where(self._is_cutoff, -1 / np.where(self._is_cutoff, fitted, 1.0) ** 2, 1.0)
-
-    def predict(self, initial_state: Array, fitted: Array, time_s: Array, temperature_c: Array | None = None) -> Array:
-        """Return the samples in g, shape (n, 3), as `Simulator.predict` does."""
-        return self.simulator.predict(np.concatenate([initial_state, self.to_fitted(fitted)]), time_s, temperature_c)
-
-    def linearise_segments(
-        self,
-        initial_states: Array,
-        fitted: Array,
-        time_s: Array,
-        first_samples: Sequence[int],
-        temperature_c: Array | None = None,
-    ) -> SegmentBatch:
-        """Return what `Simulator.linearise_segments` does, with derivatives by the coordinates of the fit."""
-        effects, by_fitted = self.to_fitted(fitted), self.physical_by_fitted(fitted)
-        batch = self.simulator.linearise_segments(initial_states, effects, time_s, first_samples, temperature_c)
-        force_by, ends_by = batch.force_by_effects * by_fitted, batch.ends_by_effects * by_fitted
-        return replace(batch, force_by_effects=force_by, ends_by_effects=ends_by)
-
-    def jacobian_by_physical(self, jacobian: Array, fitted: Array) -> Array:
-        """Return a Jacobian (..., values) by the initial state and the effect values."""
-        by_values = jacobian.copy()
-        by_values[..., self.simulator.n_initial_states :] /= self.physical_by_fitted(fitted)
-        return by_values
-
-
 @dataclass(frozen=True, slots=True)
 class Fit:
     """A model fitted to observations."""
@@ -203,7 +149,14 @@ class FitProblem:
     """Called before each simulation."""
     limits: Limits = field(default_factory=dict)
     parts: NormalPrior | None = None
-    """What parts and mounts usually have, where it holds the effect values that have no change of coordinates."""
+    """What parts and mounts usually have, where it holds the effect values."""
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds of all values, shape (values,) each."""
+        bounds = [self.limits.get(each.label, (each.lower, each.upper)) for each in self.simulator.parameters]
+        lower, upper = np.array(bounds, dtype=np.float64).T
+        return lower, upper
 
     @property
     def as_one_segment(self) -> "FitProblem":

@@ -20,7 +20,6 @@ from gateway.twin.reconcile.fit.least_squares import (
     LARGE_SWING_ITERATIONS,
     Fit,
     FitProblem,
-    FittedSimulator,
     NormalEquations,
     NormalPrior,
 )
@@ -125,10 +124,10 @@ def fit_model(
     simulator, free = problem.simulator, problem.free
     if problem.observations.has_large_amplitude:
         iterations = max(iterations, LARGE_SWING_ITERATIONS)
-    shooting = _Shooting(problem, FittedSimulator(simulator, free, problem.limits), problem.prior())
+    shooting = _Shooting(problem, problem.prior())
     event_times = np.array([parameter.is_event_time for parameter in simulator.parameters])
     settling = SETTLING_ITERATIONS if (event_times & free).any() else 0
-    current = shooting.linearise(initial_states, shooting.simulator.to_fitted(effect_values), problem.first_samples)
+    current = shooting.linearise(initial_states, effect_values, problem.first_samples)
     level, was_small = INITIAL_DAMPING_LEVEL, False
     for remaining in range(settling + iterations, 0, -1):
         all_free = remaining <= iterations
@@ -156,7 +155,7 @@ class _Iterate:
     initial_states: Array
     """Shape (segments, states)."""
     effect_values: Array
-    """In the coordinates of the fit, shape (k,)."""
+    """Shape (k,)."""
     first_samples: Sequence[int]
     system: CondensedSystem
     chi2: float
@@ -212,10 +211,9 @@ class _Step:
 
 @dataclass(frozen=True, slots=True)
 class _Shooting:
-    """A problem in the coordinates of its fit."""
+    """A problem with its prior."""
 
     problem: FitProblem
-    simulator: FittedSimulator
     prior: NormalPrior
 
     @property
@@ -225,7 +223,7 @@ class _Shooting:
     def linearise(self, initial_states: Array, effect_values: Array, first_samples: Sequence[int]) -> _Iterate:
         """Return an iterate. Raises `IntegrationError` where it cannot be simulated, or diverges."""
         o = self.observations
-        batch = self.simulator.linearise_segments(
+        batch = self.problem.simulator.linearise_segments(
             initial_states, effect_values, o.time_s, first_samples, o.temperature_c
         )
         if not batch.is_finite:
@@ -238,8 +236,10 @@ class _Shooting:
         """Return a step of the free values, with the least damping from this level on that improves; None where none does."""
         equations = NormalEquations.from_jacobian(current.system.jacobian, current.system.residual)
         equations = equations.with_prior(self.prior.precision, self.prior.pull(current.values))
-        smallest = np.maximum(self.simulator.lower - current.values, -self.simulator.step_limit)
-        largest = np.minimum(self.simulator.upper - current.values, self.simulator.step_limit)
+        lower, upper = self.problem.bounds
+        step_limit = np.array([each.step_limit for each in self.problem.simulator.parameters])
+        smallest = np.maximum(lower - current.values, -step_limit)
+        largest = np.minimum(upper - current.values, step_limit)
         for level in range(damping_level, len(DAMPING_FACTORS)):
             self.problem.tick()
             after = self._after(current, equations.bounded_step(free, smallest, largest, DAMPING_FACTORS[level]))
@@ -264,17 +264,16 @@ class _Shooting:
 
     def _simulate(self, initial_state: Array, effect_values: Array) -> Array:
         o = self.observations
-        return self.simulator.predict(initial_state, effect_values, o.time_s, o.temperature_c)
+        values = np.concatenate([initial_state, effect_values])
+        return self.problem.simulator.predict(values, o.time_s, o.temperature_c)
 
     def result(self, current: _Iterate) -> Fit:
         """Return the fit as one trajectory from the first initial state."""
         force_g = self._simulate(current.initial_states[0], current.effect_values)
-        values = np.concatenate([current.initial_states[0], self.simulator.to_fitted(current.effect_values)])
-        jacobian = self.simulator.jacobian_by_physical(current.system.jacobian, current.effect_values)
-        free, names = self.problem.free, self.problem.simulator.effect_names
+        free, jacobian, names = self.problem.free, current.system.jacobian, self.problem.simulator.effect_names
         flat = jacobian[..., free].reshape(-1, int(free.sum()))
         normal = flat.T @ flat + np.diag(self.prior.precision[free])
-        return Fit(names, values, free, force_g, self.observations.chi2(force_g), normal, jacobian)
+        return Fit(names, current.values, free, force_g, self.observations.chi2(force_g), normal, jacobian)
 
 
 def _improves(before: _Iterate, after: _Iterate) -> bool:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from gateway.numerics.stats import NORMAL_975
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.parameter import Parameter, Value, excess, limit_of, rests_at_edge
+from gateway.twin.effects.parameter import Parameter, ParameterKind, Value, excess, limit_of, rests_at_edge
 from gateway.twin.effects.sensor_output import SampleLoss
 from gateway.twin.effects.term_library import TERMS
 from gateway.twin.model import Model, TwinRig
@@ -118,7 +118,9 @@ def _named_effect(name: str, found: SearchOutcome, reaches: Reaches) -> NamedEff
     parameters, stated = {}, found.run.known.model.effects.get(name, {})
     for p in effect.parameters:
         own = [(spec.effect, spec.name) == (name, p.name) for spec in simulator.parameters]
-        estimate = _estimate(p, values[p.name], below[own], above[own], found.rig)
+        # A cutoff is fitted by its inverse.
+        scale = np.square(values[p.name]) if p.kind is ParameterKind.CUTOFF else 1.0
+        estimate = _estimate(p, values[p.name], scale * below[own], scale * above[own], found.rig)
         parameters[p.name] = replace(estimate, stated=stated.get(p.name))
     return NamedEffect(name, effect.explains, effect.equation, parameters, effect.interval_s(values))
 
