@@ -188,13 +188,14 @@ def vibration_values(frequency_hz: float, phasors: NDArray[np.complex128]) -> Va
 
     a sin(angle + phase - lag) is Re(c exp(i angle)) with c = a exp(i (phase - lag))/i.
     """
-    phase, *others = (float(p) for p in _wrap_angle(np.angle(phasors) + np.pi / 2))
-    lags = tuple(float(lag) for lag in _wrap_angle(phase - np.array(others)))
+    phase, *others = (float(p) for p in wrap_angle(np.angle(phasors) + np.pi / 2))
+    lags = tuple(float(lag) for lag in wrap_angle(phase - np.array(others)))
     amplitudes = tuple(float(a) for a in np.abs(phasors))
     return {"frequency_hz": frequency_hz, "amplitude_g": amplitudes, "lag_rad": lags, "phase_rad": phase}
 
 
-def _wrap_angle(angle_rad: Array) -> Array:
+def wrap_angle(angle_rad: Array) -> Array:
+    """Return angles from -pi to pi."""
     found: Array = (angle_rad + np.pi) % (2 * np.pi) - np.pi
     return found
 

@@ -7,7 +7,7 @@ from devices.pendulum.equations import Scalar, Vector
 from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import EvaluationContext
 from gateway.twin.effects.experiments import MEASURE_HOUSING, TURN_HOUSING
-from gateway.twin.effects.guess_context import GuessContext, guess_vibration
+from gateway.twin.effects.guess_context import GuessContext, guess_vibration, wrap_angle
 from gateway.twin.effects.parameter import ParameterKind, Symbols, Values, amplitude, shape
 
 AXES = ("x", "y", "z")
@@ -187,6 +187,11 @@ class Vibration(Effect):
     def initial_guesses(self, context: GuessContext) -> list[Values]:
         """Return the strongest line above the pendulum's frequencies, if it is no overtone."""
         return guess_vibration(context)
+
+    def shift_start(self, values: Values, by_s: float) -> Values:
+        """Return the same sine counted from a later first sample."""
+        frequency_hz, phase_rad = (float(np.asarray(values[key])) for key in ("frequency_hz", "phase_rad"))
+        return {**values, "phase_rad": float(wrap_angle(np.asarray(phase_rad + 2 * np.pi * frequency_hz * by_s)))}
 
     def reading_g(self, p: Symbols, context: EvaluationContext, reading: Vector) -> Vector:
         """Add a sine with the amplitude and phase of each axis."""

@@ -1,7 +1,8 @@
 """The symbolic model: the equations of motion and of the sensor, assembled from effects."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any
 
 import casadi as ca
@@ -82,7 +83,8 @@ class SymbolicModel:
         rate = State(state.n_rate, kinematics.n_acceleration, x_axis_rate, state.m_rate, second)
         rate = replace(rate, stretch=state.stretch_rate, stretch_rate=kinematics.stretch_acceleration)
         if self.structure is ModelStructure.PRESLIDING:
-            rate = replace(rate, presliding=self._presliding_rate(self._load(state, kinematics.geometry)))
+            load = self._load(state, kinematics.geometry)
+            rate = replace(rate, presliding=self._sum(lambda effect, p: effect.presliding_rate_rad_s(p, load)))
         if self.structure is ModelStructure.HEAVY_ROPE:
             turning = self._housing_on_bent_rope(state, kinematics).turning_rad_s
             x_axis_rate = eq.add(x_axis_rate, eq.scale(turning, eq.cross(state.n, state.x_axis)))
@@ -118,9 +120,11 @@ class SymbolicModel:
 
     def _kinematics(self, state: State, context: EvaluationContext) -> Kinematics:
         context = replace(context, stretch=(state.stretch, state.stretch_rate, 0.0))
-        geometry, pivot = self._rope_geometry(context), self._pivot_acceleration(context)
+        geometry = self._rope_geometry(context)
+        pivot = self._sum(lambda effect, p: effect.pivot_acceleration_m_s2(p, context))
         hook = eq.add((0.0, 0.0, -self.rig.gravity_m_s2), eq.scale(-1, pivot))
-        load = eq.add(hook, self._force(context, self._load(state, geometry)))
+        body = self._load(state, geometry)
+        load = eq.add(hook, self._sum(lambda effect, p: effect.force_m_s2(p, context, body)))
         n_acceleration, second = self._accelerations(state, geometry, hook, load)
         compliance = self._pivot_compliance()
         if compliance is not None:
@@ -190,23 +194,8 @@ class SymbolicModel:
         found = (effect.pivot_compliance_m(p) for effect, p in self.active_effects())
         return next((compliance for compliance in found if compliance is not None), None)
 
-    def _pivot_acceleration(self, context: EvaluationContext) -> Vector:
-        acceleration = ZERO_VECTOR
-        for effect, p in self.active_effects():
-            acceleration = eq.add(acceleration, effect.pivot_acceleration_m_s2(p, context))
-        return acceleration
-
-    def _presliding_rate(self, load: BodyState) -> Vector:
-        rate = ZERO_VECTOR
-        for effect, p in self.active_effects():
-            rate = eq.add(rate, effect.presliding_rate_rad_s(p, load))
-        return rate
-
-    def _force(self, context: EvaluationContext, load: BodyState) -> Vector:
-        force = ZERO_VECTOR
-        for effect, p in self.active_effects():
-            force = eq.add(force, effect.force_m_s2(p, context, load))
-        return force
+    def _sum(self, of: Callable[[Effect, Symbols], Vector]) -> Vector:
+        return reduce(eq.add, (of(effect, p) for effect, p in self.active_effects()), ZERO_VECTOR)
 
     def _load(self, state: State, geometry: RopeGeometry) -> BodyState:
         position, velocity = on_straight_rope(state, geometry.length)
@@ -223,10 +212,7 @@ class SymbolicModel:
 
     def _fictitious_acceleration(self, state: State, context: EvaluationContext, geometry: RopeGeometry) -> Vector:
         housing = BodyState(*on_straight_rope(state, geometry.position), self._small_swing_rate_1_s)
-        acceleration = ZERO_VECTOR
-        for effect, p in self.active_effects():
-            acceleration = eq.add(acceleration, effect.fictitious_acceleration_m_s2(p, context, housing))
-        return acceleration
+        return self._sum(lambda effect, p: effect.fictitious_acceleration_m_s2(p, context, housing))
 
     # the sensor's chain
 

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.guess_context import EventWindow
-from gateway.twin.effects.sensor import Vibration
-from gateway.twin.model import EffectValues
+from gateway.twin.model import EffectValues, shift_start
 from gateway.twin.reconcile.data.observations import Observations, slice_samples
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.least_squares import SCREENING_ITERATIONS, Fit, solve_damped
@@ -262,22 +261,12 @@ class _SuffixFit:
         """Fit the suffix from this sample on, and keep the fit if it is one trajectory."""
         log = slice_samples(self.context.log, first, len(self.context.log.time_s))
         start_s = float(self.context.log.time_s[first])
-        model_effects = _shift_phase(self.context.model_effects, start_s)
+        model_effects = shift_start(self.context.model_effects, start_s)
         sliced = replace(self.context, model_effects=model_effects, log=log)
-        fit = fit_single_trajectory(sliced, _shift_phase(self.values, start_s))
+        fit = fit_single_trajectory(sliced, shift_start(self.values, start_s))
         if fit is None:
             return False
         fitted = sliced.simulator(tuple(self.values)).effects(fit.values)
-        self.values = _shift_phase({name: fitted[name] for name in self.values}, -start_s)
+        self.values = shift_start({name: fitted[name] for name in self.values}, -start_s)
         self.chi2 = fit.chi2
         return True
-
-
-def _shift_phase(values: EffectValues, by_s: float) -> EffectValues:
-    """Return the effects with a vibration's phase for a recording that starts later."""
-    if Vibration.name not in values:
-        return values
-    vibration = values[Vibration.name]
-    rate_1_s = 2 * np.pi * float(np.asarray(vibration["frequency_hz"]))
-    phase_rad = float(np.asarray(vibration["phase_rad"])) + rate_1_s * by_s
-    return {**values, Vibration.name: {**vibration, "phase_rad": (phase_rad + np.pi) % (2 * np.pi) - np.pi}}

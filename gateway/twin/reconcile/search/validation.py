@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.numerics.spectrum import fit_sine_phasors
-from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.guess_context import wrap_angle
 from gateway.twin.effects.parameter import Values
 from gateway.twin.effects.sensor import Vibration
-from gateway.twin.model import EffectValues, TwinRig
+from gateway.twin.model import EffectValues, TwinRig, shift_start
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import is_world_directed, refitted_parameters, segment_bounds
 from gateway.twin.reconcile.fit.initial_conditions import rotate_about_vertical, segment_initial_conditions
@@ -62,7 +62,7 @@ def evaluate_on_validation(
 
     Times of events are shifted where the recording is a slice of another. Parameters with `limits` are fitted between them.
     """
-    values = {name: EFFECTS[name].shift_start(parameters, held_out.offset_s) for name, parameters in values.items()}
+    values = shift_start(values, held_out.offset_s)
     if Vibration.name in values:
         phase_rad = _estimate_phase_rad(values[Vibration.name], held_out)
         values = {**values, Vibration.name: {**values[Vibration.name], "phase_rad": phase_rad}}
@@ -119,7 +119,7 @@ def _estimate_phase_rad(vibration: Values, held_out: Observations) -> float:
     phasors = fit_sine_phasors(held_out.time_s[1:-1], -second_difference_g, frequency_hz)
     lags_rad = np.concatenate([[0.0], np.atleast_1d(vibration.get("lag_rad", (0.0, 0.0)))])
     angle_rad = np.angle((phasors * np.exp(1j * lags_rad) * np.asarray(vibration["amplitude_g"])).sum()) + np.pi / 2
-    return float((angle_rad + np.pi) % (2 * np.pi) - np.pi)
+    return float(wrap_angle(angle_rad))
 
 
 def block_bootstrap_gain(
