@@ -18,8 +18,8 @@ from gateway.twin.effects.housing import HousingPosition
 from gateway.twin.effects.parameter import Parameter, ParameterKind, Value
 from gateway.twin.experiment_design.experiment import INPUTS, Experiment, Run
 from gateway.twin.model import EffectValues, TwinRig
-from gateway.twin.reconcile.search.signatures import orthonormal
-from gateway.twin.simulation import DEFAULT_RATE_HZ
+from gateway.twin.reconcile.search.signatures import orthonormal, project_out
+from gateway.twin.simulation import DEFAULT_RATE_HZ, released_state
 from gateway.twin.simulator.parameter_vector import ParameterSpec
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING, RIGGING_RATES, RIGGING_TILTS, ROPE_RATES, ROPE_TILTS
@@ -129,7 +129,7 @@ def residual_after_projection(columns: Array, nuisances: Array, information: Arr
     """
     basis = orthonormal(np.concatenate([nuisances, np.diag(information)]))
     extended = np.concatenate([columns, np.zeros((len(information), columns.shape[1]))])
-    residual: Array = extended - basis @ (basis.T @ extended)
+    residual = project_out(basis, extended)
     residual[:, np.linalg.norm(residual, axis=0) < ROUNDING * np.linalg.norm(extended, axis=0)] = 0.0
     return residual
 
@@ -184,15 +184,12 @@ def _linearise_run(
 
 
 def initial_state_of(run: Run, rig: TwinRig, structure: ModelStructure) -> Array:
-    """Return the initial state of a load that is released between the housing's axes, with some speed across; shape (z,).
+    """Return the initial state of a load that is released between the housing's axes, with some speed across it; shape (z,).
 
     Rigging is released in line with the rope.
     """
-    amplitude_rad = math.radians(run.amplitude_deg)
-    along = np.array([math.cos(RELEASE_AZIMUTH_RAD), math.sin(RELEASE_AZIMUTH_RAD)])
-    rate = run.axis_ratio * rig.small_swing_rate_1_s * amplitude_rad * along[::-1] * [-1, 1]
-    start = np.zeros(structure.n_initial_states)
-    start[ROPE_TILTS], start[ROPE_RATES], start[HEADING] = amplitude_rad * along, rate, math.radians(run.heading_deg)
+    start = released_state(rig, structure, math.radians(run.amplitude_deg), run.axis_ratio, RELEASE_AZIMUTH_RAD)
+    start[HEADING] = math.radians(run.heading_deg)
     if structure is ModelStructure.RIGGING:
         start[RIGGING_TILTS], start[RIGGING_RATES] = start[ROPE_TILTS], start[ROPE_RATES]
     return start
