@@ -3,7 +3,7 @@
 check_recording -> split_recordings -> detect_in_samples -> take_means
   -> search: nominal model, baseline, persistent effects, once more at true times where samples were lost,
              single effects and pairs, growth
-  -> fit_usual_causes, where a residual is left -> replace_implausible
+  -> replace_implausible
   -> rank_candidates -> gather_evidence -> decide -> describe_result, with a law where something is left
 """
 
@@ -35,7 +35,6 @@ from gateway.twin.reconcile.output.result import AVERAGED, Reconciliation
 from gateway.twin.reconcile.output.result_builder import build_result, unusable_result
 from gateway.twin.reconcile.search.ambiguity import (
     contributions,
-    fit_usual_causes,
     is_beyond_parts,
     replace_implausible,
 )
@@ -106,9 +105,6 @@ def _reconcile(
         return unusable_result(known.model, log, "the nominal model cannot be fitted")
     tick("validation")
     table, best = run.table, run.best
-    if best.has_unexplained_residual and not run.context.setting.crane_inputs:
-        tick("usual causes")
-        table, best = fit_usual_causes(table.start_round(), run.context, best, run.validator)
     table, best = replace_implausible(table.start_round(), run.context, run.validator, best)
     run = replace(run, table=table.start_round(), best=best)
     outcome = _decide(run, random)

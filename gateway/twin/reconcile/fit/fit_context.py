@@ -18,7 +18,7 @@ from gateway.twin.reconcile.fit.initial_conditions import (
     segment_initial_conditions,
 )
 from gateway.twin.reconcile.fit.initial_states import window_bounds
-from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, Fit, FitProblem, prior_of_parts
+from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, Fit, FitProblem
 from gateway.twin.reconcile.fit.multiple_shooting import SEGMENT_S, fit_model, uniform_segments
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 from gateway.twin.simulator.simulator import Simulator
@@ -119,16 +119,9 @@ class FitContext:
         initial_states: Array | None = None,
         iterations: int = FIT_ITERATIONS,
         give_up_above: float = np.inf,
-        *,
-        held_by_parts: bool = False,
     ) -> Fit:
-        """Fit initial conditions and all effects in `values`, from these values; the model's other effects keep theirs.
-
-        `held_by_parts`: under the prior of what parts and mounts usually have, for sets that the samples alone do not determine.
-        """
+        """Fit initial conditions and all effects in `values`, from these values; the model's other effects keep theirs."""
         problem = self.problem(values)
-        if held_by_parts:
-            problem = replace(problem, parts=prior_of_parts(problem.simulator, self.nominal_values(problem.simulator)))
         simulator, first_samples = problem.simulator, problem.first_samples
         effect_values = self.effect_values(simulator, values)
         if initial_states is None or initial_states.shape != (len(first_samples), simulator.n_initial_states):
@@ -169,11 +162,6 @@ class FitContext:
     def effect_values(self, simulator: Simulator, values: EffectValues) -> Array:
         """Return the simulator's effect values (k,) for these effects and the model's own."""
         return simulator.values([], {**self.model_effects, **values})[simulator.n_initial_states :]
-
-    def nominal_values(self, simulator: Simulator) -> Array:
-        """Return the simulator's values (values,) where nothing is missing: as the rig states them, else neutral."""
-        stated = {name: each for name, each in self.model_effects.items() if name in simulator.effect_names}
-        return simulator.values([], stated)
 
     def free_parameters(self, simulator: Simulator, values: EffectValues) -> NDArray[np.bool_]:
         """Return which values are fitted: initial conditions without the heading, phases, and the effects in `values`.

@@ -1,4 +1,4 @@
-"""What every fit is made of: damped steps inside bounds (Levenberg 1944, Marquardt 1963), coordinates, prior and result."""
+"""What every fit is made of: damped steps inside bounds (Levenberg 1944, Marquardt 1963), and the result."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -49,10 +49,6 @@ class NormalEquations:
         flat = jacobian.reshape(-1, jacobian.shape[-1])
         return cls(flat.T @ flat, flat.T @ residual.ravel())
 
-    def with_prior(self, precision: Array, pull: Array) -> "NormalEquations":
-        """Return the equations with a prior of this precision (k,), which pulls the values (k,)."""
-        return NormalEquations(self.normal + np.diag(precision), self.gradient + pull)
-
     def step(self, free: NDArray[np.bool_], damping: float, held: Array | None = None) -> Array:
         """Return a damped step of the free values, shape (k,); the others take the step `held` (k,), zero by default."""
         step = np.zeros(len(free)) if held is None else held.copy()
@@ -78,37 +74,6 @@ class NormalEquations:
 
 
 @dataclass(frozen=True, slots=True)
-class NormalPrior:
-    """Independent normal distributions of the values of a simulator."""
-
-    centre: Array
-    """Shape (values,)."""
-    precision: Array
-    """One over the variance, 0 where nothing is known, shape (values,)."""
-
-    def chi2(self, values: Array) -> float:
-        """Return the sum of the squared deviations of values (values,) in standard deviations."""
-        return float((self.precision * (values - self.centre) ** 2).sum())
-
-    def pull(self, values: Array) -> Array:
-        """Return half of the negative gradient of `chi2`, shape (values,)."""
-        pull: Array = self.precision * (self.centre - values)
-        return pull
-
-
-def prior_of_parts(simulator: Simulator, centre: Array) -> NormalPrior:
-    """Return the prior by the usual limits of parts and mounts, and of the rig's lengths, each as one standard deviation.
-
-    `centre` (values,) is what the rig states.
-
-    So wide a prior decides nothing that the data decide; it holds the sums that they do not determine, such as an offset along
-    the rope beside a scale error.
-    """
-    sigma = np.array([spec.limit or spec.prior_sigma or np.inf for spec in simulator.parameters])
-    return NormalPrior(centre, sigma**-2.0)
-
-
-@dataclass(frozen=True, slots=True)
 class Fit:
     """A model fitted to observations."""
 
@@ -123,7 +88,7 @@ class Fit:
     chi2: float
     """Sum over the samples that count."""
     normal: Array
-    """Normal matrix of the free values, J^T J with the precision of a prior."""
+    """Normal matrix of the free values, J^T J."""
     jacobian: Array
     """Derivatives of the simulation by all values, in sigma, shape (n, 3, values); of the last linearisation."""
 
@@ -148,8 +113,6 @@ class FitProblem:
     tick: Callable[[], None] = lambda: None
     """Called before each simulation."""
     limits: Limits = field(default_factory=dict)
-    parts: NormalPrior | None = None
-    """What parts and mounts usually have, where it holds the effect values."""
 
     @property
     def bounds(self) -> tuple[Array, Array]:
@@ -162,8 +125,3 @@ class FitProblem:
     def as_one_segment(self) -> "FitProblem":
         """The same without segments."""
         return replace(self, first_samples=(0,))
-
-    def prior(self) -> NormalPrior:
-        """Return what is known of the values beforehand."""
-        nothing = np.zeros(len(self.free))
-        return NormalPrior(nothing, nothing) if self.parts is None else self.parts

@@ -21,7 +21,6 @@ from gateway.twin.reconcile.fit.least_squares import (
     Fit,
     FitProblem,
     NormalEquations,
-    NormalPrior,
 )
 from gateway.twin.simulator.compiled_model import IntegrationError
 from gateway.twin.simulator.simulator import SegmentBatch
@@ -124,7 +123,7 @@ def fit_model(
     simulator, free = problem.simulator, problem.free
     if problem.observations.has_large_amplitude:
         iterations = max(iterations, LARGE_SWING_ITERATIONS)
-    shooting = _Shooting(problem, problem.prior())
+    shooting = _Shooting(problem)
     event_times = np.array([parameter.is_event_time for parameter in simulator.parameters])
     settling = SETTLING_ITERATIONS if (event_times & free).any() else 0
     current = shooting.linearise(initial_states, effect_values, problem.first_samples)
@@ -159,7 +158,6 @@ class _Iterate:
     first_samples: Sequence[int]
     system: CondensedSystem
     chi2: float
-    """Of the residual and of the prior."""
 
     @property
     def values(self) -> Array:
@@ -211,10 +209,9 @@ class _Step:
 
 @dataclass(frozen=True, slots=True)
 class _Shooting:
-    """A problem with its prior."""
+    """The steps of a fit."""
 
     problem: FitProblem
-    prior: NormalPrior
 
     @property
     def observations(self) -> Observations:
@@ -229,13 +226,11 @@ class _Shooting:
         if not batch.is_finite:
             raise IntegrationError("the trajectory diverges from these values")
         system = condense(batch, o, initial_states, first_samples)
-        values = np.concatenate([initial_states[0], effect_values])
-        return _Iterate(initial_states, effect_values, first_samples, system, system.chi2 + self.prior.chi2(values))
+        return _Iterate(initial_states, effect_values, first_samples, system, system.chi2)
 
     def step(self, current: _Iterate, free: NDArray[np.bool_], damping_level: int) -> _Step | None:
         """Return a step of the free values, with the least damping from this level on that improves; None where none does."""
         equations = NormalEquations.from_jacobian(current.system.jacobian, current.system.residual)
-        equations = equations.with_prior(self.prior.precision, self.prior.pull(current.values))
         lower, upper = self.problem.bounds
         step_limit = np.array([each.step_limit for each in self.problem.simulator.parameters])
         smallest = np.maximum(lower - current.values, -step_limit)
@@ -255,8 +250,7 @@ class _Shooting:
             # With one segment a prediction, several times quicker than a linearisation, already shows chi-square.
             if len(initial_states) == 1:
                 force_g = self._simulate(initial_states[0], effect_values)
-                values = np.concatenate([initial_states[0], effect_values])
-                if self.observations.chi2(force_g) + self.prior.chi2(values) >= current.chi2:
+                if self.observations.chi2(force_g) >= current.chi2:
                     return None
             return self.linearise(initial_states, effect_values, current.first_samples)
         except IntegrationError:
@@ -272,8 +266,7 @@ class _Shooting:
         force_g = self._simulate(current.initial_states[0], current.effect_values)
         free, jacobian, names = self.problem.free, current.system.jacobian, self.problem.simulator.effect_names
         flat = jacobian[..., free].reshape(-1, int(free.sum()))
-        normal = flat.T @ flat + np.diag(self.prior.precision[free])
-        return Fit(names, current.values, free, force_g, self.observations.chi2(force_g), normal, jacobian)
+        return Fit(names, current.values, free, force_g, self.observations.chi2(force_g), flat.T @ flat, jacobian)
 
 
 def _improves(before: _Iterate, after: _Iterate) -> bool:

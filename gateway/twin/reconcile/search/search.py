@@ -107,9 +107,7 @@ def _fit_rivals_with_swapped(
     return table
 
 
-def eliminate(
-    table: CandidateTable, context: SearchContext, best: CandidateFit, *, held_by_parts: bool = False
-) -> tuple[CandidateTable, CandidateFit]:
+def eliminate(table: CandidateTable, context: SearchContext, best: CandidateFit) -> tuple[CandidateTable, CandidateFit]:
     """Remove effects whose absence costs no significant chi-square, one at a time."""
     give_up_above = max(table.give_up_above, _settled_chi2(table, context, best))
     shorter = [
@@ -117,7 +115,6 @@ def eliminate(
             best.without(name),
             iterations=REFINE_ITERATIONS,
             give_up_above=give_up_above,
-            held_by_parts=held_by_parts,
         )
         for name in sorted(each for each in best.names if not EFFECTS[each].detected_in_samples)
     ]
@@ -128,7 +125,7 @@ def eliminate(
 
     table = context.fit_in_turn(table, shorter, lambda now, _: sufficient(now) is None)
     fewer = sufficient(table)
-    return (table, best) if fewer is None else eliminate(table, context, fewer, held_by_parts=held_by_parts)
+    return (table, best) if fewer is None else eliminate(table, context, fewer)
 
 
 def _settled_chi2(table: CandidateTable, context: SearchContext, best: CandidateFit) -> float:
