@@ -18,15 +18,13 @@ from gateway.twin.reconcile.fit.initial_conditions import (
     segment_initial_conditions,
 )
 from gateway.twin.reconcile.fit.initial_states import window_bounds
-from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, Fit, FitProblem
+from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, SCREENING_ITERATIONS, Fit, FitProblem
 from gateway.twin.reconcile.fit.multiple_shooting import SEGMENT_S, fit_model, uniform_segments
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
-FIRST_PART_ITERATIONS = 5
-"""Iterations of a fit to the first part of the log; chi-square has then settled enough to rank guesses."""
 SEGMENT_PERIODS = 6.5
 """Longest segment of a short rope, in periods: a rope that is wrong by 3 % shifts the phase by a tenth of a turn over it."""
 FIRST_PART_S = 40.0
@@ -150,7 +148,7 @@ class FitContext:
         fits = []
         for values in guesses:
             try:
-                fits.append(first_part.fit(values, iterations=FIRST_PART_ITERATIONS))
+                fits.append(first_part.fit(values, iterations=SCREENING_ITERATIONS))
             except INTEGRATION_FAILURES:
                 continue
         if not fits:

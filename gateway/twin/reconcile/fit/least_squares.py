@@ -12,10 +12,10 @@ from gateway.twin.simulator.simulator import Simulator
 Array = NDArray[np.float64]
 FIT_ITERATIONS = 8
 """Iterations of most fits; nearly all converge earlier."""
-REFINEMENT_ITERATIONS = 3
-"""Iterations of a fit that starts near its minimum, or in which the samples are nearly linear."""
+REFINE_ITERATIONS = 20
+"""Iterations of a fit that continues along a narrow valley of chi-square."""
 SCREENING_ITERATIONS = 6
-"""Iterations of a fit that decides only whether a model is consistent with the data."""
+"""Iterations of a fit that decides only whether a model is consistent with the data, or which guess is the best."""
 LARGE_SWING_ITERATIONS = 30
 """Iterations of a fit of a large swing, or of one seen along the rope: its period depends on every parameter, its readings are
 not nearly linear in the initial state, and its segments join slowly."""

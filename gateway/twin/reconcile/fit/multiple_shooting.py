@@ -39,7 +39,7 @@ MIN_EXCESS_DECREASE = 1e-4
 chi-square counts a tenth."""
 JOIN_RELATIVE_DECREASE = 0.3
 """Segments are joined only after a step that lowers chi-square by less than this share."""
-DAMPING_FACTORS = (1e-8, 3e-7, 1e-5, 3e-4, 1e-2, 0.3, 10.0)
+DAMPING_FACTORS = np.geomspace(1e-8, 10.0, 7)
 """Levenberg-Marquardt factors on the scaled diagonal, tried in turn until a step improves."""
 INITIAL_DAMPING_LEVEL = 1
 """Position of the first factor that is tried. One small decrease after more damping does not show convergence."""

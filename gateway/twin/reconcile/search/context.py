@@ -22,8 +22,6 @@ from gateway.twin.reconcile.search.signatures import Signatures, compute_signatu
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 
 Array = NDArray[np.float64]
-REFINE_ITERATIONS = 20
-"""Iterations of a fit that continues along a narrow valley of chi-square."""
 MIN_PARALLEL_WORK = 5e4
 """Derivatives in one linearisation from which fits are worth a process: some 0.1 s for a fit."""
 
