@@ -39,10 +39,8 @@ from gateway.twin.reconcile.search.ambiguity import (
     replace_implausible,
 )
 from gateway.twin.reconcile.search.budget import Budget
-from gateway.twin.reconcile.search.candidates import CandidateFit
 from gateway.twin.reconcile.search.persistent import detect_in_samples
 from gateway.twin.reconcile.search.search import SearchRun, search
-from gateway.twin.reconcile.search.validation import ValidationFit
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 
 
@@ -178,15 +176,9 @@ def _describe(found: SearchOutcome, random: np.random.Generator) -> SearchOutcom
         law = None
     if law is None:
         return found
-    by_law = _evidence(found, law.candidate, law.after, law.noise_inflation)
-    if by_law > _evidence(found, attempt.candidate, attempt.validation, law.noise_inflation):
+    table = replace(run.table, noise_inflation=law.noise_inflation)
+    by_law = table.evidence(law.candidate, law.after.fit.chi2)
+    if by_law > table.evidence(attempt.candidate, attempt.validation.fit.chi2):
         return found
     model = RankedCandidate(law.candidate, law.after, run.table.bic(law.candidate), 0.0)
     return replace(found, decision=replace(decision, model=model), law=law)
-
-
-def _evidence(
-    found: SearchOutcome, candidate: CandidateFit, validation: ValidationFit, noise_inflation: float
-) -> float:
-    table = replace(found.run.table, noise_inflation=noise_inflation)
-    return table.bic(candidate) + validation.fit.chi2 / noise_inflation

@@ -61,7 +61,7 @@ def rank_candidates(
     chosen = [best, *near[: MAX_VALIDATED - 1]]
     validator.evaluate_ahead([*chosen, table.fits[baseline]])
     found = [ranked(fit) for fit in chosen]
-    evidence = {each.names: each.bic + each.validation.fit.chi2 / table.noise_inflation for each in found}
+    evidence = {each.names: table.evidence(each.candidate, each.validation.fit.chi2) for each in found}
     least = min(evidence.values())
     found = [replace(each, evidence_deficit=evidence[each.names] - least) for each in found]
     return sorted(found, key=lambda each: each.evidence_deficit), ranked(table.fits[baseline])

@@ -122,6 +122,10 @@ class CandidateTable:
         explained = fit.fit.chi2 / self.noise_inflation + fit.implausibility
         return explained + fit.n_parameters * math.log(self.log.n_values)
 
+    def evidence(self, fit: CandidateFit, selection_chi2: float) -> float:
+        """Return the BIC on the log plus chi-square on the selection part over the noise inflation: the lower, the better."""
+        return self.bic(fit) + selection_chi2 / self.noise_inflation
+
     def ranked(self, size: int | None = None) -> list[CandidateFit]:
         """Fits by BIC, best first; with a `size`, those of sets of so many effects."""
         chosen = [fit for fit in self.fits.values() if size is None or len(fit.values) == size]
