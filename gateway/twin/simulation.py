@@ -12,6 +12,7 @@ from gateway.errors import InputError
 from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.effects.evaluation_context import Rigging
 from gateway.twin.model import EffectValues, Model, TwinRig
+from gateway.twin.simulator.parameter_vector import initial_state_specs
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import RIGGING_RATES, RIGGING_TILTS, ROPE_RATES, ROPE_TILTS, STRETCH
 
@@ -132,7 +133,7 @@ def released_state(
 ) -> Array:
     """Return the initial state of a load that is released at a tilt toward an azimuth, with some speed across it, shape (z,)."""
     along = np.array([np.cos(azimuth_rad), np.sin(azimuth_rad)])
-    start = np.zeros(structure.n_initial_states)
+    start = np.zeros(len(initial_state_specs(structure)))
     start[ROPE_TILTS] = amplitude_rad * along
     start[ROPE_RATES] = axis_ratio * rig.small_swing_rate_1_s * amplitude_rad * along[::-1] * [-1, 1]
     return start

@@ -220,7 +220,7 @@ def _paragraphs(result: Reconciliation) -> tuple[str, ...]:
     if result.verdict == "data_unusable":
         return (reason, advice)
     equation = () if result.law is None else (_equation(result.law),)
-    return (*_further_groups(result), *equation, advice, f"VerdictReason for this verdict: {reason}")
+    return (*_further_groups(result), *equation, advice, f"Reason for this verdict: {reason}")
 
 
 def _further_groups(result: Reconciliation) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ from gateway.twin.simulator.first_order_lowpass import first_order_lowpass, init
 from gateway.twin.simulator.integrate import Trajectory, integrate
 from gateway.twin.simulator.parameter_vector import ParameterSpec, effect_parameter_specs, initial_state_specs
 from gateway.twin.simulator.sensitivities import evaluate_inside, visit_sensitivities
+from gateway.twin.simulator.state import state_size
 from gateway.twin.simulator.symbolic_model import NominalRig
 
 Array = NDArray[np.float64]
@@ -97,7 +98,7 @@ class Simulator:
     @property
     def n_states(self) -> int:
         """Length of the state of the motion."""
-        return self._compiled.structure.n_states
+        return state_size(self._compiled.structure)
 
     def step_s(self, values: Array) -> float:
         """Longest step of the integration at these values. Raises `IntegrationError` where none can follow them."""

@@ -25,6 +25,7 @@ from gateway.twin.simulator.state import (
     Kinematics,
     State,
     on_straight_rope,
+    state_size,
     structure_of,
     vector,
 )
@@ -255,7 +256,7 @@ class SymbolicModel:
 
     def _quadrature(self, x: Expression, context: EvaluationContext) -> Vector:
         """Return the derivative of the ideal reading along the motion over √(g/L)."""
-        state = ca.SX.sym("state", self.structure.n_states)
+        state = ca.SX.sym("state", state_size(self.structure))
         rate = ca.jtimes(ca.vertcat(*self._ideal_reading(state, context)), state, self.rate(state, context))
         return vector(ca.substitute(rate, state, x) / self._small_swing_rate_1_s, 0)
 
