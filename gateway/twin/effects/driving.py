@@ -81,10 +81,7 @@ class Impact(Effect):
     instantaneous = True
     profile_modelled = False
     """A real impact lasts some hundredths of a second."""
-    parameters = (
-        amplitude("delta_v_m_s", "m/s", "jump of velocity", (-5.0, 5.0), (0.2, 0.1), HORIZONTAL),
-        start(30.0),
-    )
+    parameters = (amplitude("delta_v_m_s", "m/s", "jump of velocity", (-5.0, 5.0), (0.2, 0.1), HORIZONTAL), start(30.0))
 
     def velocity_jump_m_s(self, p: Symbols) -> Vector:
         """Return the jump of the velocity."""

@@ -15,13 +15,7 @@ from numpy.typing import NDArray
 
 from devices.pendulum.equations import Scalar, Vector
 from devices.pendulum.heavy_rope import HeavyRope
-from gateway.twin.effects.evaluation_context import (
-    ZERO_VECTOR,
-    BodyState,
-    EvaluationContext,
-    Rigging,
-    RopeGeometry,
-)
+from gateway.twin.effects.evaluation_context import ZERO_VECTOR, BodyState, EvaluationContext, Rigging, RopeGeometry
 from gateway.twin.effects.guess_context import GuessContext, guess_event
 from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values
 

@@ -11,15 +11,7 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext
 from gateway.twin.effects.force_terms import FORCE_TERMS, KINEMATIC_TERMS
 from gateway.twin.effects.parameter import Symbols, Values, shape
-from gateway.twin.effects.term import (
-    AXES,
-    HORIZONTAL,
-    CoefficientTerm,
-    Term,
-    coefficient,
-    number,
-    periodic,
-)
+from gateway.twin.effects.term import AXES, HORIZONTAL, CoefficientTerm, Term, coefficient, number, periodic
 
 SMOOTHING_G = 1e-6
 """Amplitude of a reading that counts as none. Basis: a choice; below the noise of a mean, above rounding."""

@@ -33,11 +33,7 @@ from gateway.twin.reconcile.equation.selection import find_law
 from gateway.twin.reconcile.output.outcome import SearchOutcome
 from gateway.twin.reconcile.output.result import AVERAGED, Reconciliation
 from gateway.twin.reconcile.output.result_builder import build_result, unusable_result
-from gateway.twin.reconcile.search.ambiguity import (
-    contributions,
-    is_beyond_parts,
-    replace_implausible,
-)
+from gateway.twin.reconcile.search.ambiguity import contributions, is_beyond_parts, replace_implausible
 from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.persistent import detect_in_samples
 from gateway.twin.reconcile.search.search import SearchRun, search

@@ -19,14 +19,7 @@ from gateway.documents.format import format_number, format_percent, human_name
 from gateway.documents.plots import add_legend, label_decades, render_svg
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.output.result import Comparison, Curves, Gap, Reconciliation, Step
-from gateway.twin.report.text import (
-    NOMINAL,
-    caution,
-    final_model_name,
-    format_change,
-    format_noise_ratio,
-    noise_ratio,
-)
+from gateway.twin.report.text import NOMINAL, caution, final_model_name, format_change, format_noise_ratio, noise_ratio
 
 Array = NDArray[np.float64]
 LABEL_IN, LABEL_LETTERS = 1.45, 22
@@ -231,10 +224,7 @@ def _angle_texts(curves: Curves, rig: TwinRig) -> tuple[str, str]:
     after = rope_angle_error(curves.residual_after_g[curves.used], rig)
     if before is None or after is None:
         return NOT_DETERMINED, NOT_DETERMINED
-    return (
-        format_change(_angle(before), _angle(after)),
-        format_change(_displacement(before), _displacement(after)),
-    )
+    return (format_change(_angle(before), _angle(after)), format_change(_displacement(before), _displacement(after)))
 
 
 def _angle(error: RopeAngleError) -> str:

@@ -157,12 +157,7 @@ class Simulator:
 
     @np.errstate(over="ignore", invalid="ignore")  # see `SegmentBatch.is_finite`
     def linearise_segments(
-        self,
-        starts: Array,
-        effects: Array,
-        time_s: Array,
-        firsts: Sequence[int],
-        temperature_c: Array | None = None,
+        self, starts: Array, effects: Array, time_s: Array, firsts: Sequence[int], temperature_c: Array | None = None
     ) -> SegmentBatch:
         """Predict segments that begin at the samples `firsts` (the first is 0) from the initial states `starts` (segments, z).
 

@@ -11,13 +11,7 @@ from devices.pendulum import equations as eq
 from devices.pendulum.equations import Scalar, Vector, WithDerivatives
 from devices.pendulum.heavy_rope import HeavyRope
 from gateway.twin.effects.effect import Effect, ModelStructure
-from gateway.twin.effects.evaluation_context import (
-    ZERO_VECTOR,
-    BodyState,
-    EvaluationContext,
-    Rigging,
-    RopeGeometry,
-)
+from gateway.twin.effects.evaluation_context import ZERO_VECTOR, BodyState, EvaluationContext, Rigging, RopeGeometry
 from gateway.twin.effects.parameter import ParameterKind, Symbols
 from gateway.twin.simulator.state import (
     Expression,
@@ -228,9 +222,7 @@ class SymbolicModel:
         reading = self._ideal_reading(x, context)
         if any(effect.needs_quadrature for effect in self.effects):
             context = replace(
-                context,
-                quadrature_g=self._quadrature(x, context),
-                small_swing_rate_1_s=self._small_swing_rate_1_s,
+                context, quadrature_g=self._quadrature(x, context), small_swing_rate_1_s=self._small_swing_rate_1_s
             )
         for effect, p in self.active_effects():
             reading = effect.reading_g(p, context, reading)

@@ -42,10 +42,7 @@ class RankedCandidate:
 
 
 def rank_candidates(
-    table: CandidateTable,
-    best: CandidateFit,
-    baseline: frozenset[str],
-    validator: Validator,
+    table: CandidateTable, best: CandidateFit, baseline: frozenset[str], validator: Validator
 ) -> tuple[list[RankedCandidate], RankedCandidate]:
     """Evaluate the sets near the best on the selection part; return them best first, and the baseline."""
     limit = table.bic(best) + VALIDATED_MARGIN

@@ -54,10 +54,7 @@ class FoundLaw:
 
 
 def find_law(
-    context: SearchContext,
-    base: CandidateFit,
-    validator: Validator,
-    random: np.random.Generator,
+    context: SearchContext, base: CandidateFit, validator: Validator, random: np.random.Generator
 ) -> FoundLaw | None:
     """Return the law of what a model leaves; None where no term describes it. The library must be registered."""
     before = validator.evaluate(base)

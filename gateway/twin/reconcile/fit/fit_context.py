@@ -12,11 +12,7 @@ from gateway.twin.effects.guess_context import SHARPEST, EventWindow, GuessConte
 from gateway.twin.effects.parameter import ParameterKind
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations, slice_samples
-from gateway.twin.reconcile.fit.initial_conditions import (
-    hides_sign_of_swing,
-    reverse_swing,
-    segment_initial_conditions,
-)
+from gateway.twin.reconcile.fit.initial_conditions import hides_sign_of_swing, reverse_swing, segment_initial_conditions
 from gateway.twin.reconcile.fit.initial_states import window_bounds
 from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, SCREENING_ITERATIONS, Fit, FitProblem
 from gateway.twin.reconcile.fit.multiple_shooting import SEGMENT_S, fit_model, uniform_segments

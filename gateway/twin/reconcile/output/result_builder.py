@@ -18,15 +18,7 @@ from gateway.twin.reconcile.equation.selection import FoundLaw
 from gateway.twin.reconcile.fit.intervals import intervals
 from gateway.twin.reconcile.output.estimates import Estimate, Law, LawTerm, NamedEffect, Resemblance
 from gateway.twin.reconcile.output.outcome import SearchOutcome, list_data_parts, measure_gap
-from gateway.twin.reconcile.output.result import (
-    Candidate,
-    Comparison,
-    Equivalent,
-    Gap,
-    Reconciliation,
-    Step,
-    Verdict,
-)
+from gateway.twin.reconcile.output.result import Candidate, Comparison, Equivalent, Gap, Reconciliation, Step, Verdict
 from gateway.twin.reconcile.residual import analyse_residual, describe_remainder, localise_residual
 from gateway.twin.reconcile.search.search import SearchRun
 from gateway.twin.reconcile.search.signatures import (

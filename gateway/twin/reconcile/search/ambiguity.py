@@ -3,18 +3,10 @@
 from dataclasses import replace
 
 from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_AGAINST
-from gateway.twin.reconcile.decision.identifiability import (
-    Contributions,
-    FittedRecording,
-    find_contributions,
-)
+from gateway.twin.reconcile.decision.identifiability import Contributions, FittedRecording, find_contributions
 from gateway.twin.reconcile.fit.fit_context import is_world_directed
 from gateway.twin.reconcile.residual import EXCESS_SIGNIFICANT, excess_chi2
-from gateway.twin.reconcile.search.candidates import (
-    CandidateFit,
-    CandidateTable,
-    implausibility,
-)
+from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable, implausibility
 from gateway.twin.reconcile.search.context import SearchContext
 from gateway.twin.reconcile.search.signatures import scorable_effects
 from gateway.twin.reconcile.search.validation import Validator

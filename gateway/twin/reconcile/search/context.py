@@ -48,11 +48,7 @@ class SearchContext:
         return self if table.get(kept) is None else self.with_baseline(kept)
 
     def fit(
-        self,
-        table: CandidateTable,
-        values: EffectValues,
-        starts: Array | None = None,
-        iterations: int = FIT_ITERATIONS,
+        self, table: CandidateTable, values: EffectValues, starts: Array | None = None, iterations: int = FIT_ITERATIONS
     ) -> CandidateTable:
         """Fit a set of effects from these values; the table stays as it is where the fit diverges."""
         return self.fit_in_turn(table, [FitRequest(values, starts, iterations)])

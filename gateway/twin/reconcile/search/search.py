@@ -112,11 +112,7 @@ def eliminate(table: CandidateTable, context: SearchContext, best: CandidateFit)
     """Remove effects whose absence costs no significant chi-square, one at a time."""
     give_up_above = max(table.give_up_above, _settled_chi2(table, context, best))
     shorter = [
-        FitRequest(
-            best.without(name),
-            iterations=REFINE_ITERATIONS,
-            give_up_above=give_up_above,
-        )
+        FitRequest(best.without(name), iterations=REFINE_ITERATIONS, give_up_above=give_up_above)
         for name in sorted(each for each in best.names if not EFFECTS[each].detected_in_samples)
     ]
 
@@ -231,11 +227,7 @@ SINGLE_EFFECT_STEPS = (
 
 
 def search(
-    known: KnownModel,
-    recordings: Recordings,
-    detected: EffectValues,
-    budget: Budget,
-    on_evaluation: Callable[[], None],
+    known: KnownModel, recordings: Recordings, detected: EffectValues, budget: Budget, on_evaluation: Callable[[], None]
 ) -> SearchRun | None:
     """Search for missing effects; None where the nominal model cannot be fitted.
 
@@ -248,11 +240,7 @@ def search(
 
 
 def _begin(
-    known: KnownModel,
-    recordings: Recordings,
-    detected: EffectValues,
-    budget: Budget,
-    on_evaluation: Callable[[], None],
+    known: KnownModel, recordings: Recordings, detected: EffectValues, budget: Budget, on_evaluation: Callable[[], None]
 ) -> SearchRun | None:
     """Fit the nominal model, the baseline and the persistent effects; None where the nominal model cannot be fitted."""
     context = make_context(known.of_log, recordings.log, budget, on_evaluation)

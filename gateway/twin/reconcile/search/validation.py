@@ -49,10 +49,7 @@ class ValidationFit:
 
 
 def evaluate_on_validation(
-    rig: TwinRig,
-    values: EffectValues,
-    held_out: Observations,
-    limits: Limits = NO_LIMITS,
+    rig: TwinRig, values: EffectValues, held_out: Observations, limits: Limits = NO_LIMITS
 ) -> ValidationFit:
     """Fit initial conditions and phases, and the heading where an effect has a direction in the world.
 
