@@ -183,8 +183,33 @@ class HousingTorsion(Effect):
     )
 
     def initial_guesses(self, context: GuessContext) -> list[Values]:
-        """Return the oscillation that best explains the residual across the rope; none where it explains little of it."""
-        return guess_torsion(context)
+        """Return the undamped oscillation whose small rotations take the most off the residual across the rope.
+
+        A rotation ψ changes a reading f = x + i y by −i ψ f, so the residual shows ψ = −Im(f* r)/|f|² with a weight of |f|². A
+        constant and a linear rotation are left to the heading and to a housing that spins.
+        """
+        angle_rad, weight, time_s, total = _rotation_in_residual(context)
+        count = int(MAX_GUESS_HZ * context.duration_s * FREQUENCIES_PER_CYCLE)
+        tried_hz: Array = np.arange(2.0, count + 2.0) / (FREQUENCIES_PER_CYCLE * context.duration_s)
+        drift = np.stack([np.ones_like(time_s), time_s], axis=1) * np.sqrt(weight)[:, None]
+        basis = np.asarray(np.linalg.qr(drift)[0], dtype=np.float64)
+
+        def without_drift(columns: Array) -> Array:
+            left: Array = columns - basis @ (basis.T @ columns)
+            return left
+
+        target = without_drift(np.sqrt(weight) * angle_rad)
+        gains, fitted = np.zeros(count), np.zeros((count, 2))
+        for i, hz in enumerate(tried_hz):
+            phase = 2 * np.pi * hz * time_s
+            columns = without_drift(np.stack([np.cos(phase), np.sin(phase)], axis=1) * np.sqrt(weight)[:, None])
+            fitted[i] = np.linalg.lstsq(columns, target, rcond=1e-9)[0]
+            gains[i] = (columns @ fitted[i]) @ target
+        best = int(np.argmax(gains))
+        if gains[best] < MIN_GAIN * total:
+            return []
+        start_deg = np.degrees(fitted[best])
+        return [{"frequency_hz": float(tried_hz[best]), "start_deg": (float(start_deg[0]), float(start_deg[1]))}]
 
     def housing_rotation_rad(self, p: Symbols, context: EvaluationContext) -> Scalar:
         """Return the angle of a damped oscillation."""
@@ -192,36 +217,6 @@ class HousingTorsion(Effect):
         omega_t = 2 * ca.pi * p["frequency_hz"] * context.time_s
         damped = ca.sqrt(1 - p["damping_ratio"] ** 2) * omega_t
         return ca.exp(-p["damping_ratio"] * omega_t) * (angle * ca.cos(damped) + rate * ca.sin(damped))
-
-
-def guess_torsion(context: GuessContext) -> list[Values]:
-    """Return the undamped oscillation whose small rotations take the most off the residual across the rope.
-
-    A rotation ψ changes a reading f = x + i y by −i ψ f, so the residual shows ψ = −Im(f* r)/|f|² with a weight of |f|². A
-    constant and a linear rotation are left to the heading and to a housing that spins.
-    """
-    angle_rad, weight, time_s, total = _rotation_in_residual(context)
-    count = int(MAX_GUESS_HZ * context.duration_s * FREQUENCIES_PER_CYCLE)
-    tried_hz: Array = np.arange(2.0, count + 2.0) / (FREQUENCIES_PER_CYCLE * context.duration_s)
-    drift = np.stack([np.ones_like(time_s), time_s], axis=1) * np.sqrt(weight)[:, None]
-    basis = np.asarray(np.linalg.qr(drift)[0], dtype=np.float64)
-
-    def without_drift(columns: Array) -> Array:
-        left: Array = columns - basis @ (basis.T @ columns)
-        return left
-
-    target = without_drift(np.sqrt(weight) * angle_rad)
-    gains, fitted = np.zeros(count), np.zeros((count, 2))
-    for i, hz in enumerate(tried_hz):
-        phase = 2 * np.pi * hz * time_s
-        columns = without_drift(np.stack([np.cos(phase), np.sin(phase)], axis=1) * np.sqrt(weight)[:, None])
-        fitted[i] = np.linalg.lstsq(columns, target, rcond=1e-9)[0]
-        gains[i] = (columns @ fitted[i]) @ target
-    best = int(np.argmax(gains))
-    if gains[best] < MIN_GAIN * total:
-        return []
-    start_deg = np.degrees(fitted[best])
-    return [{"frequency_hz": float(tried_hz[best]), "start_deg": (float(start_deg[0]), float(start_deg[1]))}]
 
 
 def _rotation_in_residual(context: GuessContext) -> tuple[Array, Array, Array, float]:

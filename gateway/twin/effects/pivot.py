@@ -41,35 +41,6 @@ amplitude."""
 PRESLIDING_GUESSES_RAD = (0.02, 0.1)
 
 
-def guess_pivot_compliance(context: GuessContext) -> list[Values]:
-    """Return a compliance in one direction that turns the Stokes vector away from the model's as the recording does.
-
-    Nothing if the shape changes as the model says, or otherwise than by two constant periods.
-    """
-    frequency_hz = _swing_frequency_hz(context)
-    if frequency_hz is None:
-        return []
-    windows = int(context.duration_s * frequency_hz / PERIODS_PER_WINDOW)
-    if windows < MIN_WINDOWS:
-        return []
-    time_s, measured = _stokes_vectors(context, context.force_g, frequency_hz, windows)
-    _, modelled = _stokes_vectors(context, context.force_g - context.residual_g, frequency_hz, windows)
-    departure = measured - modelled
-    departure -= departure.mean(axis=0)
-    turned = [np.cross(axis, np.cumsum(modelled, axis=0)) * (time_s[1] - time_s[0]) for axis in np.eye(3)[:2]]
-    design = np.stack([(each - each.mean(axis=0)).ravel() for each in turned], axis=1)
-    rates, *_ = np.linalg.lstsq(design, departure.ravel(), rcond=None)
-    unexplained = float(np.sum((departure.ravel() - design @ rates) ** 2) / max(np.sum(departure**2), TINY))
-    difference_rad_s = float(np.hypot(*rates))
-    if not (difference_rad_s * context.duration_s > MIN_TURN_RAD and unexplained < MAX_UNEXPLAINED):
-        return []
-    rate_1_s = small_swing_rate_1_s(context.length_m, context.gravity_m_s2)
-    soft_m = 2 * context.length_m * difference_rad_s / rate_1_s  # ω² = g/(L + c)
-    cos, sin = rates / difference_rad_s
-    along_x_m, coupling_m, along_y_m = (float(soft_m * each / 2) for each in (1 + cos, sin, 1 - cos))
-    return [{"compliance_m": (along_x_m, along_y_m), "coupling_m": coupling_m}]
-
-
 def _swing_frequency_hz(context: GuessContext) -> float | None:
     """Return the frequency of the strongest line across the rope near that of the nominal rope."""
     nominal_hz = small_swing_rate_1_s(context.length_m, context.gravity_m_s2) / (2 * np.pi)
@@ -118,8 +89,32 @@ class PivotCompliance(Effect):
     )
 
     def initial_guesses(self, context: GuessContext) -> list[Values]:
-        """Return the compliance in one direction that changes the shape of the ellipse as the recording does."""
-        return guess_pivot_compliance(context)
+        """Return a compliance in one direction that turns the Stokes vector away from the model's as the recording does.
+
+        Nothing if the shape changes as the model says, or otherwise than by two constant periods.
+        """
+        frequency_hz = _swing_frequency_hz(context)
+        if frequency_hz is None:
+            return []
+        windows = int(context.duration_s * frequency_hz / PERIODS_PER_WINDOW)
+        if windows < MIN_WINDOWS:
+            return []
+        time_s, measured = _stokes_vectors(context, context.force_g, frequency_hz, windows)
+        _, modelled = _stokes_vectors(context, context.force_g - context.residual_g, frequency_hz, windows)
+        departure = measured - modelled
+        departure -= departure.mean(axis=0)
+        turned = [np.cross(axis, np.cumsum(modelled, axis=0)) * (time_s[1] - time_s[0]) for axis in np.eye(3)[:2]]
+        design = np.stack([(each - each.mean(axis=0)).ravel() for each in turned], axis=1)
+        rates, *_ = np.linalg.lstsq(design, departure.ravel(), rcond=None)
+        unexplained = float(np.sum((departure.ravel() - design @ rates) ** 2) / max(np.sum(departure**2), TINY))
+        difference_rad_s = float(np.hypot(*rates))
+        if not (difference_rad_s * context.duration_s > MIN_TURN_RAD and unexplained < MAX_UNEXPLAINED):
+            return []
+        rate_1_s = small_swing_rate_1_s(context.length_m, context.gravity_m_s2)
+        soft_m = 2 * context.length_m * difference_rad_s / rate_1_s  # ω² = g/(L + c)
+        cos, sin = rates / difference_rad_s
+        along_x_m, coupling_m, along_y_m = (float(soft_m * each / 2) for each in (1 + cos, sin, 1 - cos))
+        return [{"compliance_m": (along_x_m, along_y_m), "coupling_m": coupling_m}]
 
     def pivot_compliance_m(self, p: Symbols) -> Vector:
         """Return the components of C."""

@@ -4,10 +4,11 @@ import casadi as ca
 
 from devices.pendulum.double_pendulum import modes
 from devices.pendulum.equations import Scalar
+from gateway.numerics.spectrum import find_strongest_line
 from gateway.twin.effects.effect import Effect, ModelStructure
 from gateway.twin.effects.evaluation_context import EvaluationContext, Rigging, RopeGeometry
 from gateway.twin.effects.experiments import MEASURE_ROPE, RECORD_DRIVES
-from gateway.twin.effects.guess_context import GuessContext, guess_bounce, guess_double_pendulum
+from gateway.twin.effects.guess_context import GuessContext, guess_double_pendulum
 from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values, amplitude, shape
 from gateway.twin.effects.pulse import PulseEffect, duration, ramp_fraction, start
 
@@ -15,6 +16,11 @@ MAX_RIGGING_SHARE = 0.95
 """Longest rigging over the nominal length. Basis: a choice; the upper rope needs some length, too."""
 MAX_FAST_MODE_STEP_RAD = 0.1
 """Phase of the fast mode of a double pendulum in one integration step; the mode may go on for long."""
+BOUNCE_HZ = (0.5, 8.0)
+"""Band of the oscillation of loads along their ropes."""
+MIN_BOUNCE_POWER = 30.0
+"""Power of an oscillation along the rope over the noise floor around it. Basis: a choice; it decays, so its line is broad and
+low, and a third of that of an evident line."""
 MAX_BOUNCE_STEP_RAD = 0.125
 """Phase of the oscillation along the rope in one integration step."""
 
@@ -99,7 +105,9 @@ class RopeStretch(Effect):
 
     def initial_guesses(self, context: GuessContext) -> list[Values]:
         """Return the frequency of the strongest line of the axial residual, if it stands out."""
-        return guess_bounce(context)
+        axial = context.residual_g * [0.0, 0.0, 1.0] / context.noise_g
+        line = find_strongest_line(context.time_s, axial, *BOUNCE_HZ)
+        return [] if line is None or line.power[2] < MIN_BOUNCE_POWER else [{"frequency_hz": line.frequency_hz}]
 
     def longest_step_s(self, p: Symbols, length_m: float, gravity_m_s2: float) -> Scalar:
         """Return an eighth of a radian of the oscillation."""

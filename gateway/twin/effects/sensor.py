@@ -15,14 +15,6 @@ MIN_GUESSED_MOUNT_DEG = 5.0
 """Smallest angle between the mean reading and the z axis that needs a guess. Basis: a fit finds smaller ones from zero."""
 
 
-def guess_mount(context: GuessContext) -> list[Values]:
-    """Return the mount in which the mean of the readings, along which the rope hangs on average, would be the z axis."""
-    x, y, z = context.force_g.mean(axis=0)
-    about_x_deg, about_y_deg = np.degrees([np.arctan2(-y, np.hypot(x, z)), np.arctan2(x, z)])
-    askew = np.hypot(about_x_deg, about_y_deg) > MIN_GUESSED_MOUNT_DEG
-    return [{"deg": (float(about_x_deg), float(about_y_deg))}] if askew else [{}]
-
-
 def rotate_across(reading: Vector, about_x: Scalar, about_y: Scalar) -> Vector:
     """Return a vector after a rotation about x, then about y, by angles in rad."""
     x, y, z = reading
@@ -43,8 +35,11 @@ class MountMisalignment(Effect):
     parameters = (amplitude("deg", "°", "α about x and β about y", (-60.0, 60.0), (0.5, -0.5), ("x", "y"), limit=30.0),)
 
     def initial_guesses(self, context: GuessContext) -> list[Values]:
-        """Return the rotation that makes the mean reading vertical, where a fit from zero would not find it."""
-        return guess_mount(context)
+        """Return the mount in which the mean of the readings, along which the rope hangs on average, would be the z axis."""
+        x, y, z = context.force_g.mean(axis=0)
+        about_x_deg, about_y_deg = np.degrees([np.arctan2(-y, np.hypot(x, z)), np.arctan2(x, z)])
+        askew = np.hypot(about_x_deg, about_y_deg) > MIN_GUESSED_MOUNT_DEG
+        return [{"deg": (float(about_x_deg), float(about_y_deg))}] if askew else [{}]
 
     def reading_g(self, p: Symbols, context: EvaluationContext, reading: Vector) -> Vector:
         """Rotate about x, then about y."""
