@@ -142,6 +142,13 @@ class RopeAngleError:
     is_upper_bound: bool
     """The residual is not larger than the noise can be."""
 
+    @property
+    def texts(self) -> tuple[str, str]:
+        """Angle and displacement as they are printed."""
+        bound, numbers = "< " if self.is_upper_bound else "", (math.degrees(self.angle_rad), 100 * self.displacement_m)
+        angle, displacement = (f"{bound}{format_number(each, ANGLE_DIGITS)}" for each in numbers)
+        return f"{angle}°", f"{displacement} cm"
+
 
 def transverse_sensitivity(rig: TwinRig) -> float:
     """Return 1 - p/L: the reading across the rope in g per radian of a free swing."""
@@ -224,16 +231,5 @@ def _angle_texts(curves: Curves, rig: TwinRig) -> tuple[str, str]:
     after = rope_angle_error(curves.residual_after_g[curves.used], rig)
     if before is None or after is None:
         return NOT_DETERMINED, NOT_DETERMINED
-    return (format_change(_angle(before), _angle(after)), format_change(_displacement(before), _displacement(after)))
-
-
-def _angle(error: RopeAngleError) -> str:
-    return f"{_bound(error)}{format_number(math.degrees(error.angle_rad), ANGLE_DIGITS)}°"
-
-
-def _displacement(error: RopeAngleError) -> str:
-    return f"{_bound(error)}{format_number(100 * error.displacement_m, ANGLE_DIGITS)} cm"
-
-
-def _bound(error: RopeAngleError) -> str:
-    return "< " if error.is_upper_bound else ""
+    angle, displacement = (format_change(*each) for each in zip(before.texts, after.texts, strict=True))
+    return angle, displacement
