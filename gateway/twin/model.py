@@ -126,6 +126,11 @@ def _validate_value(value: Any, parameter: Parameter, place: str) -> Value:
     return numbers if parameter.components else numbers[0]
 
 
+def shift_start(effects: EffectValues, by_s: float) -> EffectValues:
+    """Return effects for a recording whose first sample is later by this time."""
+    return {name: EFFECTS[name].shift_start(values, by_s) for name, values in effects.items()}
+
+
 def as_tables(effects: EffectValues) -> dict[str, dict[str, Any]]:
     """Return effects as the `[model.<effect>]` tables of a `rig.toml`."""
     return {

@@ -11,7 +11,8 @@ from devices.simulated.accelerometer import Accelerometer, no_errors
 from gateway.errors import InputError
 from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.effects.evaluation_context import Rigging
-from gateway.twin.model import EffectValues, Model
+from gateway.twin.model import EffectValues, Model, TwinRig
+from gateway.twin.simulator.parameter_vector import initial_state_specs
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import RIGGING_RATES, RIGGING_TILTS, ROPE_RATES, ROPE_TILTS, STRETCH
 
@@ -88,7 +89,7 @@ def _prediction(
     values = simulator.values([], predicted)
     _check_bounds(simulator, values)
     start = _initial_state(simulator, predicted, random)
-    known = [spec.parameter for spec in simulator.initial]
+    known = [spec.name for spec in simulator.initial]
     for name, value in initial.items():
         if name not in known:
             raise InputError(
@@ -114,21 +115,27 @@ def _initial_state(simulator: Simulator, effects: EffectValues, random: np.rando
     Rigging has a larger tilt than in the slow mode, an elastic rope is stretched, and a heavy one is straight, so that all modes
     are excited.
     """
-    rig = simulator.rig
-    azimuth_rad = random.uniform(-np.pi, np.pi)
-    along = np.array([np.cos(azimuth_rad), np.sin(azimuth_rad)])
-    tilt = DEFAULT_AMPLITUDE_RAD * along
-    rate = DEFAULT_AXIS_RATIO * rig.small_swing_rate_1_s * DEFAULT_AMPLITUDE_RAD * along[::-1] * [-1, 1]
-    start = np.zeros(simulator.n_initial_states)
-    start[ROPE_TILTS], start[ROPE_RATES] = tilt, rate
+    rig, azimuth_rad = simulator.rig, random.uniform(-np.pi, np.pi)
+    start = released_state(rig, simulator.structure, DEFAULT_AMPLITUDE_RAD, DEFAULT_AXIS_RATIO, azimuth_rad)
     rigging = _rigging(effects)
     if rigging is not None:
         upper_m = rig.length_m - rigging.length_m
         slow, _ = modes(upper_m, rigging.length_m, rigging.hook_mass_ratio, rig.gravity_m_s2)
-        start[RIGGING_TILTS] = FAST_MODE_SHARE * slow.rigging_tilt * tilt
-        start[RIGGING_RATES] = slow.rigging_tilt * rate
+        start[RIGGING_TILTS] = FAST_MODE_SHARE * slow.rigging_tilt * start[ROPE_TILTS]
+        start[RIGGING_RATES] = slow.rigging_tilt * start[ROPE_RATES]
     if simulator.structure is ModelStructure.ELASTIC:
         start[STRETCH] = DEFAULT_STRETCH_M
+    return start
+
+
+def released_state(
+    rig: TwinRig, structure: ModelStructure, amplitude_rad: float, axis_ratio: float, azimuth_rad: float
+) -> Array:
+    """Return the initial state of a load that is released at a tilt toward an azimuth, with some speed across it, shape (z,)."""
+    along = np.array([np.cos(azimuth_rad), np.sin(azimuth_rad)])
+    start = np.zeros(len(initial_state_specs(structure)))
+    start[ROPE_TILTS] = amplitude_rad * along
+    start[ROPE_RATES] = axis_ratio * rig.small_swing_rate_1_s * amplitude_rad * along[::-1] * [-1, 1]
     return start
 
 

@@ -156,7 +156,7 @@ def fit_arm(rig: TwinRig, log: Swing, names: Sequence[str]) -> FittedArm:
     effects = simulator.values([], chosen)[simulator.n_initial_states :]
     firsts = cut(log, PIECE_S)
     starts, _ = follow_in_windows(simulator, log, effects, firsts)
-    free = np.array([slot.parameter != "heading_rad" for slot in simulator.parameters])
+    free = np.array([slot.name != "heading_rad" for slot in simulator.parameters])
     fit = fit_model(FitProblem(simulator, log.observations(), free, firsts), starts, effects, ROUNDS)
     effects = fit.values[simulator.n_initial_states :]
     _, force_g = follow_in_windows(simulator, log, effects, firsts)

@@ -131,10 +131,6 @@ GATES = {
     "prior of parts": Part(
         "values that no part has count against a set", (Call("search.candidates.implausibility", _constant(0.0)),)
     ),
-    "usual causes": Part(
-        "where a remainder is left, what every rig has is fitted at once",
-        (Call("reconcile.fit_usual_causes", _first_and_third),),
-    ),
     "unsteady line": Part(
         "an effect of a steady frequency with lines beside it is not named",
         (Call("decision.verdict._drop_nonstationary_lines", _first),),

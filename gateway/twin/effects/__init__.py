@@ -22,14 +22,7 @@ from gateway.twin.effects.pulse import Pulse, PulseEffect, duration, ramp_fracti
 from gateway.twin.effects.registry import EffectRegistry
 from gateway.twin.effects.rope import DoublePendulum, Hoisting, LoadChange, RopeLength, RopeStretch
 from gateway.twin.effects.rope_mass import LoadInertia, RopeMass
-from gateway.twin.effects.sensor import (
-    AxisOffset,
-    CrossAxis,
-    MountMisalignment,
-    ScaleError,
-    ThermalDrift,
-    Vibration,
-)
+from gateway.twin.effects.sensor import AxisOffset, CrossAxis, MountMisalignment, ScaleError, ThermalDrift, Vibration
 from gateway.twin.effects.sensor_output import Clipping, ClockDrift, LowpassLag, Quantization, SampleHold, SampleLoss
 
 __all__ = [

@@ -1,7 +1,8 @@
 """Estimated inputs of the crane: drives and hoists that are known from a recording, as parts of the model of that recording."""
 
+import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import casadi as ca
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 from devices.pendulum.equations import Scalar, Vector
 from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import ZERO_VECTOR, EvaluationContext, RopeGeometry
-from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Value, Values, amplitude
+from gateway.twin.effects.parameter import Symbols, Value, Values, amplitude
+from gateway.twin.effects.pulse import start
 
 Array = NDArray[np.float64]
 HARMONIC_S = 1.5
@@ -25,18 +27,8 @@ LENGTH_CORRECTION = "length_correction_m"
 REFERENCE = "smoothed estimate of the motion (Rauch et al. 1965)"
 
 
-def _start() -> Parameter:
-    return Parameter(
-        "start_s",
-        "s",
-        "start, since the first sample of the recording",
-        lower=-1e6,
-        upper=1e6,
-        neutral=0.0,
-        scale=0.1,
-        typical=0.0,
-        kind=ParameterKind.START,
-    )
+START = replace(start(0.0), lower=-1e6, step_limit=math.inf)
+"""Start of the interval, which may lie before the first sample."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,11 +116,10 @@ class CraneMotion(CraneInput):
             "m",
             "ΔL, correction of the change of the rope's length",
             (-largest_m, largest_m),
-            scale=1e-3,
-            typical=0.0,
+            0.0,
             refitted=True,
         )
-        self.parameters = (_start(), correction) if self.changes_length else (_start(),)
+        self.parameters = (START, correction) if self.changes_length else (START,)
 
     def longest_step_s(self, p: Symbols, length_m: float, gravity_m_s2: float) -> Scalar:
         """Return a small part of the shortest half period of the profiles."""
@@ -187,12 +178,11 @@ class MotionCorrection(CraneInput):
             "m/s",
             "correction of the load's velocity",
             (-LARGEST_CORRECTION_M_S, LARGEST_CORRECTION_M_S),
-            scale=1e-3,
-            typical=(0.0, 0.0),
-            components=("x", "y"),
+            (0.0, 0.0),
+            ("x", "y"),
             refitted=True,
         )
-        self.parameters = (_start(), correction)
+        self.parameters = (START, correction)
 
     def velocity_jump_m_s(self, p: Symbols) -> Vector:
         """Return the jump of the velocity."""

@@ -31,15 +31,7 @@ class SteadyWind(Effect):
     discriminating_experiment = TURN_HOUSING
     world_directed = True
     parameters = (
-        amplitude(
-            "accel_m_s2",
-            "m/s²",
-            "a, force over the load's mass",
-            (-2.0, 2.0),
-            scale=0.01,
-            typical=(0.2, 0.0),
-            components=HORIZONTAL,
-        ),
+        amplitude("accel_m_s2", "m/s²", "a, force over the load's mass", (-2.0, 2.0), (0.2, 0.0), HORIZONTAL),
     )
 
     def force_m_s2(self, p: Symbols, context: EvaluationContext, load: BodyState) -> Vector:
@@ -60,15 +52,7 @@ class WindGust(PulseEffect):
     min_duration_s = 0.5
     """A shorter push is an impact."""
     parameters = (
-        amplitude(
-            "accel_m_s2",
-            "m/s²",
-            "a, force over the load's mass",
-            (-5.0, 5.0),
-            scale=0.01,
-            typical=(0.25, 0.1),
-            components=HORIZONTAL,
-        ),
+        amplitude("accel_m_s2", "m/s²", "a, force over the load's mass", (-5.0, 5.0), (0.25, 0.1), HORIZONTAL),
         start(30.0),
         duration(5.0),
         ramp_fraction(1.0),
@@ -97,12 +81,7 @@ class Impact(Effect):
     instantaneous = True
     profile_modelled = False
     """A real impact lasts some hundredths of a second."""
-    parameters = (
-        amplitude(
-            "delta_v_m_s", "m/s", "jump of velocity", (-5.0, 5.0), scale=0.01, typical=(0.2, 0.1), components=HORIZONTAL
-        ),
-        start(30.0),
-    )
+    parameters = (amplitude("delta_v_m_s", "m/s", "jump of velocity", (-5.0, 5.0), (0.2, 0.1), HORIZONTAL), start(30.0))
 
     def velocity_jump_m_s(self, p: Symbols) -> Vector:
         """Return the jump of the velocity."""
@@ -121,15 +100,7 @@ class TrolleyAcceleration(Effect):
     transient = True
     world_directed = True
     parameters = (
-        amplitude(
-            "accel_m_s2",
-            "m/s²",
-            "a, acceleration of the pivot",
-            (-2.0, 2.0),
-            scale=0.01,
-            typical=(0.2, 0.1),
-            components=HORIZONTAL,
-        ),
+        amplitude("accel_m_s2", "m/s²", "a, acceleration of the pivot", (-2.0, 2.0), (0.2, 0.1), HORIZONTAL),
         start(30.0),
         duration(3.0, meaning="T, duration of each of the two ramps"),
         duration(5.0, "coast_s", "T_c, time at constant speed"),
@@ -171,9 +142,7 @@ class ViscousDamping(Effect):
     enters = "force on the load"
     dissipative = True
     discriminating_experiment = LARGER_SWING
-    parameters = (
-        amplitude("damping_ratio", "1", "ζ, fraction of critical damping", (0.0, 0.5), scale=1e-3, typical=5e-3),
-    )
+    parameters = (amplitude("damping_ratio", "1", "ζ, fraction of critical damping", (0.0, 0.5), 5e-3),)
 
     def force_m_s2(self, p: Symbols, context: EvaluationContext, load: BodyState) -> Vector:
         """Return a force against the velocity."""
@@ -190,9 +159,7 @@ class QuadraticDrag(Effect):
     enters = "force on the load"
     dissipative = True
     discriminating_experiment = LARGER_SWING
-    parameters = (
-        amplitude("drag_per_m", "1/m", "k, drag coefficient over mass", (0.0, 1.0), scale=1e-3, typical=5e-3),
-    )
+    parameters = (amplitude("drag_per_m", "1/m", "k, drag coefficient over mass", (0.0, 1.0), 5e-3),)
 
     def force_m_s2(self, p: Symbols, context: EvaluationContext, load: BodyState) -> Vector:
         """Return a force against the velocity."""
@@ -209,7 +176,7 @@ class CoulombFriction(Effect):
     enters = "force on the load"
     dissipative = True
     discriminating_experiment = LARGER_SWING
-    parameters = (amplitude("decel_m_s2", "m/s²", "μ, friction force over mass", (0.0, 0.5), scale=1e-3, typical=4e-3),)
+    parameters = (amplitude("decel_m_s2", "m/s²", "μ, friction force over mass", (0.0, 0.5), 4e-3),)
 
     def force_m_s2(self, p: Symbols, context: EvaluationContext, load: BodyState) -> Vector:
         """Return a force against the velocity, of a magnitude that does not depend on it."""

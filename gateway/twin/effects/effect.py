@@ -15,13 +15,7 @@ from numpy.typing import NDArray
 
 from devices.pendulum.equations import Scalar, Vector
 from devices.pendulum.heavy_rope import HeavyRope
-from gateway.twin.effects.evaluation_context import (
-    ZERO_VECTOR,
-    BodyState,
-    EvaluationContext,
-    Rigging,
-    RopeGeometry,
-)
+from gateway.twin.effects.evaluation_context import ZERO_VECTOR, BodyState, EvaluationContext, Rigging, RopeGeometry
 from gateway.twin.effects.guess_context import GuessContext, guess_event
 from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values
 
@@ -37,27 +31,6 @@ class ModelStructure(Enum):
     YIELDING_PIVOT = "yielding pivot"
     PRESLIDING = "friction that holds"
     HEAVY_ROPE = "heavy rope"
-
-    @property
-    def n_states(self) -> int:
-        """Length of the state x."""
-        return 9 + ADDED_STATES.get(self, (0, 0))[0]
-
-    @property
-    def n_initial_states(self) -> int:
-        """Length of the initial state z, the coordinates that are fitted."""
-        return 5 + ADDED_STATES.get(self, (0, 0))[1]
-
-
-ADDED_STATES: Mapping[ModelStructure, tuple[int, int]] = MappingProxyType(
-    {
-        ModelStructure.RIGGING: (6, 4),
-        ModelStructure.ELASTIC: (2, 2),
-        ModelStructure.PRESLIDING: (3, 2),
-        ModelStructure.HEAVY_ROPE: (6, 4),
-    }
-)
-"""What a structure adds to the state and to the initial state of a rope. Definition: of the equations of each structure."""
 
 
 class Effect:

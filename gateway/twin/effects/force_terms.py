@@ -9,13 +9,7 @@ import numpy as np
 from devices.pendulum.equations import Scalar, Vector, add, scale
 from gateway.twin.effects.evaluation_context import ZERO_VECTOR, BodyState, EvaluationContext, RopeGeometry
 from gateway.twin.effects.parameter import Symbols, Values
-from gateway.twin.effects.term import (
-    HORIZONTAL,
-    Coefficients,
-    CoefficientTerm,
-    Term,
-    periodic,
-)
+from gateway.twin.effects.term import HORIZONTAL, Coefficients, CoefficientTerm, Term, periodic
 
 Basis = Callable[[BodyState], tuple[Vector, ...]]
 """The vectors that the coefficients multiply, one for each component."""
@@ -30,13 +24,7 @@ class ForceTerm(CoefficientTerm):
     quantity = "force/mass"
 
     def __init__(
-        self,
-        name: str,
-        formula: str,
-        coefficients: Coefficients,
-        basis: Basis,
-        *,
-        says: tuple[str, str],
+        self, name: str, formula: str, coefficients: Coefficients, basis: Basis, *, says: tuple[str, str]
     ) -> None:
         super().__init__(name, formula, coefficients, says=says)
         self.world_directed = bool(coefficients.components) and not coefficients.is_periodic

@@ -30,11 +30,6 @@ OFF_GRID_S = 0.013
 """Shift that keeps the edges of an event between the samples."""
 MIN_GUESS_S = 2.0
 """Shortest event that is guessed from a window."""
-BOUNCE_HZ = (0.5, 8.0)
-"""Band of the oscillation of loads along their ropes."""
-MIN_BOUNCE_POWER = 30.0
-"""Power of an oscillation along the rope over the noise floor around it. Basis: a choice; it decays, so its line is broad and
-low, and a third of that of an evident line."""
 RIGGING_SHARES = (0.08, 0.13, 0.2, 0.27, 0.35, 0.45, 0.6)
 """Initial lengths of the rigging over the nominal length."""
 HOOK_MASS_RATIOS = (0.01, 3.0)
@@ -188,22 +183,16 @@ def vibration_values(frequency_hz: float, phasors: NDArray[np.complex128]) -> Va
 
     a sin(angle + phase - lag) is Re(c exp(i angle)) with c = a exp(i (phase - lag))/i.
     """
-    phase, *others = (float(p) for p in _wrap_angle(np.angle(phasors) + np.pi / 2))
-    lags = tuple(float(lag) for lag in _wrap_angle(phase - np.array(others)))
+    phase, *others = (float(p) for p in wrap_angle(np.angle(phasors) + np.pi / 2))
+    lags = tuple(float(lag) for lag in wrap_angle(phase - np.array(others)))
     amplitudes = tuple(float(a) for a in np.abs(phasors))
     return {"frequency_hz": frequency_hz, "amplitude_g": amplitudes, "lag_rad": lags, "phase_rad": phase}
 
 
-def _wrap_angle(angle_rad: Array) -> Array:
+def wrap_angle(angle_rad: Array) -> Array:
+    """Return angles from -pi to pi."""
     found: Array = (angle_rad + np.pi) % (2 * np.pi) - np.pi
     return found
-
-
-def guess_bounce(context: GuessContext) -> list[Values]:
-    """Return the frequency of the strongest line of the axial residual, if it stands out."""
-    axial = context.residual_g * [0.0, 0.0, 1.0] / context.noise_g
-    line = find_strongest_line(context.time_s, axial, *BOUNCE_HZ)
-    return [] if line is None or line.power[2] < MIN_BOUNCE_POWER else [{"frequency_hz": line.frequency_hz}]
 
 
 def guess_double_pendulum(context: GuessContext) -> list[Values]:

@@ -9,7 +9,7 @@ from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext, RopeGeometry
 from gateway.twin.effects.experiments import LOCK_SLEWING, MEASURE_CLAMP, MEASURE_HOUSING, MEASURE_LEVER_ARM
 from gateway.twin.effects.guess_context import GuessContext, guess_yaw_rate
-from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values, amplitude
+from gateway.twin.effects.parameter import ParameterKind, Symbols, Values, amplitude, shape
 from gateway.twin.effects.sensor import rotate_across
 
 Array = NDArray[np.float64]
@@ -35,15 +35,7 @@ class HousingPosition(Effect):
     length_like = True
     in_every_rig = True
     parameters = (
-        amplitude(
-            "error_m",
-            "m",
-            "e, positive if further from the pivot",
-            (-100.0, 100.0),
-            scale=0.02,
-            typical=1.0,
-            prior_sigma=0.05,
-        ),
+        amplitude("error_m", "m", "e, positive if further from the pivot", (-100.0, 100.0), 1.0, prior_sigma=0.05),
     )
 
     def rope_geometry(self, p: Symbols, context: EvaluationContext, geometry: RopeGeometry) -> RopeGeometry:
@@ -67,10 +59,9 @@ class LeverArm(Effect):
             "m",
             "d, from the rope's line to the accelerometer",
             (-1.0, 1.0),
-            scale=2e-3,
-            typical=(0.03, 0.0),
+            (0.03, 0.0),
+            ("x", "y"),
             limit=0.1,
-            components=("x", "y"),
         ),
     )
 
@@ -91,13 +82,7 @@ class HousingSpin(Effect):
     discriminating_experiment = LOCK_SLEWING
     parameters = (
         amplitude(
-            "rate_deg_s",
-            "°/s",
-            "Ω, right-handed about the housing's z axis",
-            (-60.0, 60.0),
-            scale=0.02,
-            typical=2.0,
-            operator_sigma=0.5,
+            "rate_deg_s", "°/s", "Ω, right-handed about the housing's z axis", (-60.0, 60.0), 2.0, operator_sigma=0.5
         ),
     )
 
@@ -121,9 +106,7 @@ class Slewing(Effect):
     reference = "Coriolis and centrifugal acceleration; the housing turns with the crane; without the radius of a jib"
     enters = "force on the load"
     discriminating_experiment = LOCK_SLEWING
-    parameters = (
-        amplitude("rate_deg_s", "°/s", "Ω, anticlockwise from above", (-30.0, 30.0), scale=0.02, typical=2.0),
-    )
+    parameters = (amplitude("rate_deg_s", "°/s", "Ω, anticlockwise from above", (-30.0, 30.0), 2.0),)
 
     def initial_guesses(self, context: GuessContext) -> list[Values]:
         """Return the rate at which the figure of the swing rotates in the housing's axes."""
@@ -161,10 +144,9 @@ class HousingRocking(Effect):
             "°/g",
             "C, rotation per specific force across the rope, positive for a housing that hangs below its clamp",
             (-40.0, 40.0),
-            scale=0.05,
-            typical=(3.0, 3.0),
+            (3.0, 3.0),
+            ("x", "y"),
             limit=10.0,
-            components=("x", "y"),
         ),
     )
 
@@ -186,35 +168,48 @@ class HousingTorsion(Effect):
     linear_at_neutral = False
     discriminating_experiment = LOCK_SLEWING
     parameters = (
-        Parameter(
-            "frequency_hz",
-            "Hz",
-            "f",
-            lower=1e-3,
-            upper=10.0,
-            neutral=0.1,
-            scale=1e-4,
-            typical=0.1,
-            kind=ParameterKind.FREQUENCY,
-            step_limit=0.01,
-        ),
-        amplitude("damping_ratio", "1", "ζ", (0.0, 0.5), scale=1e-3, typical=0.01, step_limit=0.05),
+        shape("frequency_hz", "Hz", "f", (1e-3, 10.0), 0.1, kind=ParameterKind.FREQUENCY, step_limit=0.01),
+        amplitude("damping_ratio", "1", "ζ", (0.0, 0.5), 0.01, step_limit=0.05),
         amplitude(
             "start_deg",
             "°",
             "ψ and (ψ′ + ζ ω ψ)/ω at the first sample",
             (-180.0, 180.0),
-            scale=0.1,
-            typical=(8.0, 0.0),
-            components=("angle", "rate"),
+            (8.0, 0.0),
+            ("angle", "rate"),
             refitted=True,
             step_limit=10.0,
         ),
     )
 
     def initial_guesses(self, context: GuessContext) -> list[Values]:
-        """Return the oscillation that best explains the residual across the rope; none where it explains little of it."""
-        return guess_torsion(context)
+        """Return the undamped oscillation whose small rotations take the most off the residual across the rope.
+
+        A rotation ψ changes a reading f = x + i y by −i ψ f, so the residual shows ψ = −Im(f* r)/|f|² with a weight of |f|². A
+        constant and a linear rotation are left to the heading and to a housing that spins.
+        """
+        angle_rad, weight, time_s, total = _rotation_in_residual(context)
+        count = int(MAX_GUESS_HZ * context.duration_s * FREQUENCIES_PER_CYCLE)
+        tried_hz: Array = np.arange(2.0, count + 2.0) / (FREQUENCIES_PER_CYCLE * context.duration_s)
+        drift = np.stack([np.ones_like(time_s), time_s], axis=1) * np.sqrt(weight)[:, None]
+        basis = np.asarray(np.linalg.qr(drift)[0], dtype=np.float64)
+
+        def without_drift(columns: Array) -> Array:
+            left: Array = columns - basis @ (basis.T @ columns)
+            return left
+
+        target = without_drift(np.sqrt(weight) * angle_rad)
+        gains, fitted = np.zeros(count), np.zeros((count, 2))
+        for i, hz in enumerate(tried_hz):
+            phase = 2 * np.pi * hz * time_s
+            columns = without_drift(np.stack([np.cos(phase), np.sin(phase)], axis=1) * np.sqrt(weight)[:, None])
+            fitted[i] = np.linalg.lstsq(columns, target, rcond=1e-9)[0]
+            gains[i] = (columns @ fitted[i]) @ target
+        best = int(np.argmax(gains))
+        if gains[best] < MIN_GAIN * total:
+            return []
+        start_deg = np.degrees(fitted[best])
+        return [{"frequency_hz": float(tried_hz[best]), "start_deg": (float(start_deg[0]), float(start_deg[1]))}]
 
     def housing_rotation_rad(self, p: Symbols, context: EvaluationContext) -> Scalar:
         """Return the angle of a damped oscillation."""
@@ -222,36 +217,6 @@ class HousingTorsion(Effect):
         omega_t = 2 * ca.pi * p["frequency_hz"] * context.time_s
         damped = ca.sqrt(1 - p["damping_ratio"] ** 2) * omega_t
         return ca.exp(-p["damping_ratio"] * omega_t) * (angle * ca.cos(damped) + rate * ca.sin(damped))
-
-
-def guess_torsion(context: GuessContext) -> list[Values]:
-    """Return the undamped oscillation whose small rotations take the most off the residual across the rope.
-
-    A rotation ψ changes a reading f = x + i y by −i ψ f, so the residual shows ψ = −Im(f* r)/|f|² with a weight of |f|². A
-    constant and a linear rotation are left to the heading and to a housing that spins.
-    """
-    angle_rad, weight, time_s, total = _rotation_in_residual(context)
-    count = int(MAX_GUESS_HZ * context.duration_s * FREQUENCIES_PER_CYCLE)
-    tried_hz: Array = np.arange(2.0, count + 2.0) / (FREQUENCIES_PER_CYCLE * context.duration_s)
-    drift = np.stack([np.ones_like(time_s), time_s], axis=1) * np.sqrt(weight)[:, None]
-    basis = np.asarray(np.linalg.qr(drift)[0], dtype=np.float64)
-
-    def without_drift(columns: Array) -> Array:
-        left: Array = columns - basis @ (basis.T @ columns)
-        return left
-
-    target = without_drift(np.sqrt(weight) * angle_rad)
-    gains, fitted = np.zeros(count), np.zeros((count, 2))
-    for i, hz in enumerate(tried_hz):
-        phase = 2 * np.pi * hz * time_s
-        columns = without_drift(np.stack([np.cos(phase), np.sin(phase)], axis=1) * np.sqrt(weight)[:, None])
-        fitted[i] = np.linalg.lstsq(columns, target, rcond=1e-9)[0]
-        gains[i] = (columns @ fitted[i]) @ target
-    best = int(np.argmax(gains))
-    if gains[best] < MIN_GAIN * total:
-        return []
-    start_deg = np.degrees(fitted[best])
-    return [{"frequency_hz": float(tried_hz[best]), "start_deg": (float(start_deg[0]), float(start_deg[1]))}]
 
 
 def _rotation_in_residual(context: GuessContext) -> tuple[Array, Array, Array, float]:

@@ -26,6 +26,8 @@ Symbols = Mapping[str, Scalar]
 
 NEGLIGIBLE = 1e-9
 """Size below which a value of any unit is printed as 0. Definition: what a fit leaves of an axis that was not measured."""
+SMALL_SHARE = 0.01
+"""What an operator would call small over what is typical. Basis: a choice; what changes so little is linear."""
 TAIL_SHARE = 0.25
 """Standard deviation of the density beyond the usual limit over that limit. Basis: at twice the limit odds of 3000 to 1."""
 
@@ -44,7 +46,7 @@ class ParameterKind(Enum):
     FREQUENCY = "frequency"
     PHASE = "phase"
     CUTOFF = "cutoff"
-    """A cutoff frequency. It is fitted by its inverse, the lag, in which the samples are nearly linear."""
+    """A cutoff frequency. In the parameter vector it stands by its inverse, a lag, in which the samples are nearly linear."""
 
 
 EVENT_TIME_KINDS = frozenset({ParameterKind.START, ParameterKind.DURATION, ParameterKind.EDGE})
@@ -100,24 +102,29 @@ def amplitude(
     unit: str,
     meaning: str,
     bounds: tuple[float, float],
-    *,
-    scale: float,
     typical: Value,
     components: tuple[str, ...] = (),
     **further: Any,
 ) -> Parameter:
     """Return the parameter of a strength: the effect vanishes where it is 0. `further` are other fields of `Parameter`."""
-    return Parameter(name, unit, meaning, *bounds, 0.0, scale, typical, components, **further)
+    return Parameter(name, unit, meaning, *bounds, 0.0, _small(typical, bounds), typical, components, **further)
+
+
+def shape(name: str, unit: str, meaning: str, bounds: tuple[float, float], neutral: float, **further: Any) -> Parameter:
+    """Return a parameter that gives an effect its shape, such as a frequency; its typical value is the neutral one by default."""
+    typical = further.pop("typical", neutral)
+    scale = further.pop("scale", _small(typical, bounds))
+    return Parameter(name, unit, meaning, *bounds, neutral, scale, typical, **further)
+
+
+def _small(typical: Value, bounds: tuple[float, float]) -> float:
+    """Return a small part of what is typical, or of the range where that is 0."""
+    return SMALL_SHARE * (float(np.max(np.abs(typical))) or bounds[1])
 
 
 def without_rounding(value: float) -> float:
     """Return a value as it is printed: 0 where a fit leaves next to nothing."""
     return value if abs(value) > NEGLIGIBLE else 0.0
-
-
-def parameter_label(parameter: Parameter, component: int) -> str:
-    """Return `accel_m_s2[x]`, or the name alone for a parameter without components."""
-    return f"{parameter.name}[{parameter.components[component]}]" if parameter.components else parameter.name
 
 
 class StatedLimits(Protocol):

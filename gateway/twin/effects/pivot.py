@@ -16,7 +16,7 @@ from gateway.twin.effects.effect import Effect, ModelStructure
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext
 from gateway.twin.effects.experiments import SWING_BOTH_WAYS, SWING_TO_REST
 from gateway.twin.effects.guess_context import GuessContext
-from gateway.twin.effects.parameter import Parameter, Symbols, Values, amplitude
+from gateway.twin.effects.parameter import Symbols, Values, amplitude, shape
 
 Array = NDArray[np.float64]
 TINY = 1e-30
@@ -39,35 +39,6 @@ MAX_REMAINING_AMPLITUDE = 0.95
 """Amplitude in the last fifth over that in the first. Basis: a choice; above it the swing hardly leaves the range of one
 amplitude."""
 PRESLIDING_GUESSES_RAD = (0.02, 0.1)
-
-
-def guess_pivot_compliance(context: GuessContext) -> list[Values]:
-    """Return a compliance in one direction that turns the Stokes vector away from the model's as the recording does.
-
-    Nothing if the shape changes as the model says, or otherwise than by two constant periods.
-    """
-    frequency_hz = _swing_frequency_hz(context)
-    if frequency_hz is None:
-        return []
-    windows = int(context.duration_s * frequency_hz / PERIODS_PER_WINDOW)
-    if windows < MIN_WINDOWS:
-        return []
-    time_s, measured = _stokes_vectors(context, context.force_g, frequency_hz, windows)
-    _, modelled = _stokes_vectors(context, context.force_g - context.residual_g, frequency_hz, windows)
-    departure = measured - modelled
-    departure -= departure.mean(axis=0)
-    turned = [np.cross(axis, np.cumsum(modelled, axis=0)) * (time_s[1] - time_s[0]) for axis in np.eye(3)[:2]]
-    design = np.stack([(each - each.mean(axis=0)).ravel() for each in turned], axis=1)
-    rates, *_ = np.linalg.lstsq(design, departure.ravel(), rcond=None)
-    unexplained = float(np.sum((departure.ravel() - design @ rates) ** 2) / max(np.sum(departure**2), TINY))
-    difference_rad_s = float(np.hypot(*rates))
-    if not (difference_rad_s * context.duration_s > MIN_TURN_RAD and unexplained < MAX_UNEXPLAINED):
-        return []
-    rate_1_s = small_swing_rate_1_s(context.length_m, context.gravity_m_s2)
-    soft_m = 2 * context.length_m * difference_rad_s / rate_1_s  # ω² = g/(L + c)
-    cos, sin = rates / difference_rad_s
-    along_x_m, coupling_m, along_y_m = (float(soft_m * each / 2) for each in (1 + cos, sin, 1 - cos))
-    return [{"compliance_m": (along_x_m, along_y_m), "coupling_m": coupling_m}]
 
 
 def _swing_frequency_hz(context: GuessContext) -> float | None:
@@ -111,18 +82,39 @@ class PivotCompliance(Effect):
             "m",
             "C, deflection of the pivot under a horizontal force of the load's weight",
             (0.0, 10.0),
-            scale=0.01,
-            typical=(0.15, 0.02),
-            components=("xx", "yy"),
+            (0.15, 0.02),
+            ("xx", "yy"),
         ),
-        amplitude(
-            "coupling_m", "m", "C, deflection toward y under a force toward x", (-10.0, 10.0), scale=0.01, typical=0.02
-        ),
+        amplitude("coupling_m", "m", "C, deflection toward y under a force toward x", (-10.0, 10.0), 0.02),
     )
 
     def initial_guesses(self, context: GuessContext) -> list[Values]:
-        """Return the compliance in one direction that changes the shape of the ellipse as the recording does."""
-        return guess_pivot_compliance(context)
+        """Return a compliance in one direction that turns the Stokes vector away from the model's as the recording does.
+
+        Nothing if the shape changes as the model says, or otherwise than by two constant periods.
+        """
+        frequency_hz = _swing_frequency_hz(context)
+        if frequency_hz is None:
+            return []
+        windows = int(context.duration_s * frequency_hz / PERIODS_PER_WINDOW)
+        if windows < MIN_WINDOWS:
+            return []
+        time_s, measured = _stokes_vectors(context, context.force_g, frequency_hz, windows)
+        _, modelled = _stokes_vectors(context, context.force_g - context.residual_g, frequency_hz, windows)
+        departure = measured - modelled
+        departure -= departure.mean(axis=0)
+        turned = [np.cross(axis, np.cumsum(modelled, axis=0)) * (time_s[1] - time_s[0]) for axis in np.eye(3)[:2]]
+        design = np.stack([(each - each.mean(axis=0)).ravel() for each in turned], axis=1)
+        rates, *_ = np.linalg.lstsq(design, departure.ravel(), rcond=None)
+        unexplained = float(np.sum((departure.ravel() - design @ rates) ** 2) / max(np.sum(departure**2), TINY))
+        difference_rad_s = float(np.hypot(*rates))
+        if not (difference_rad_s * context.duration_s > MIN_TURN_RAD and unexplained < MAX_UNEXPLAINED):
+            return []
+        rate_1_s = small_swing_rate_1_s(context.length_m, context.gravity_m_s2)
+        soft_m = 2 * context.length_m * difference_rad_s / rate_1_s  # ω² = g/(L + c)
+        cos, sin = rates / difference_rad_s
+        along_x_m, coupling_m, along_y_m = (float(soft_m * each / 2) for each in (1 + cos, sin, 1 - cos))
+        return [{"compliance_m": (along_x_m, along_y_m), "coupling_m": coupling_m}]
 
     def pivot_compliance_m(self, p: Symbols) -> Vector:
         """Return the components of C."""
@@ -148,23 +140,16 @@ class PivotFriction(Effect):
     structure = ModelStructure.PRESLIDING
     parameters = (
         amplitude(
-            "hold_rad",
-            "rad",
-            "ε, largest angle from its rest at which the friction holds the load",
-            (0.0, 0.2),
-            scale=1e-4,
-            typical=5e-4,
+            "hold_rad", "rad", "ε, largest angle from its rest at which the friction holds the load", (0.0, 0.2), 5e-4
         ),
-        Parameter(
+        # The limit is that of a pin of 10 mm that yields by 0.4 mm.
+        shape(
             "presliding_rad",
             "rad",
             "δ, rotation by which the contact yields before it slides",
-            lower=1e-3,
-            upper=0.1,
-            neutral=0.02,
-            scale=1e-3,
-            typical=0.02,
-            limit=0.019,  # a pin of 10 mm that yields by 0.4 mm
+            (1e-3, 0.1),
+            0.02,
+            limit=0.019,
         ),
     )
 

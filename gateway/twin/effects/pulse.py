@@ -1,7 +1,7 @@
 """Events that rise, stay and fall: their parameters, their shape, and the base class of effects with that shape."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import casadi as ca
 
@@ -9,59 +9,27 @@ from devices.pendulum.equations import Scalar
 from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import EvaluationContext
 from gateway.twin.effects.guess_context import SHARPEST
-from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols
+from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, shape
+
+START = "start, since the first sample of the recording"
 
 
-def start(typical: float, operator_sigma: float | None = None) -> Parameter:
-    """Return the parameter `start_s`, the time at which an event starts."""
-    return Parameter(
-        "start_s",
-        "s",
-        "start, since the first sample of the recording",
-        lower=0.0,
-        upper=1e6,
-        neutral=0.0,
-        scale=0.1,
-        typical=typical,
-        kind=ParameterKind.START,
-        step_limit=2.0,
-        operator_sigma=operator_sigma,
-    )
+def start(typical: float, **further: Any) -> Parameter:
+    """Return the parameter `start_s`, the time at which an event starts; `further` are other fields of `Parameter`."""
+    given = {"typical": typical, "kind": ParameterKind.START, "step_limit": 2.0, **further}
+    return shape("start_s", "s", START, (0.0, 1e6), 0.0, **given)
 
 
-def duration(
-    typical: float, name: str = "duration_s", meaning: str = "duration", operator_sigma: float | None = None
-) -> Parameter:
+def duration(typical: float, name: str = "duration_s", meaning: str = "duration", **further: Any) -> Parameter:
     """Return the parameter for the duration of an event, or of a part of it."""
-    return Parameter(
-        name,
-        "s",
-        meaning,
-        lower=0.05,
-        upper=600.0,
-        neutral=5.0,
-        scale=0.1,
-        typical=typical,
-        kind=ParameterKind.DURATION,
-        step_limit=3.0,
-        operator_sigma=operator_sigma,
-    )
+    given = {"typical": typical, "kind": ParameterKind.DURATION, "step_limit": 3.0, **further}
+    return shape(name, "s", meaning, (0.05, 600.0), 5.0, **given)
 
 
 def ramp_fraction(typical: float) -> Parameter:
     """Return the parameter `rising_share`, the fraction of an event in which it rises and falls."""
-    return Parameter(
-        "rising_share",
-        "1",
-        "fraction in which it rises and falls",
-        lower=SHARPEST,
-        upper=1.0,
-        neutral=typical,
-        scale=0.1,
-        typical=typical,
-        kind=ParameterKind.EDGE,
-        step_limit=0.3,
-    )
+    meaning = "fraction in which it rises and falls"
+    return shape("rising_share", "1", meaning, (SHARPEST, 1.0), typical, kind=ParameterKind.EDGE, step_limit=0.3)
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,17 +4,23 @@ import casadi as ca
 
 from devices.pendulum.double_pendulum import modes
 from devices.pendulum.equations import Scalar
+from gateway.numerics.spectrum import find_strongest_line
 from gateway.twin.effects.effect import Effect, ModelStructure
 from gateway.twin.effects.evaluation_context import EvaluationContext, Rigging, RopeGeometry
 from gateway.twin.effects.experiments import MEASURE_ROPE, RECORD_DRIVES
-from gateway.twin.effects.guess_context import GuessContext, guess_bounce, guess_double_pendulum
-from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values, amplitude
+from gateway.twin.effects.guess_context import GuessContext, guess_double_pendulum
+from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values, amplitude, shape
 from gateway.twin.effects.pulse import PulseEffect, duration, ramp_fraction, start
 
 MAX_RIGGING_SHARE = 0.95
 """Longest rigging over the nominal length. Basis: a choice; the upper rope needs some length, too."""
 MAX_FAST_MODE_STEP_RAD = 0.1
 """Phase of the fast mode of a double pendulum in one integration step; the mode may go on for long."""
+BOUNCE_HZ = (0.5, 8.0)
+"""Band of the oscillation of loads along their ropes."""
+MIN_BOUNCE_POWER = 30.0
+"""Power of an oscillation along the rope over the noise floor around it. Basis: a choice; it decays, so its line is broad and
+low, and a third of that of an evident line."""
 MAX_BOUNCE_STEP_RAD = 0.125
 """Phase of the oscillation along the rope in one integration step."""
 
@@ -32,9 +38,7 @@ class Hoisting(PulseEffect):
     profile_modelled = False
     """The speed of a real winch follows its own profile."""
     parameters = (
-        amplitude(
-            "speed_m_s", "m/s", "v, positive for lowering", (-2.0, 2.0), scale=0.01, typical=-0.2, operator_sigma=5e-3
-        ),
+        amplitude("speed_m_s", "m/s", "v, positive for lowering", (-2.0, 2.0), -0.2, operator_sigma=5e-3),
         start(30.0, operator_sigma=1.0),
         duration(8.0, operator_sigma=0.2),
         ramp_fraction(0.1),
@@ -59,7 +63,7 @@ class RopeLength(Effect):
     scales_period = True
     length_like = True
     in_every_rig = True
-    parameters = (amplitude("relative_error", "1", "e", (-0.5, 1.0), scale=1e-3, typical=0.02, prior_sigma=0.05),)
+    parameters = (amplitude("relative_error", "1", "e", (-0.5, 1.0), 0.02, prior_sigma=0.05),)
 
     def rope_geometry(self, p: Symbols, context: EvaluationContext, geometry: RopeGeometry) -> RopeGeometry:
         """Scale the length; the housing stays where it was measured, from the pivot or from the load."""
@@ -79,53 +83,31 @@ class RopeStretch(Effect):
     structure = ModelStructure.ELASTIC
     steady_frequency = True
     parameters = (
-        Parameter(
+        shape(
             "frequency_hz",
             "Hz",
             "of the oscillation, ω/2π",
-            lower=0.3,
-            upper=20.0,
-            neutral=2.0,
-            scale=0.01,
-            typical=2.0,
+            (0.3, 20.0),
+            2.0,
             kind=ParameterKind.FREQUENCY,
             step_limit=0.05,
         ),
-        Parameter(
-            "damping_ratio",
-            "1",
-            "ζ of the oscillation; no rope is without damping",
-            lower=1e-3,
-            upper=0.5,
-            neutral=0.01,
-            scale=1e-3,
-            typical=0.01,
-        ),
-        Parameter(
-            "above_housing",
-            "1",
-            "h, fraction of the stretch above the housing",
-            lower=0.0,
-            upper=1.0,
-            neutral=1.0,
-            scale=0.01,
-            typical=1.0,
-        ),
-        Parameter(
+        shape("damping_ratio", "1", "ζ of the oscillation; no rope is without damping", (1e-3, 0.5), 0.01),
+        shape("above_housing", "1", "h, fraction of the stretch above the housing", (0.0, 1.0), 1.0),
+        shape(
             "sag_unknown",
             "1",
             "q, fraction of the elongation under the load that the nominal length lacks",
-            lower=0.0,
-            upper=1.0,
-            neutral=1.0,
-            scale=0.01,
-            typical=1.0,
+            (0.0, 1.0),
+            1.0,
         ),
     )
 
     def initial_guesses(self, context: GuessContext) -> list[Values]:
         """Return the frequency of the strongest line of the axial residual, if it stands out."""
-        return guess_bounce(context)
+        axial = context.residual_g * [0.0, 0.0, 1.0] / context.noise_g
+        line = find_strongest_line(context.time_s, axial, *BOUNCE_HZ)
+        return [] if line is None or line.power[2] < MIN_BOUNCE_POWER else [{"frequency_hz": line.frequency_hz}]
 
     def longest_step_s(self, p: Symbols, length_m: float, gravity_m_s2: float) -> Scalar:
         """Return an eighth of a radian of the oscillation."""
@@ -162,14 +144,7 @@ class LoadChange(Effect):
     changes_length = True
     instantaneous = True
     parameters = (
-        amplitude(
-            "length_change_m",
-            "m",
-            "ΔL, positive if the centre moves away from the pivot",
-            (-10.0, 10.0),
-            scale=0.01,
-            typical=-0.5,
-        ),
+        amplitude("length_change_m", "m", "ΔL, positive if the centre moves away from the pivot", (-10.0, 10.0), -0.5),
         start(30.0),
     )
 
@@ -193,26 +168,8 @@ class DoublePendulum(Effect):
     segment_s = 8.0
     """Two modes beat: a fit that starts from wrong frequencies follows them only for so long."""
     parameters = (
-        Parameter(
-            "rigging_length_m",
-            "m",
-            "l, from the hook to the load's centre",
-            lower=0.2,
-            upper=100.0,
-            neutral=4.0,
-            scale=0.05,
-            typical=4.0,
-        ),
-        Parameter(
-            "hook_mass_ratio",
-            "1",
-            "q, mass of the hook block over that of the load",
-            lower=0.005,
-            upper=5.0,
-            neutral=0.1,
-            scale=0.01,
-            typical=0.1,
-        ),
+        shape("rigging_length_m", "m", "l, from the hook to the load's centre", (0.2, 100.0), 4.0),
+        shape("hook_mass_ratio", "1", "q, mass of the hook block over that of the load", (0.005, 5.0), 0.1),
     )
 
     def initial_guesses(self, context: GuessContext) -> list[Values]:

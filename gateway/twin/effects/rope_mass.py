@@ -13,7 +13,7 @@ from gateway.twin.effects.effect import Effect, ModelStructure
 from gateway.twin.effects.evaluation_context import EvaluationContext, RopeGeometry
 from gateway.twin.effects.experiments import MEASURE_TO_CENTRE, WEIGH_LOAD
 from gateway.twin.effects.guess_context import GuessContext
-from gateway.twin.effects.parameter import Parameter, Symbols, Values, amplitude
+from gateway.twin.effects.parameter import Symbols, Values, amplitude, shape
 from gateway.twin.effects.rope import RopeLength
 
 STRING_BAND = (4.5, 40.0)
@@ -54,8 +54,7 @@ class LoadInertia(Effect):
             "m",
             "k, radius of gyration about a horizontal axis through the load's centre",
             (0.0, 100.0),
-            scale=0.05,
-            typical=1.0,
+            1.0,
         ),
     )
 
@@ -107,26 +106,14 @@ class RopeMass(Effect):
     structure = ModelStructure.HEAVY_ROPE
     coincides_with = RopeLength.name
     parameters = (
-        Parameter(
+        shape(
             "relative_density_1_m",
             "1/m",
             "λ, mass of all parts of line in a metre of length over that of the load",
-            lower=1e-5,
-            upper=10.0,
-            neutral=5e-3,
-            scale=1e-4,
-            typical=5e-3,
+            (1e-5, 10.0),
+            5e-3,
         ),
-        Parameter(
-            "string_damping_ratio",
-            "1",
-            "ζ of the string mode; no rope is without damping",
-            lower=1e-3,
-            upper=0.5,
-            neutral=0.02,
-            scale=1e-3,
-            typical=0.02,
-        ),
+        shape("string_damping_ratio", "1", "ζ of the string mode; no rope is without damping", (1e-3, 0.5), 0.02),
     )
 
     def initial_guesses(self, context: GuessContext) -> list[Values]:

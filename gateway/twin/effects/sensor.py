@@ -7,20 +7,12 @@ from devices.pendulum.equations import Scalar, Vector
 from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import EvaluationContext
 from gateway.twin.effects.experiments import MEASURE_HOUSING, TURN_HOUSING
-from gateway.twin.effects.guess_context import GuessContext, guess_vibration
-from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values, amplitude
+from gateway.twin.effects.guess_context import GuessContext, guess_vibration, wrap_angle
+from gateway.twin.effects.parameter import ParameterKind, Symbols, Values, amplitude, shape
 
 AXES = ("x", "y", "z")
 MIN_GUESSED_MOUNT_DEG = 5.0
 """Smallest angle between the mean reading and the z axis that needs a guess. Basis: a fit finds smaller ones from zero."""
-
-
-def guess_mount(context: GuessContext) -> list[Values]:
-    """Return the mount in which the mean of the readings, along which the rope hangs on average, would be the z axis."""
-    x, y, z = context.force_g.mean(axis=0)
-    about_x_deg, about_y_deg = np.degrees([np.arctan2(-y, np.hypot(x, z)), np.arctan2(x, z)])
-    askew = np.hypot(about_x_deg, about_y_deg) > MIN_GUESSED_MOUNT_DEG
-    return [{"deg": (float(about_x_deg), float(about_y_deg))}] if askew else [{}]
 
 
 def rotate_across(reading: Vector, about_x: Scalar, about_y: Scalar) -> Vector:
@@ -40,22 +32,14 @@ class MountMisalignment(Effect):
     enters = "sensor"
     discriminating_experiment = TURN_HOUSING
     in_every_rig = True
-    parameters = (
-        amplitude(
-            "deg",
-            "°",
-            "α about x and β about y",
-            (-60.0, 60.0),
-            scale=0.05,
-            typical=(0.5, -0.5),
-            limit=30.0,
-            components=("x", "y"),
-        ),
-    )
+    parameters = (amplitude("deg", "°", "α about x and β about y", (-60.0, 60.0), (0.5, -0.5), ("x", "y"), limit=30.0),)
 
     def initial_guesses(self, context: GuessContext) -> list[Values]:
-        """Return the rotation that makes the mean reading vertical, where a fit from zero would not find it."""
-        return guess_mount(context)
+        """Return the mount in which the mean of the readings, along which the rope hangs on average, would be the z axis."""
+        x, y, z = context.force_g.mean(axis=0)
+        about_x_deg, about_y_deg = np.degrees([np.arctan2(-y, np.hypot(x, z)), np.arctan2(x, z)])
+        askew = np.hypot(about_x_deg, about_y_deg) > MIN_GUESSED_MOUNT_DEG
+        return [{"deg": (float(about_x_deg), float(about_y_deg))}] if askew else [{}]
 
     def reading_g(self, p: Symbols, context: EvaluationContext, reading: Vector) -> Vector:
         """Rotate about x, then about y."""
@@ -73,7 +57,7 @@ class CrossAxis(Effect):
     enters = "sensor"
     discriminating_experiment = TURN_HOUSING
     parameters = tuple(
-        amplitude(pair, "1", f"c, between {pair[0]} and {pair[1]}", (-0.3, 0.3), scale=1e-3, typical=0.01, limit=0.03)
+        amplitude(pair, "1", f"c, between {pair[0]} and {pair[1]}", (-0.3, 0.3), 0.01, limit=0.03)
         for pair in ("xy", "xz", "yz")
     )
 
@@ -99,11 +83,10 @@ class ScaleError(Effect):
             "1",
             "s of each axis",
             (-0.3, 0.3),
-            scale=1e-3,
-            typical=(0.01, 0.01, 0.01),
+            (0.01, 0.01, 0.01),
+            AXES,
             limit=0.03,
             limit_of_rig="scale_limit",
-            components=AXES,
         ),
     )
 
@@ -129,11 +112,10 @@ class AxisOffset(Effect):
             "g",
             "b of each axis",
             (-0.5, 0.5),
-            scale=1e-3,
-            typical=(0.01, 0.01, 0.01),
+            (0.01, 0.01, 0.01),
+            AXES,
             limit=0.06,
             limit_of_rig="offset_limit_g",
-            components=AXES,
         ),
     )
 
@@ -152,11 +134,7 @@ class ThermalDrift(Effect):
     reference = "temperature coefficient of the zero-g offset, Sawicki and Walendziuk 2016"
     enters = "sensor"
     needs_temperature = True
-    parameters = (
-        amplitude(
-            "mg_per_c", "mg/°C", "k of each axis", (-20.0, 20.0), scale=0.05, typical=(0.5, 0.5, 1.0), components=AXES
-        ),
-    )
+    parameters = (amplitude("mg_per_c", "mg/°C", "k of each axis", (-20.0, 20.0), (0.5, 0.5, 1.0), AXES),)
 
     def reading_g(self, p: Symbols, context: EvaluationContext, reading: Vector) -> Vector:
         """Add an offset proportional to the temperature above that of the calibration."""
@@ -176,50 +154,39 @@ class Vibration(Effect):
     found_before_search = True
     steady_frequency = True
     parameters = (
-        Parameter(
+        shape(
             "frequency_hz",
             "Hz",
             "f",
-            lower=0.5,
-            upper=2000.0,
-            neutral=10.0,
-            scale=1e-3,
+            (0.5, 2000.0),
+            10.0,
             typical=12.0,
+            scale=1e-3,
             kind=ParameterKind.FREQUENCY,
             step_limit=0.05,
         ),
-        amplitude(
-            "amplitude_g", "g", "A of each axis", (-1.0, 1.0), scale=1e-4, typical=(3e-3, 3e-3, 3e-3), components=AXES
-        ),
-        Parameter(
+        amplitude("amplitude_g", "g", "A of each axis", (-1.0, 1.0), (3e-3, 3e-3, 3e-3), AXES),
+        shape(
             "lag_rad",
             "rad",
             "phase lag of y and z behind x",
-            lower=-7.0,
-            upper=7.0,
-            neutral=0.0,
-            scale=0.1,
+            (-7.0, 7.0),
+            0.0,
             typical=(0.0, 0.0),
             components=("y", "z"),
             kind=ParameterKind.PHASE,
         ),
-        Parameter(
-            "phase_rad",
-            "rad",
-            "φ of x",
-            lower=-7.0,
-            upper=7.0,
-            neutral=0.0,
-            scale=0.1,
-            typical=0.0,
-            refitted=True,
-            kind=ParameterKind.PHASE,
-        ),
+        shape("phase_rad", "rad", "φ of x", (-7.0, 7.0), 0.0, refitted=True, kind=ParameterKind.PHASE),
     )
 
     def initial_guesses(self, context: GuessContext) -> list[Values]:
         """Return the strongest line above the pendulum's frequencies, if it is no overtone."""
         return guess_vibration(context)
+
+    def shift_start(self, values: Values, by_s: float) -> Values:
+        """Return the same sine counted from a later first sample."""
+        frequency_hz, phase_rad = (float(np.asarray(values[key])) for key in ("frequency_hz", "phase_rad"))
+        return {**values, "phase_rad": float(wrap_angle(np.asarray(phase_rad + 2 * np.pi * frequency_hz * by_s)))}
 
     def reading_g(self, p: Symbols, context: EvaluationContext, reading: Vector) -> Vector:
         """Add a sine with the amplitude and phase of each axis."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from devices.pendulum.equations import Scalar, Vector
 from gateway.twin.effects.effect import Array, Effect
 from gateway.twin.effects.experiments import MEASURE_ROPE
-from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values, amplitude
+from gateway.twin.effects.parameter import ParameterKind, Symbols, Values, amplitude, shape
 from gateway.twin.effects.sensor import AXES
 
 SAME_READING_G = 1e-6
@@ -31,14 +31,12 @@ class LowpassLag(Effect):
     needs_single_segment = True
     default_guess = MappingProxyType({"cutoff_hz": 2.0})
     parameters = (
-        Parameter(
+        shape(
             "cutoff_hz",
             "Hz",
             "f_c, −3 dB",
-            lower=0.05,
-            upper=1000.0,
-            neutral=20.0,
-            scale=0.02,
+            (0.05, 1000.0),
+            20.0,
             typical=1.0,
             kind=ParameterKind.CUTOFF,
             step_limit=1.0,
@@ -48,9 +46,8 @@ class LowpassLag(Effect):
             "g",
             "state of the filter at the first sample, minus the state that the motion alone would give",
             (-2.0, 2.0),
-            scale=1e-3,
-            typical=(0.0, 0.0, 0.0),
-            components=AXES,
+            (0.0, 0.0, 0.0),
+            AXES,
             refitted=True,
         ),
     )
@@ -67,7 +64,7 @@ class Quantization(Effect):
     linear_at_neutral = False
     detected_in_samples = True
     found_before_search = True
-    parameters = (amplitude("lsb_g", "g", "q, step of the readings", (0.0, 0.5), scale=1e-4, typical=4e-3),)
+    parameters = (amplitude("lsb_g", "g", "q, step of the readings", (0.0, 0.5), 4e-3),)
 
     def sample_output_g(self, values: Values, force_g: Array) -> Array:
         """Round to multiples of the step; a step of 0 leaves the samples unchanged."""
@@ -86,18 +83,7 @@ class SampleHold(Effect):
     linear_at_neutral = False
     detected_in_samples = True
     found_before_search = True
-    parameters = (
-        Parameter(
-            "rows",
-            "1",
-            "N, rows of the file per reading of the sensor",
-            lower=1.0,
-            upper=1000.0,
-            neutral=1.0,
-            scale=0.1,
-            typical=3.0,
-        ),
-    )
+    parameters = (shape("rows", "1", "N, rows of the file per reading of the sensor", (1.0, 1000.0), 1.0, typical=3.0),)
 
     def sample_output_g(self, values: Values, force_g: Array) -> Array:
         """Hold each reading; one row per reading leaves the samples unchanged."""
@@ -117,18 +103,7 @@ class Clipping(Effect):
     linear_at_neutral = False
     detected_in_samples = True
     found_before_search = True
-    parameters = (
-        Parameter(
-            "full_scale_g",
-            "g",
-            "c, largest reading",
-            lower=0.05,
-            upper=100.0,
-            neutral=16.0,
-            scale=1e-3,
-            typical=1.005,
-        ),
-    )
+    parameters = (shape("full_scale_g", "g", "c, largest reading", (0.05, 100.0), 16.0, typical=1.005),)
 
     def sample_output_g(self, values: Values, force_g: Array) -> Array:
         """Limit each axis to the full scale."""
@@ -152,17 +127,8 @@ class ClockDrift(Effect):
     discriminating_experiment = MEASURE_ROPE
     scales_period = True
     parameters = (
-        Parameter(
-            "relative",
-            "1",
-            "e, positive if the clock is fast",
-            lower=-0.2,
-            upper=0.2,
-            neutral=0.0,
-            scale=1e-4,
-            typical=5e-3,
-            limit=0.05,  # an oscillator without a crystal, initial tolerance: MPU-6000 data sheet, section 6.6
-        ),
+        # The limit is the initial tolerance of an oscillator without a crystal: MPU-6000 data sheet, section 6.6.
+        amplitude("relative", "1", "e, positive if the clock is fast", (-0.2, 0.2), 5e-3, limit=0.05),
     )
 
     def true_time_s(self, p: Symbols, recorded_s: Scalar) -> Scalar:
@@ -181,9 +147,7 @@ class SampleLoss(Effect):
     scored = False
     found_before_search = True
     scales_period = True
-    parameters = (
-        amplitude("fraction", "1", "p, fraction of the samples that is lost", (0.0, 0.95), scale=1e-3, typical=0.03),
-    )
+    parameters = (amplitude("fraction", "1", "p, fraction of the samples that is lost", (0.0, 0.95), 0.03),)
 
     def keep_samples(self, values: Values, count: int, random: np.random.Generator) -> NDArray[np.bool_]:
         """Lose samples at random, never the first."""

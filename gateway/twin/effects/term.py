@@ -16,7 +16,16 @@ from numpy.typing import NDArray
 from devices.pendulum.equations import Scalar
 from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import EvaluationContext
-from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Value, Values, amplitude, without_rounding
+from gateway.twin.effects.parameter import (
+    Parameter,
+    ParameterKind,
+    Symbols,
+    Value,
+    Values,
+    amplitude,
+    shape,
+    without_rounding,
+)
 
 HORIZONTAL = ("x", "y")
 AXES = ("x", "y", "z")
@@ -29,15 +38,12 @@ STEPS_PER_PERIOD = 16
 """Integration steps in a period of a periodic coefficient. Basis: a choice; the integration of order six errs by far less than a
 sensor shows."""
 PHASORS = ("sine", "cosine")
-FREQUENCY = Parameter(
+FREQUENCY = shape(
     "frequency_hz",
     "Hz",
     "f",
-    lower=LOWEST_FREQUENCY_HZ,
-    upper=HIGHEST_FREQUENCY_HZ,
-    neutral=0.4,
-    scale=1e-3,
-    typical=0.4,
+    (LOWEST_FREQUENCY_HZ, HIGHEST_FREQUENCY_HZ),
+    0.4,
     kind=ParameterKind.FREQUENCY,
     step_limit=0.01,
 )
@@ -89,9 +95,8 @@ def coefficient(name: str, unit: str, meaning: str, typical: float, components: 
         unit,
         meaning,
         (-LARGEST * typical, LARGEST * typical),
-        scale=typical / 10,
-        typical=tuple(typical for _ in components) if components else typical,
-        components=components,
+        tuple(typical for _ in components) if components else typical,
+        components,
     )
 
 
@@ -130,22 +135,6 @@ class Coefficients:
         parts = zip(*(_each(p[each], self.components) for each in PHASORS), strict=True)
         return tuple(sine * ca.sin(angle) + cosine * ca.cos(angle) for sine, cosine in parts)
 
-    def shift_start(self, values: Values, by_s: float) -> Values:
-        """Return the same coefficients counted from a later first sample."""
-        if not self.is_periodic:
-            return values
-        angle_rad = 2 * np.pi * float(np.asarray(values["frequency_hz"])) * by_s
-        turned = _phasor(values) * np.exp(1j * angle_rad)
-        return {**values, "cosine": _value(turned.real), "sine": _value(-turned.imag)}
-
-    def law(self, values: Values, formula: str) -> str:
-        """Return what they multiply, with numbers and units: `+0.0042 1/s v`; of a sine the largest value along any direction."""
-        if not self.is_periodic:
-            return f"{number(values['coefficient'])} {self.unit} {formula}"
-        phasor = np.atleast_1d(_phasor(values))
-        amplitude = np.linalg.svd(np.stack([phasor.real, phasor.imag]), compute_uv=False)[0]
-        return f"{amplitude:.3g} {self.unit} {formula}, f = {float(np.asarray(values['frequency_hz'])):.4g} Hz"
-
 
 def periodic(unit: str, typical: float, components: tuple[str, ...] = ()) -> Coefficients:
     """Return coefficients that oscillate."""
@@ -181,8 +170,16 @@ class CoefficientTerm(Term):
 
     def shift_start(self, values: Values, by_s: float) -> Values:
         """Return the same term counted from a later first sample."""
-        return self.course.shift_start(values, by_s)
+        if not self.course.is_periodic:
+            return values
+        angle_rad = 2 * np.pi * float(np.asarray(values["frequency_hz"])) * by_s
+        turned = _phasor(values) * np.exp(1j * angle_rad)
+        return {**values, "cosine": _value(turned.real), "sine": _value(-turned.imag)}
 
     def law(self, values: Values) -> str:
-        """Return the right-hand side with numbers and units."""
-        return self.course.law(values, self.formula)
+        """Return the right-hand side with numbers and units; of a sine the largest value along any direction."""
+        if not self.course.is_periodic:
+            return super().law(values)
+        phasor, hz = np.atleast_1d(_phasor(values)), float(np.asarray(values["frequency_hz"]))
+        size = np.linalg.svd(np.stack([phasor.real, phasor.imag]), compute_uv=False)[0]
+        return f"{size:.3g} {self.course.unit} {self.formula}, f = {hz:.4g} Hz"

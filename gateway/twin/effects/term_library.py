@@ -10,16 +10,8 @@ from devices.pendulum.equations import Scalar, Vector
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext
 from gateway.twin.effects.force_terms import FORCE_TERMS, KINEMATIC_TERMS
-from gateway.twin.effects.parameter import Parameter, Symbols, Values
-from gateway.twin.effects.term import (
-    AXES,
-    HORIZONTAL,
-    CoefficientTerm,
-    Term,
-    coefficient,
-    number,
-    periodic,
-)
+from gateway.twin.effects.parameter import Symbols, Values, shape
+from gateway.twin.effects.term import AXES, HORIZONTAL, CoefficientTerm, Term, coefficient, number, periodic
 
 SMOOTHING_G = 1e-6
 """Amplitude of a reading that counts as none. Basis: a choice; below the noise of a mean, above rounding."""
@@ -55,17 +47,8 @@ class CreepingOffset(ReadingTerm):
     says = ("the sensor's zero settles after the start",) * 2
     explains = says[0]
     parameters = (
-        Parameter(
-            "time_constant_s",
-            "s",
-            "τ",
-            lower=2.0,  # what is over within part of a swing is no offset that settles
-            upper=1e4,
-            neutral=10.0,
-            scale=0.1,
-            typical=10.0,
-            step_limit=20.0,
-        ),
+        # What is over within two seconds, part of a swing, is no offset that settles.
+        shape("time_constant_s", "s", "τ", (2.0, 1e4), 10.0, step_limit=20.0),
         coefficient("offset_g", "g", "b of each axis at the first sample", 5e-3, AXES),
     )
 
@@ -139,17 +122,7 @@ class ForceWithDeadZone(Term):
     says = ("pushed outwards beyond a dead zone", "held back beyond a dead zone, as by a guide with play")
     explains = says[1]
     parameters = (
-        Parameter(
-            "dead_zone_m",
-            "m",
-            "b, displacement up to which nothing acts",
-            lower=1e-4,
-            upper=100.0,
-            neutral=0.5,
-            scale=1e-2,
-            typical=0.5,
-            step_limit=0.1,
-        ),
+        shape("dead_zone_m", "m", "b, displacement up to which nothing acts", (1e-4, 100.0), 0.5, step_limit=0.1),
         coefficient("coefficient", "1/s²", "c", 0.02),
     )
 
@@ -180,17 +153,7 @@ class Backlash(Term):
     needs_quadrature = True
     hides_small_motion = True
     parameters = (
-        Parameter(
-            "gap_g",
-            "g",
-            "b, half of the play",
-            lower=1e-5,
-            upper=1.0,
-            neutral=2e-3,
-            scale=1e-4,
-            typical=2e-3,
-            step_limit=5e-3,
-        ),
+        shape("gap_g", "g", "b, half of the play", (1e-5, 1.0), 2e-3, step_limit=5e-3),
         coefficient("share", "1", "c, share of the reading that has play", 0.5, HORIZONTAL),
     )
 

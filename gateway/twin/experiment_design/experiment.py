@@ -20,22 +20,13 @@ MIN_DRIVE_S = 20.0
 """Shortest time in which an operator hoists."""
 MAX_DRIVE_M_S = 1.0
 """Highest speed of hoisting."""
-TURNING_EFFORT_S = 60.0
-"""Manual effort of turning the housing, as waiting time in s. Basis: a judgement, to rank experiments that separate alike."""
-HOISTING_EFFORT_S = 120.0
-"""The same for hoisting. Basis: a choice; twice the turning of a housing."""
-LARGE_SWING_EFFORT_S = 120.0
-"""The same for starting a large swing. Basis: a choice; some drives in step."""
-ROUND_SWING_EFFORT_S = 180.0
-"""The same for starting a round swing. Basis: a choice; it needs two drives, a quarter of a period apart."""
-CLAMPING_EFFORT_S = 600.0
-"""The same for clamping the housing again. Basis: a choice; a person climbs or lowers the hook."""
+EFFORTS_S = {"turn": 60.0, "hoist": 120.0, "clamp": 600.0, "large swing": 120.0, "round swing": 180.0}
+"""Manual efforts as waiting time in s. Basis: a choice, to rank experiments that separate alike: a large swing needs some drives
+in step, a round one two that are a quarter of a period apart; to clamp the housing again a person climbs or lowers the hook."""
 NEXT_RECORDING_EFFORT_S = 60.0
-"""The same for starting another recording. Basis: a choice; the wait until the load hangs calm."""
-LARGE_SWING_DEG = 8.0
-"""Amplitude above which a swing needs that effort."""
-ROUND_SWING_AXIS_RATIO = 0.5
-"""Axis ratio above which a swing needs that effort."""
+"""The same for another recording. Basis: a choice; the wait until the load hangs calm."""
+LARGE_SWING_DEG, ROUND_SWING_AXIS_RATIO = 8.0, 0.5
+"""Amplitude and axis ratio above which a swing needs an effort. Basis: a choice; a hand starts a smaller one."""
 TURN_DEG_S = 3.0
 """Rotation of the housing. Basis: one turn in the two minutes of a recording, 0.05 rad/s."""
 AT_REST_DEG = 0.3
@@ -89,15 +80,16 @@ class Run:
         return max(MIN_DRIVE_S, abs(self.hoist_share) * rig.length_m / MAX_DRIVE_M_S)
 
     @property
-    def manual_effort_s(self) -> float:
-        """Manual effort beyond the duration of the recording."""
-        return (
-            TURNING_EFFORT_S * bool(self.turn_deg_s)
-            + HOISTING_EFFORT_S * bool(self.hoist_share)
-            + LARGE_SWING_EFFORT_S * (self.amplitude_deg > LARGE_SWING_DEG)
-            + ROUND_SWING_EFFORT_S * (self.axis_ratio > ROUND_SWING_AXIS_RATIO)
-            + CLAMPING_EFFORT_S * bool(self.heading_deg or self.position_share is not None)
-        )
+    def actions(self) -> set[str]:
+        """What costs an effort, by the names of `EFFORTS_S`."""
+        is_done = {
+            "turn": self.turn_deg_s,
+            "hoist": self.hoist_share,
+            "clamp": self.heading_deg or self.position_share is not None,
+            "large swing": self.amplitude_deg > LARGE_SWING_DEG,
+            "round swing": self.axis_ratio > ROUND_SWING_AXIS_RATIO,
+        }
+        return {action for action, done in is_done.items() if done}
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,8 +106,8 @@ class Experiment:
     @property
     def effort_s(self) -> float:
         """Duration and manual effort of all recordings."""
-        changeovers_s = NEXT_RECORDING_EFFORT_S * (len(self.runs) - 1)
-        return self.duration_s + sum(run.manual_effort_s for run in self.runs) + changeovers_s
+        manual_s = sum(EFFORTS_S[action] for run in self.runs for action in run.actions)
+        return self.duration_s + manual_s + NEXT_RECORDING_EFFORT_S * (len(self.runs) - 1)
 
     def is_possible(self, rig: TwinRig) -> bool:
         """Return whether all recordings are possible on this rig."""
@@ -126,10 +118,8 @@ class Experiment:
         return self._actions() > other._actions()
 
     def _actions(self) -> set[str]:
-        turned, hoisted = any(run.turn_deg_s for run in self.runs), any(run.hoist_share for run in self.runs)
-        clamped = any(run.heading_deg or run.position_share is not None for run in self.runs)
-        actions = {"turn": turned, "hoist": hoisted, "clamp": clamped, "repeat": len(self.runs) > 1}
-        return {action for action, is_done in actions.items() if is_done}
+        handled = {action for run in self.runs for action in run.actions if not action.endswith("swing")}
+        return handled | ({"repeat"} if len(self.runs) > 1 else set())
 
     def inputs(self, rig: TwinRig) -> set[str]:
         """Return the names of the effects that the operator brings about."""

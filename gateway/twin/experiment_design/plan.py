@@ -20,7 +20,7 @@ from gateway.twin.experiment_design.signatures import (
     linearise_experiment,
 )
 from gateway.twin.model import EffectValues, TwinRig
-from gateway.twin.reconcile.search.signatures import orthonormal
+from gateway.twin.reconcile.search.signatures import orthonormal, project_out
 
 Array = NDArray[np.float64]
 CONFUSABLE_COSINE = 0.95
@@ -74,8 +74,7 @@ def separation_of(first: Signature, second: Signature) -> Separation:
 
 def _residual_sigma(true: Signature, fitted: Signature) -> float:
     """Return the smallest residual of a signature of typical size after a fit of another one."""
-    basis = orthonormal(fitted.columns)
-    residual = true.typical - basis @ (basis.T @ true.typical)
+    residual = project_out(orthonormal(fitted.columns), true.typical)
     return float(np.linalg.svd(residual, compute_uv=False)[-1])
 
 
@@ -214,7 +213,7 @@ def _possible_experiments(rig: TwinRig, model_effects: EffectValues, group: Grou
 
 
 def _plan_group(group: Group, forecasts: Sequence[Forecast]) -> GroupPlan:
-    before = next(separations for experiment, separations in forecasts if experiment == FREE_SWING)
+    before = dict(forecasts)[FREE_SWING]
     ranked = sorted(forecasts, key=lambda each: _rank(each, _separable_pairs(forecasts)))
     best, after = ranked[0]
     separated = _count_distinguishable(after)
@@ -229,8 +228,8 @@ def _plan_group(group: Group, forecasts: Sequence[Forecast]) -> GroupPlan:
     )
     confused = {
         hypothesis.effect
-        for i, pair in enumerate(pairs)
-        if not after[i].is_distinguishable
+        for pair, separation in zip(pairs, after, strict=True)
+        if not separation.is_distinguishable
         for hypothesis in (pair.first, pair.second)
     }
     return GroupPlan(

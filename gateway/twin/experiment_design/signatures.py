@@ -18,8 +18,8 @@ from gateway.twin.effects.housing import HousingPosition
 from gateway.twin.effects.parameter import Parameter, ParameterKind, Value
 from gateway.twin.experiment_design.experiment import INPUTS, Experiment, Run
 from gateway.twin.model import EffectValues, TwinRig
-from gateway.twin.reconcile.search.signatures import orthonormal
-from gateway.twin.simulation import DEFAULT_RATE_HZ
+from gateway.twin.reconcile.search.signatures import orthonormal, project_out
+from gateway.twin.simulation import DEFAULT_RATE_HZ, released_state
 from gateway.twin.simulator.parameter_vector import ParameterSpec
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING, RIGGING_RATES, RIGGING_TILTS, ROPE_RATES, ROPE_TILTS
@@ -54,7 +54,7 @@ class Hypothesis:
 
     def has(self, spec: ParameterSpec) -> bool:
         """Return whether the hypothesis contains a number of a simulator's parameter vector."""
-        return spec.effect == self.effect and (not self.parts or _part_of(spec) in self.parts)
+        return spec.effect == self.effect and (not self.parts or spec.part in self.parts)
 
 
 Group = tuple[Hypothesis, ...]
@@ -64,11 +64,6 @@ Group = tuple[Hypothesis, ...]
 def amplitude_parts(effect: Effect) -> tuple[str, ...]:
     """Return the parts by which a hypothesis may be limited: those that say how strong the effect is."""
     return tuple(part for p in effect.parameters if p.is_amplitude for part in (p.components or (p.name,)))
-
-
-def parameter_of(spec: ParameterSpec) -> Parameter:
-    """Return the parameter of a number of the parameter vector."""
-    return next(p for p in EFFECTS[spec.effect].parameters if p.name == spec.parameter)
 
 
 def parse_hypotheses(text: str) -> Group:
@@ -95,11 +90,6 @@ def _parse_hypothesis(text: str) -> Hypothesis:
     return Hypothesis(name, parts)
 
 
-def _part_of(spec: ParameterSpec) -> str:
-    parameter = parameter_of(spec)
-    return parameter.components[spec.component] if parameter.components else parameter.name
-
-
 @dataclass(frozen=True, slots=True)
 class Signature:
     """The signature of one hypothesis over all samples and axes of an experiment, in standard deviations of the noise."""
@@ -122,15 +112,14 @@ class ExperimentSensitivities:
         """Return the signatures of two hypotheses, with the nominal lengths that are fitted beside them projected out."""
         fitted = nominal_values_fitted_with(first.effect, second.effect)
         nuisances = [i for i, spec in enumerate(self.specs) if spec.effect in fitted]
-        information = np.array([1 / (parameter_of(self.specs[i]).prior_sigma or np.inf) for i in nuisances])
+        information = np.array([1 / (self.specs[i].prior_sigma or np.inf) for i in nuisances])
         return self._signature(first, nuisances, information), self._signature(second, nuisances, information)
 
     def _signature(self, hypothesis: Hypothesis, nuisances: list[int], information: Array) -> Signature:
         own = [i for i, spec in enumerate(self.specs) if hypothesis.has(spec)]
         columns = residual_after_projection(self.columns[:, own], self.columns[:, nuisances], information)
-        parameters = [parameter_of(self.specs[i]) for i in own]
-        amplitudes = [k for k, p in enumerate(parameters) if p.is_amplitude]
-        return Signature(columns, columns[:, amplitudes] * [_typical_size(parameters[k]) for k in amplitudes])
+        amplitudes = [k for k, i in enumerate(own) if self.specs[i].is_amplitude]
+        return Signature(columns, columns[:, amplitudes] * [_typical_size(self.specs[own[k]]) for k in amplitudes])
 
 
 def residual_after_projection(columns: Array, nuisances: Array, information: Array) -> Array:
@@ -140,7 +129,7 @@ def residual_after_projection(columns: Array, nuisances: Array, information: Arr
     """
     basis = orthonormal(np.concatenate([nuisances, np.diag(information)]))
     extended = np.concatenate([columns, np.zeros((len(information), columns.shape[1]))])
-    residual: Array = extended - basis @ (basis.T @ extended)
+    residual = project_out(basis, extended)
     residual[:, np.linalg.norm(residual, axis=0) < ROUNDING * np.linalg.norm(extended, axis=0)] = 0.0
     return residual
 
@@ -189,26 +178,18 @@ def _linearise_run(
         for i, spec in enumerate(simulator.parameters)
         if (spec.refitted or spec.effect in inputs) and i != HEADING  # on one recording the heading is a gauge
     ]
-    information = np.array([_operator_information(simulator.parameters[i]) for i in nuisances])
+    # Of an operator's input something is known beforehand, of an initial state nothing.
+    information = np.array([1 / (simulator.parameters[i].operator_sigma or np.inf) for i in nuisances])
     return residual_after_projection(columns[:, kept], columns[:, nuisances], information)
 
 
-def _operator_information(spec: ParameterSpec) -> float:
-    """Return what is known beforehand of an operator's input; nothing of an initial state."""
-    sigma = parameter_of(spec).operator_sigma if spec.effect else None
-    return 0.0 if sigma is None else 1 / sigma
-
-
 def initial_state_of(run: Run, rig: TwinRig, structure: ModelStructure) -> Array:
-    """Return the initial state of a load that is released between the housing's axes, with some speed across; shape (z,).
+    """Return the initial state of a load that is released between the housing's axes, with some speed across it; shape (z,).
 
     Rigging is released in line with the rope.
     """
-    amplitude_rad = math.radians(run.amplitude_deg)
-    along = np.array([math.cos(RELEASE_AZIMUTH_RAD), math.sin(RELEASE_AZIMUTH_RAD)])
-    rate = run.axis_ratio * rig.small_swing_rate_1_s * amplitude_rad * along[::-1] * [-1, 1]
-    start = np.zeros(structure.n_initial_states)
-    start[ROPE_TILTS], start[ROPE_RATES], start[HEADING] = amplitude_rad * along, rate, math.radians(run.heading_deg)
+    start = released_state(rig, structure, math.radians(run.amplitude_deg), run.axis_ratio, RELEASE_AZIMUTH_RAD)
+    start[HEADING] = math.radians(run.heading_deg)
     if structure is ModelStructure.RIGGING:
         start[RIGGING_TILTS], start[RIGGING_RATES] = start[ROPE_TILTS], start[ROPE_RATES]
     return start

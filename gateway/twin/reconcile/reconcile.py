@@ -3,7 +3,7 @@
 check_recording -> split_recordings -> detect_in_samples -> take_means
   -> search: nominal model, baseline, persistent effects, once more at true times where samples were lost,
              single effects and pairs, growth
-  -> fit_usual_causes, where a residual is left -> replace_implausible
+  -> replace_implausible
   -> rank_candidates -> gather_evidence -> decide -> describe_result, with a law where something is left
 """
 
@@ -33,17 +33,10 @@ from gateway.twin.reconcile.equation.selection import find_law
 from gateway.twin.reconcile.output.outcome import SearchOutcome
 from gateway.twin.reconcile.output.result import AVERAGED, Reconciliation
 from gateway.twin.reconcile.output.result_builder import build_result, unusable_result
-from gateway.twin.reconcile.search.ambiguity import (
-    contributions,
-    fit_usual_causes,
-    is_beyond_parts,
-    replace_implausible,
-)
+from gateway.twin.reconcile.search.ambiguity import contributions, is_beyond_parts, replace_implausible
 from gateway.twin.reconcile.search.budget import Budget
-from gateway.twin.reconcile.search.candidates import CandidateFit
 from gateway.twin.reconcile.search.persistent import detect_in_samples
 from gateway.twin.reconcile.search.search import SearchRun, search
-from gateway.twin.reconcile.search.validation import ValidationFit
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 
 
@@ -106,9 +99,6 @@ def _reconcile(
         return unusable_result(known.model, log, "the nominal model cannot be fitted")
     tick("validation")
     table, best = run.table, run.best
-    if best.has_unexplained_residual and not run.context.setting.crane_inputs:
-        tick("usual causes")
-        table, best = fit_usual_causes(table.start_round(), run.context, best, run.validator)
     table, best = replace_implausible(table.start_round(), run.context, run.validator, best)
     run = replace(run, table=table.start_round(), best=best)
     outcome = _decide(run, random)
@@ -182,15 +172,9 @@ def _describe(found: SearchOutcome, random: np.random.Generator) -> SearchOutcom
         law = None
     if law is None:
         return found
-    by_law = _evidence(found, law.candidate, law.after, law.noise_inflation)
-    if by_law > _evidence(found, attempt.candidate, attempt.validation, law.noise_inflation):
+    table = replace(run.table, noise_inflation=law.noise_inflation)
+    by_law = table.evidence(law.candidate, law.after.fit.chi2)
+    if by_law > table.evidence(attempt.candidate, attempt.validation.fit.chi2):
         return found
     model = RankedCandidate(law.candidate, law.after, run.table.bic(law.candidate), 0.0)
     return replace(found, decision=replace(decision, model=model), law=law)
-
-
-def _evidence(
-    found: SearchOutcome, candidate: CandidateFit, validation: ValidationFit, noise_inflation: float
-) -> float:
-    table = replace(found.run.table, noise_inflation=noise_inflation)
-    return table.bic(candidate) + validation.fit.chi2 / noise_inflation

@@ -19,14 +19,7 @@ from gateway.documents.format import format_number, format_percent, human_name
 from gateway.documents.plots import add_legend, label_decades, render_svg
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.output.result import Comparison, Curves, Gap, Reconciliation, Step
-from gateway.twin.report.text import (
-    NOMINAL,
-    caution,
-    final_model_name,
-    format_change,
-    format_noise_ratio,
-    noise_ratio,
-)
+from gateway.twin.report.text import NOMINAL, caution, final_model_name, format_change, format_noise_ratio, noise_ratio
 
 Array = NDArray[np.float64]
 LABEL_IN, LABEL_LETTERS = 1.45, 22
@@ -149,6 +142,13 @@ class RopeAngleError:
     is_upper_bound: bool
     """The residual is not larger than the noise can be."""
 
+    @property
+    def texts(self) -> tuple[str, str]:
+        """Angle and displacement as they are printed."""
+        bound, numbers = "< " if self.is_upper_bound else "", (math.degrees(self.angle_rad), 100 * self.displacement_m)
+        angle, displacement = (f"{bound}{format_number(each, ANGLE_DIGITS)}" for each in numbers)
+        return f"{angle}°", f"{displacement} cm"
+
 
 def transverse_sensitivity(rig: TwinRig) -> float:
     """Return 1 - p/L: the reading across the rope in g per radian of a free swing."""
@@ -231,19 +231,5 @@ def _angle_texts(curves: Curves, rig: TwinRig) -> tuple[str, str]:
     after = rope_angle_error(curves.residual_after_g[curves.used], rig)
     if before is None or after is None:
         return NOT_DETERMINED, NOT_DETERMINED
-    return (
-        format_change(_angle(before), _angle(after)),
-        format_change(_displacement(before), _displacement(after)),
-    )
-
-
-def _angle(error: RopeAngleError) -> str:
-    return f"{_bound(error)}{format_number(math.degrees(error.angle_rad), ANGLE_DIGITS)}°"
-
-
-def _displacement(error: RopeAngleError) -> str:
-    return f"{_bound(error)}{format_number(100 * error.displacement_m, ANGLE_DIGITS)} cm"
-
-
-def _bound(error: RopeAngleError) -> str:
-    return "< " if error.is_upper_bound else ""
+    angle, displacement = (format_change(*each) for each in zip(before.texts, after.texts, strict=True))
+    return angle, displacement

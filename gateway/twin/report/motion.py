@@ -1,6 +1,6 @@
 """Measured and simulated specific force, before and after: the whole of it, and the most informative window."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -92,23 +92,6 @@ INSTANT = 0.01
 """An event shorter than this share of what is shown is drawn as a line."""
 
 
-@dataclass(frozen=True, slots=True)
-class PlotWindow:
-    """What a figure shows of a recording; times count from its start."""
-
-    curves: Curves
-    final_model: str
-    single_model: str
-    """The name of the model where both simulate the same."""
-    from_s: float
-    to_s: float
-    acting: tuple[NamedEffect, ...]
-    inputs: tuple[EstimatedInput, ...]
-    """When the crane worked, where that is taken as known."""
-    box_s: tuple[float, float] | None
-    """The window of the next figure."""
-
-
 def motion_content(result: Reconciliation, compared: Comparison) -> dict[str, object]:
     """Return figures of the whole recording and its most informative window, and the same of held-out data."""
     what = f"{held_out_name(compared)} (only initial conditions and other parameters of the recording were fitted)"
@@ -130,18 +113,18 @@ def _figures(
 ) -> tuple[Figure, Figure]:
     first_s, last_s = curves.span_s
     from_s, to_s = most_informative_window(result, compared, curves)
-    acting, names = effects_acting_in(result, curves), (final_model_name(result), single_model_name(result))
+    acting = effects_acting_in(result, curves)
     marked = f" Purple: when {join_names([effect.name for effect in acting])} acted." if acting else ""
     if any(_overlaps(each, first_s, last_s) for each in inputs):
         marked += " Grey: the crane worked, as estimated from the recording; these samples were not fitted."
     span, zoom_span = format_time_span(first_s, last_s), format_time_span(from_s, to_s)
     return (
         Figure(
-            _svg(f"{name}-whole", PlotWindow(curves, *names, first_s, last_s, acting, inputs, (from_s, to_s))),
+            _svg(f"{name}-whole", result, curves, inputs, (first_s, last_s), box_s=(from_s, to_s)),
             f"The {what}, {span}. The box marks the window shown below.{marked}",
         ),
         Figure(
-            _svg(f"{name}-zoom", PlotWindow(curves, *names, from_s, to_s, acting, inputs, None)),
+            _svg(f"{name}-zoom", result, curves, inputs, (from_s, to_s)),
             f"{zoom_span}: {_reason(result, curves)}.{marked}",
         ),
     )
@@ -160,47 +143,62 @@ def _reason(result: Reconciliation, curves: Curves) -> str:
     return f"the window with the largest {largest}"
 
 
-def _svg(name: str, window: PlotWindow) -> str:
-    label = f"Specific force on three axes from {window.from_s:.0f} s to {window.to_s:.0f} s, measured and simulated"
-    return render_svg(name, label, 4.6, lambda canvas: _draw(canvas, window))
+def _svg(
+    name: str,
+    result: Reconciliation,
+    curves: Curves,
+    inputs: tuple[EstimatedInput, ...],
+    window_s: tuple[float, float],
+    box_s: tuple[float, float] | None = None,
+) -> str:
+    """Return the curves in a window, with the times at which the crane worked and events acted, and the box of another figure."""
+    label = f"Specific force on three axes from {window_s[0]:.0f} s to {window_s[1]:.0f} s, measured and simulated"
+
+    def draw(canvas: Canvas) -> None:
+        for axes in _draw(canvas, result, curves, window_s):
+            _mark_inputs(axes, inputs, window_s)
+            _mark_effects(axes, effects_acting_in(result, curves), window_s)
+            if box_s is not None:
+                axes.axvspan(*box_s, facecolor="none", edgecolor=INK, linewidth=0.8)
+
+    return render_svg(name, label, 4.6, draw)
 
 
-def _draw(canvas: Canvas, window: PlotWindow) -> None:
-    curves = window.curves
+def _draw(canvas: Canvas, result: Reconciliation, curves: Curves, window_s: tuple[float, float]) -> Iterator[Axes]:
+    """Draw the models side by side; yield the axes of each panel before its curves."""
     models = [("before", curves.before_g, BEFORE), ("after", curves.after_g, AFTER)]
     if is_same_model(curves):
-        models = [(window.single_model, curves.before_g, AFTER)]
+        models = [(single_model_name(result), curves.before_g, AFTER)]
     grid = add_panels(canvas, len(models), share="row")
     time_s = curves.recording_time_s
-    shown = (time_s >= window.from_s) & (time_s <= window.to_s) & curves.used
+    shown = (time_s >= window_s[0]) & (time_s <= window_s[1]) & curves.used
     points = CURVE_POINTS // len(models)
     for column, (title, simulated_g, color) in enumerate(models):
         for row, axis in enumerate(AXES):
             axes = grid[row, column]
-            _mark(axes, window)
+            yield axes
             plot_curve(axes, time_s[shown], curves.measured_g[shown, row], MEASURED, "measured", 1.5, points)
             plot_curve(axes, time_s[shown], simulated_g[shown, row], color, f"simulated, {title}", 0.9, points)
             axes.set_ylabel(f"{axis} (g)" if column == 0 else "")
-        model = NOMINAL if column == 0 else window.final_model
+        model = NOMINAL if column == 0 else final_model_name(result)
         grid[0, column].set_title("" if len(models) == 1 else f"{title}: {model}")
         grid[2, column].set_xlabel("time (s)")
-        grid[2, column].set_xlim(window.from_s, window.to_s)
+        grid[2, column].set_xlim(*window_s)
     add_legend(canvas)
 
 
-def _mark(axes: Axes, window: PlotWindow) -> None:
-    """Mark when the crane worked, when events acted, and the window of the next figure."""
-    for one in window.inputs:
-        if _overlaps(one, window.from_s, window.to_s):
-            axes.axvspan(
-                max(one.from_s, window.from_s), min(one.to_s, window.to_s), facecolor=LINE, alpha=0.5, linewidth=0
-            )
-    for effect in window.acting:
+def _mark_inputs(axes: Axes, inputs: tuple[EstimatedInput, ...], window_s: tuple[float, float]) -> None:
+    for one in inputs:
+        if _overlaps(one, *window_s):
+            span_s = max(one.from_s, window_s[0]), min(one.to_s, window_s[1])
+            axes.axvspan(*span_s, facecolor=LINE, alpha=0.5, linewidth=0)
+
+
+def _mark_effects(axes: Axes, acting: tuple[NamedEffect, ...], window_s: tuple[float, float]) -> None:
+    for effect in acting:
         assert effect.when_s is not None
         from_s, to_s = effect.when_s
         axes.axvline(from_s, color=EVENT, linewidth=0.9, linestyle="--")
-        if to_s - from_s > INSTANT * (window.to_s - window.from_s):
+        if to_s - from_s > INSTANT * (window_s[1] - window_s[0]):
             axes.axvline(to_s, color=EVENT, linewidth=0.9, linestyle="--")
             axes.axvspan(from_s, to_s, facecolor=EVENT, alpha=0.12, linewidth=0)
-    if window.box_s is not None:
-        axes.axvspan(*window.box_s, facecolor="none", edgecolor=INK, linewidth=0.8)

@@ -8,15 +8,7 @@ from gateway.twin.reconcile.output.result import Comparison, Reconciliation
 from gateway.twin.report.gap import gap_content
 from gateway.twin.report.motion import motion_content
 from gateway.twin.report.residual import disagreement_figures, residual_figures
-from gateway.twin.report.text import (
-    COUNTED,
-    REFITTED,
-    caution,
-    final_model_name,
-    is_same_model,
-    model_value,
-    rig_facts,
-)
+from gateway.twin.report.text import COUNTED, REFITTED, caution, final_model_name, is_same_model, model_value, rig_facts
 from gateway.twin.report.verdict import (
     assessment,
     component_texts,
@@ -42,11 +34,7 @@ class ReportSection:
 
 
 def _ranking_content(result: Reconciliation, _compared: Comparison) -> Content:
-    return {
-        "candidates": ranked_candidates(result),
-        "assessment": assessment,
-        "relative_deficit": relative_deficit,
-    }
+    return {"candidates": ranked_candidates(result), "assessment": assessment, "relative_deficit": relative_deficit}
 
 
 def _parameters_content(_result: Reconciliation, compared: Comparison) -> Content:

@@ -60,8 +60,7 @@ class Size:
 
 def effect_sizes(effect: NamedEffect) -> tuple[Size, ...]:
     """Return the estimated parameters that say how large an effect is, not when it acted or with which phase."""
-    known = EFFECTS.get(effect.name)
-    refitted = {parameter.name for parameter in known.parameters if parameter.refitted} if known else set()
+    refitted = {parameter.name for parameter in EFFECTS[effect.name].parameters if parameter.refitted}
     return tuple(
         size
         for name, estimate in effect.parameters.items()
@@ -199,8 +198,7 @@ def _stated(effect: NamedEffect) -> str:
 
 
 def _candidate(name: str) -> Finding:
-    known = EFFECTS.get(name)
-    return Finding(human_name(name), as_sentence(known.explains) if known else "", False, "", ())
+    return Finding(human_name(name), as_sentence(EFFECTS[name].explains), False, "", ())
 
 
 def _acted(when_s: tuple[float, float] | None) -> str:
@@ -220,7 +218,7 @@ def _paragraphs(result: Reconciliation) -> tuple[str, ...]:
     if result.verdict == "data_unusable":
         return (reason, advice)
     equation = () if result.law is None else (_equation(result.law),)
-    return (*_further_groups(result), *equation, advice, f"VerdictReason for this verdict: {reason}")
+    return (*_further_groups(result), *equation, advice, f"Reason for this verdict: {reason}")
 
 
 def _further_groups(result: Reconciliation) -> tuple[str, ...]:
@@ -284,8 +282,7 @@ def ranked_candidates(result: Reconciliation) -> list[Candidate]:
 
 def is_transient(name: str) -> bool:
     """Return whether an effect acts for a time only."""
-    known = EFFECTS.get(name)
-    return known is not None and known.transient
+    return EFFECTS[name].transient
 
 
 def relative_deficit(candidate: Candidate, candidates: list[Candidate]) -> float:

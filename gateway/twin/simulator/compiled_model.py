@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from devices.pendulum.small_swing import small_swing_rate_1_s
 from gateway.twin.effects.effect import Effect
-from gateway.twin.simulator.state import Expression, initial_from_state, on_constraints, state_from_initial
+from gateway.twin.simulator.parameter_vector import initial_state_specs
+from gateway.twin.simulator.state import Expression, initial_from_state, on_constraints, state_from_initial, state_size
 from gateway.twin.simulator.symbolic_model import NominalRig, SymbolicModel
 from gateway.twin.simulator.vectorised_function import VectorisedFunction, VectorisedJacobian
 
@@ -82,7 +83,7 @@ class CompiledModel:
         self.symbolic = model
         self.structure = model.structure
         self._p = model.p
-        self._x = ca.SX.sym("x", self.structure.n_states)
+        self._x = ca.SX.sym("x", state_size(self.structure))
         self._t, self._h, self._middle = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("middle")
         self._recorded, self._temperature_c = ca.SX.sym("recorded"), ca.SX.sym("temperature")
         self._reading = ca.SX.sym("reading", 3)
@@ -108,7 +109,7 @@ class CompiledModel:
     @cached_property
     def state(self) -> Any:
         """The state x of an initial state z, and its derivatives by z."""
-        z = ca.SX.sym("z", self.structure.n_initial_states)
+        z = ca.SX.sym("z", len(initial_state_specs(self.structure)))
         state = state_from_initial(z, self.structure)
         return ca.Function("state", [z], [state, ca.jacobian(state, z)])
 

@@ -137,10 +137,7 @@ class Trajectory:
 
 
 def integrate(
-    compiled: CompiledModel,
-    initials: Array,
-    p: Array,
-    bounds_s: Sequence[tuple[float, float]],
+    compiled: CompiledModel, initials: Array, p: Array, bounds_s: Sequence[tuple[float, float]]
 ) -> Trajectory:
     """Integrate from initial states (segments, z), each between two recorded times since the first sample."""
     grids = [_grid(compiled, p, *bounds) for bounds in bounds_s]

@@ -16,6 +16,7 @@ from gateway.twin.simulator.first_order_lowpass import first_order_lowpass, init
 from gateway.twin.simulator.integrate import Trajectory, integrate
 from gateway.twin.simulator.parameter_vector import ParameterSpec, effect_parameter_specs, initial_state_specs
 from gateway.twin.simulator.sensitivities import evaluate_inside, visit_sensitivities
+from gateway.twin.simulator.state import state_size
 from gateway.twin.simulator.symbolic_model import NominalRig
 
 Array = NDArray[np.float64]
@@ -97,7 +98,7 @@ class Simulator:
     @property
     def n_states(self) -> int:
         """Length of the state of the motion."""
-        return self._compiled.structure.n_states
+        return state_size(self._compiled.structure)
 
     def step_s(self, values: Array) -> float:
         """Longest step of the integration at these values. Raises `IntegrationError` where none can follow them."""
@@ -112,14 +113,15 @@ class Simulator:
         vector = self.neutral()
         vector[: len(initial)] = initial
         for i, spec in enumerate(self.parameters):
-            given = effects.get(spec.effect, {}).get(spec.parameter)
+            given = effects.get(spec.effect, {}).get(spec.name)
             if given is not None:
-                vector[i] = given[spec.component] if isinstance(given, (tuple, list)) else given
+                vector[i] = spec.convert(given[spec.component] if isinstance(given, (tuple, list)) else given)
         return vector
 
     def effects(self, values: Array) -> dict[str, dict[str, Value]]:
         """Return the parameters of the effects by name, as a model has them."""
-        numbers = iter(values[self.n_initial_states :].tolist())
+        own = zip(self.effect_parameters, values[self.n_initial_states :].tolist(), strict=True)
+        numbers = (spec.convert(number) for spec, number in own)
         found: dict[str, dict[str, Value]] = {}
         for effect in self._effects:
             taken = {p.name: tuple(next(numbers) for _ in range(p.size)) for p in effect.parameters}
@@ -142,7 +144,7 @@ class Simulator:
         samples = self._locate(trajectory, recorded_s, [0], p)
         reading = self._compiled.reading(self._reading_inputs(trajectory, samples, temperature_c), p)
         if self._cutoff is not None:
-            cutoff_hz, initial_g = p[self._cutoff], p[self._cutoff + 1 : self._cutoff + 4]
+            cutoff_hz, initial_g = 1 / p[self._cutoff], p[self._cutoff + 1 : self._cutoff + 4]
             transient = initial_transient(recorded_s, cutoff_hz)
             reading = first_order_lowpass(reading, recorded_s, cutoff_hz) + transient * initial_g
         return self._compiled.output([reading.T], p) if self._has_output_stage else reading
@@ -155,12 +157,7 @@ class Simulator:
 
     @np.errstate(over="ignore", invalid="ignore")  # see `SegmentBatch.is_finite`
     def linearise_segments(
-        self,
-        starts: Array,
-        effects: Array,
-        time_s: Array,
-        firsts: Sequence[int],
-        temperature_c: Array | None = None,
+        self, starts: Array, effects: Array, time_s: Array, firsts: Sequence[int], temperature_c: Array | None = None
     ) -> SegmentBatch:
         """Predict segments that begin at the samples `firsts` (the first is 0) from the initial states `starts` (segments, z).
 
@@ -232,12 +229,13 @@ class Simulator:
     def _apply_sensor_dynamics(self, reading: Array, by: Array, recorded_s: Array, p: Array) -> tuple[Array, Array]:
         """Apply the low-pass and the output stage to readings and derivatives."""
         if self._cutoff is not None:
-            index, cutoff_hz = self.n_initial_states + self._cutoff, p[self._cutoff]
+            index, cutoff_hz = self.n_initial_states + self._cutoff, 1 / p[self._cutoff]
             initial_g, transient = p[self._cutoff + 1 : self._cutoff + 4], initial_transient(recorded_s, cutoff_hz)
             filtered = first_order_lowpass(reading, recorded_s, cutoff_hz)
             by = first_order_lowpass(by, recorded_s, cutoff_hz)
-            by[..., index] += lowpass_sensitivity(reading, filtered, recorded_s, cutoff_hz)
-            by[..., index] -= 2 * np.pi * recorded_s[:, None] * transient * initial_g
+            by_cutoff = lowpass_sensitivity(reading, filtered, recorded_s, cutoff_hz)
+            by_cutoff -= 2 * np.pi * recorded_s[:, None] * transient * initial_g
+            by[..., index] -= cutoff_hz**2 * by_cutoff
             by[..., index + 1 : index + 4] += transient[:, :, None] * np.eye(3)
             reading = filtered + transient * initial_g
         if self._has_output_stage:

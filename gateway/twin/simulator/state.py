@@ -21,14 +21,13 @@ from devices.pendulum.equations import Scalar, Vector, WithDerivatives
 from devices.pendulum.heavy_rope import BentRope, HeavyRope
 from gateway.twin.effects.effect import Effect, ModelStructure
 from gateway.twin.effects.evaluation_context import ZERO_VECTOR, RopeGeometry
+from gateway.twin.simulator.parameter_vector import initial_state_specs
 
 Expression = Any
 ROPE_TILTS, ROPE_RATES = slice(0, 2), slice(2, 4)
 """Positions in z of the rope's tilts (x, y), and of their rates."""
 HEADING = 4
 """Position in z of the housing's heading. Definition: of the layout of z."""
-N_ROPE_STATES = 5
-"""Length of z for a rope alone; what a structure adds follows. Definition: of the layout of z."""
 RIGGING_TILTS, RIGGING_RATES = slice(5, 7), slice(7, 9)
 """Positions in z of the rigging's tilts (x, y), and of their rates."""
 STRETCH, STRETCH_RATE = 5, 6
@@ -47,6 +46,18 @@ ADDED_PARTS: Mapping[ModelStructure, tuple[str, ...]] = {
     ModelStructure.HEAVY_ROPE: ("bow", "bow_rate"),
 }
 """Parts of x in their order: of a rope, and what a structure adds."""
+SCALAR_PARTS = ("stretch", "stretch_rate")
+"""Parts that are numbers; the others are vectors."""
+
+
+def parts_of(structure: ModelStructure) -> tuple[str, ...]:
+    """Return the names of the parts of x."""
+    return (*ROPE_PARTS, *ADDED_PARTS.get(structure, ()))
+
+
+def state_size(structure: ModelStructure) -> int:
+    """Return the length of x."""
+    return sum(1 if name in SCALAR_PARTS else 3 for name in parts_of(structure))
 
 
 def structure_of(effects: Iterable[Effect]) -> ModelStructure:
@@ -78,14 +89,14 @@ class State:
         """Return the parts of a column x."""
         numbers = iter(ca.vertsplit(x))
         parts: dict[str, Any] = {}
-        for name in (*ROPE_PARTS, *ADDED_PARTS.get(structure, ())):
-            is_vector = name not in ("stretch", "stretch_rate")
-            parts[name] = (next(numbers), next(numbers), next(numbers)) if is_vector else next(numbers)
+        for name in parts_of(structure):
+            is_scalar = name in SCALAR_PARTS
+            parts[name] = next(numbers) if is_scalar else (next(numbers), next(numbers), next(numbers))
         return cls(**parts)
 
     def column(self, structure: ModelStructure) -> Expression:
         """Return the column x of these parts, or its rate of the rates of the parts."""
-        parts = (getattr(self, name) for name in (*ROPE_PARTS, *ADDED_PARTS.get(structure, ())))
+        parts = (getattr(self, name) for name in parts_of(structure))
         return ca.vertcat(*(each for part in parts for each in (part if isinstance(part, tuple) else (part,))))
 
 
@@ -154,7 +165,7 @@ def _across(n: Vector, a: Vector) -> Vector:
 @lru_cache
 def rotation_about_vertical(structure: ModelStructure) -> Any:
     """Return a function of an initial state and an angle in rad: the same state in a world rotated about the vertical."""
-    z, angle = ca.SX.sym("z", structure.n_initial_states), ca.SX.sym("angle")
+    z, angle = ca.SX.sym("z", len(initial_state_specs(structure))), ca.SX.sym("angle")
     cos, sin = ca.cos(angle), ca.sin(angle)
 
     def turn(a: Vector) -> Vector:

@@ -1,7 +1,8 @@
 """The symbolic model: the equations of motion and of the sensor, assembled from effects."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any
 
 import casadi as ca
@@ -10,20 +11,15 @@ from devices.pendulum import equations as eq
 from devices.pendulum.equations import Scalar, Vector, WithDerivatives
 from devices.pendulum.heavy_rope import HeavyRope
 from gateway.twin.effects.effect import Effect, ModelStructure
-from gateway.twin.effects.evaluation_context import (
-    ZERO_VECTOR,
-    BodyState,
-    EvaluationContext,
-    Rigging,
-    RopeGeometry,
-)
-from gateway.twin.effects.parameter import Symbols
+from gateway.twin.effects.evaluation_context import ZERO_VECTOR, BodyState, EvaluationContext, Rigging, RopeGeometry
+from gateway.twin.effects.parameter import ParameterKind, Symbols
 from gateway.twin.simulator.state import (
     Expression,
     HousingOnBentRope,
     Kinematics,
     State,
     on_straight_rope,
+    state_size,
     structure_of,
     vector,
 )
@@ -58,7 +54,8 @@ class SymbolicModel:
             for parameter in effect.parameters:
                 symbol = ca.SX.sym(f"{effect.name}.{parameter.name}", parameter.size)
                 symbols.append(symbol)
-                named[parameter.name] = tuple(ca.vertsplit(symbol)) if parameter.components else symbol
+                given = 1 / symbol if parameter.kind is ParameterKind.CUTOFF else symbol
+                named[parameter.name] = tuple(ca.vertsplit(given)) if parameter.components else given
             by_effect[effect.name] = named
         return ca.vertcat(*symbols), by_effect
 
@@ -81,7 +78,8 @@ class SymbolicModel:
         rate = State(state.n_rate, kinematics.n_acceleration, x_axis_rate, state.m_rate, second)
         rate = replace(rate, stretch=state.stretch_rate, stretch_rate=kinematics.stretch_acceleration)
         if self.structure is ModelStructure.PRESLIDING:
-            rate = replace(rate, presliding=self._presliding_rate(self._load(state, kinematics.geometry)))
+            load = self._load(state, kinematics.geometry)
+            rate = replace(rate, presliding=self._sum(lambda effect, p: effect.presliding_rate_rad_s(p, load)))
         if self.structure is ModelStructure.HEAVY_ROPE:
             turning = self._housing_on_bent_rope(state, kinematics).turning_rad_s
             x_axis_rate = eq.add(x_axis_rate, eq.scale(turning, eq.cross(state.n, state.x_axis)))
@@ -117,9 +115,11 @@ class SymbolicModel:
 
     def _kinematics(self, state: State, context: EvaluationContext) -> Kinematics:
         context = replace(context, stretch=(state.stretch, state.stretch_rate, 0.0))
-        geometry, pivot = self._rope_geometry(context), self._pivot_acceleration(context)
+        geometry = self._rope_geometry(context)
+        pivot = self._sum(lambda effect, p: effect.pivot_acceleration_m_s2(p, context))
         hook = eq.add((0.0, 0.0, -self.rig.gravity_m_s2), eq.scale(-1, pivot))
-        load = eq.add(hook, self._force(context, self._load(state, geometry)))
+        body = self._load(state, geometry)
+        load = eq.add(hook, self._sum(lambda effect, p: effect.force_m_s2(p, context, body)))
         n_acceleration, second = self._accelerations(state, geometry, hook, load)
         compliance = self._pivot_compliance()
         if compliance is not None:
@@ -189,23 +189,8 @@ class SymbolicModel:
         found = (effect.pivot_compliance_m(p) for effect, p in self.active_effects())
         return next((compliance for compliance in found if compliance is not None), None)
 
-    def _pivot_acceleration(self, context: EvaluationContext) -> Vector:
-        acceleration = ZERO_VECTOR
-        for effect, p in self.active_effects():
-            acceleration = eq.add(acceleration, effect.pivot_acceleration_m_s2(p, context))
-        return acceleration
-
-    def _presliding_rate(self, load: BodyState) -> Vector:
-        rate = ZERO_VECTOR
-        for effect, p in self.active_effects():
-            rate = eq.add(rate, effect.presliding_rate_rad_s(p, load))
-        return rate
-
-    def _force(self, context: EvaluationContext, load: BodyState) -> Vector:
-        force = ZERO_VECTOR
-        for effect, p in self.active_effects():
-            force = eq.add(force, effect.force_m_s2(p, context, load))
-        return force
+    def _sum(self, of: Callable[[Effect, Symbols], Vector]) -> Vector:
+        return reduce(eq.add, (of(effect, p) for effect, p in self.active_effects()), ZERO_VECTOR)
 
     def _load(self, state: State, geometry: RopeGeometry) -> BodyState:
         position, velocity = on_straight_rope(state, geometry.length)
@@ -222,10 +207,7 @@ class SymbolicModel:
 
     def _fictitious_acceleration(self, state: State, context: EvaluationContext, geometry: RopeGeometry) -> Vector:
         housing = BodyState(*on_straight_rope(state, geometry.position), self._small_swing_rate_1_s)
-        acceleration = ZERO_VECTOR
-        for effect, p in self.active_effects():
-            acceleration = eq.add(acceleration, effect.fictitious_acceleration_m_s2(p, context, housing))
-        return acceleration
+        return self._sum(lambda effect, p: effect.fictitious_acceleration_m_s2(p, context, housing))
 
     # the sensor's chain
 
@@ -240,9 +222,7 @@ class SymbolicModel:
         reading = self._ideal_reading(x, context)
         if any(effect.needs_quadrature for effect in self.effects):
             context = replace(
-                context,
-                quadrature_g=self._quadrature(x, context),
-                small_swing_rate_1_s=self._small_swing_rate_1_s,
+                context, quadrature_g=self._quadrature(x, context), small_swing_rate_1_s=self._small_swing_rate_1_s
             )
         for effect, p in self.active_effects():
             reading = effect.reading_g(p, context, reading)
@@ -268,7 +248,7 @@ class SymbolicModel:
 
     def _quadrature(self, x: Expression, context: EvaluationContext) -> Vector:
         """Return the derivative of the ideal reading along the motion over √(g/L)."""
-        state = ca.SX.sym("state", self.structure.n_states)
+        state = ca.SX.sym("state", state_size(self.structure))
         rate = ca.jtimes(ca.vertcat(*self._ideal_reading(state, context)), state, self.rate(state, context))
         return vector(ca.substitute(rate, state, x) / self._small_swing_rate_1_s, 0)
 

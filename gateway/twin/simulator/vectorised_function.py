@@ -32,7 +32,12 @@ def _as_number(comparison: Operation) -> Operation:
     return lambda *operands: np.asarray(comparison(*operands), dtype=np.float64)
 
 
-OPERATIONS: dict[int, Operation] = {
+OF_NUMPY = (
+    *("sqrt", "hypot", "exp", "expm1", "log", "log1p", "sin", "cos", "tan", "sinh", "cosh", "tanh"),
+    *("sign", "copysign", "floor", "ceil", "fmod"),
+)
+"""Operations that numpy calls as CasADi does."""
+OPERATIONS: dict[int, Operation] = {getattr(ca, f"OP_{name.upper()}"): getattr(np, name) for name in OF_NUMPY} | {
     ca.OP_ASSIGN: operator.pos,
     ca.OP_ADD: operator.add,
     ca.OP_SUB: operator.sub,
@@ -42,34 +47,17 @@ OPERATIONS: dict[int, Operation] = {
     ca.OP_INV: np.reciprocal,
     ca.OP_TWICE: lambda a: 2.0 * a,
     ca.OP_SQ: np.square,
-    ca.OP_SQRT: np.sqrt,
     ca.OP_POW: np.power,
     ca.OP_CONSTPOW: np.power,
-    ca.OP_HYPOT: np.hypot,
-    ca.OP_EXP: np.exp,
-    ca.OP_EXPM1: np.expm1,
-    ca.OP_LOG: np.log,
-    ca.OP_LOG1P: np.log1p,
-    ca.OP_SIN: np.sin,
-    ca.OP_COS: np.cos,
-    ca.OP_TAN: np.tan,
     ca.OP_ASIN: np.arcsin,
     ca.OP_ACOS: np.arccos,
     ca.OP_ATAN: np.arctan,
     ca.OP_ATAN2: np.arctan2,
-    ca.OP_SINH: np.sinh,
-    ca.OP_COSH: np.cosh,
-    ca.OP_TANH: np.tanh,
     ca.OP_ASINH: np.arcsinh,
     ca.OP_ACOSH: np.arccosh,
     ca.OP_ATANH: np.arctanh,
     ca.OP_ERF: special.erf,
     ca.OP_FABS: np.abs,
-    ca.OP_SIGN: np.sign,
-    ca.OP_COPYSIGN: np.copysign,
-    ca.OP_FLOOR: np.floor,
-    ca.OP_CEIL: np.ceil,
-    ca.OP_FMOD: np.fmod,
     ca.OP_REMAINDER: lambda a, b: a - b * np.rint(a / b),
     ca.OP_FMIN: np.minimum,
     ca.OP_FMAX: np.maximum,

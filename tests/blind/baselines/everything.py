@@ -51,7 +51,7 @@ def significant(fit: Fit, n_values: int) -> tuple[str, ...]:
     errors[fit.free] = np.sqrt(np.diag(fit.covariance) * max(1.0, fit.cost / n_values))
     named = set()
     for slot, value, error in zip(fit.simulator.parameters, fit.values, errors, strict=True):
-        amplitude = slot.effect and not slot.parameter.endswith(
+        amplitude = slot.effect and not slot.name.endswith(
             ("start_s", "duration_s", "coast_s", "frequency_hz", "phase_rad")
         )
         if amplitude and abs(value - slot.neutral) > SIGNIFICANT * error > 0:

@@ -350,3 +350,10 @@ def test_sample_hold_repeats_the_latest_reading(rows: Fraction) -> None:
 
     assert held.tolist() == latest
     assert len(set(held)) == pytest.approx(count / float(rows), abs=1)
+
+
+def test_vibration_goes_on_when_it_is_counted_from_a_later_sample() -> None:
+    line: Values = {"frequency_hz": 3.7, "amplitude_g": (2e-3, 1e-3, 0.0), "lag_rad": (0.4, 0.0), "phase_rad": 1.0}
+    later = EFFECTS["vibration"].shift_start(line, float(TIME_S[365]))
+    shaken, shaken_later = (predicted(RIG, {"vibration": each}, START, TIME_S) - plain() for each in (line, later))
+    assert np.abs(shaken[365:] - shaken_later[:-365]).max() < 1e-9

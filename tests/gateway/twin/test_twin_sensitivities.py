@@ -78,7 +78,7 @@ def test_absent_effects_have_sensitivities() -> None:
     jacobian = simulator.linearise(values, TIME_S, TEMPERATURE_C).jacobian
     when = ("start_s", "duration_s", "coast_s", "rising_share")
     seen = {spec.label for spec, by in zip(simulator.parameters, jacobian.T, strict=True) if np.abs(by).max() > 1e-6}
-    assert seen >= {spec.label for spec in simulator.effect_parameters if spec.parameter not in when}
+    assert seen >= {spec.label for spec in simulator.effect_parameters if spec.name not in when}
 
 
 @pytest.mark.slow

@@ -31,8 +31,8 @@ SIGNIFICANT = 4.0
 """Standard uncertainties that the acceleration of a drive or the speed of a hoist exceeds at its peak."""
 LENGTH_U_REL, PLACE_U_REL = 0.1, 0.05
 """Standard uncertainties of rope length and housing position over the length. What is missing from the model is not known yet."""
-OFFSET_U_G, MOUNT_U_RAD = 5e-3, 5e-3
-"""Standard uncertainties of the zero-g offsets and of the mount, for the same reason."""
+LEVEL_U = 5e-3
+"""Standard uncertainty of the zero-g offsets, in g, and of the mount, in rad, for the same reason."""
 LARGEST_SHARE_APART = 0.8
 """Of an interval, between its two corrections; best is a quarter of the swing's period."""
 SOURCE = "the estimated inputs of the crane"
@@ -106,10 +106,10 @@ def estimate_inputs(source: Source, rig: TwinRig, prefix: str = "") -> CraneInpu
         length_u_rel=LENGTH_U_REL,
         position_u_m=PLACE_U_REL * rig.length_m,
         gravity_m_s2=rig.gravity_m_s2,
-        zero_g_offset_u_g=(OFFSET_U_G, OFFSET_U_G, OFFSET_U_G),
+        zero_g_offset_u_g=(LEVEL_U, LEVEL_U, LEVEL_U),
         bandwidth_hz=source.bandwidth_hz,
     )
-    history = smooth_motion(time_s, source.force_g, believed, MOUNT_U_RAD, min(rig.noise_g))
+    history = smooth_motion(time_s, source.force_g, believed, LEVEL_U, min(rig.noise_g))
     return find_inputs(replace(history, time_s=history.time_s - time_s[0]), rig, prefix)
 
 

@@ -19,11 +19,7 @@ from gateway.twin.reconcile.data.observations import (
     make_observations,
     unmeasured_axes,
 )
-from gateway.twin.reconcile.data.sensor import (
-    constant_share,
-    detect_quantisation_step,
-    regular_reading_times,
-)
+from gateway.twin.reconcile.data.sensor import constant_share, detect_quantisation_step, regular_reading_times
 
 Array = NDArray[np.float64]
 MIN_PERIODS = 2.0

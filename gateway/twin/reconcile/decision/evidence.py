@@ -42,10 +42,7 @@ class RankedCandidate:
 
 
 def rank_candidates(
-    table: CandidateTable,
-    best: CandidateFit,
-    baseline: frozenset[str],
-    validator: Validator,
+    table: CandidateTable, best: CandidateFit, baseline: frozenset[str], validator: Validator
 ) -> tuple[list[RankedCandidate], RankedCandidate]:
     """Evaluate the sets near the best on the selection part; return them best first, and the baseline."""
     limit = table.bic(best) + VALIDATED_MARGIN
@@ -61,7 +58,7 @@ def rank_candidates(
     chosen = [best, *near[: MAX_VALIDATED - 1]]
     validator.evaluate_ahead([*chosen, table.fits[baseline]])
     found = [ranked(fit) for fit in chosen]
-    evidence = {each.names: each.bic + each.validation.fit.chi2 / table.noise_inflation for each in found}
+    evidence = {each.names: table.evidence(each.candidate, each.validation.fit.chi2) for each in found}
     least = min(evidence.values())
     found = [replace(each, evidence_deficit=evidence[each.names] - least) for each in found]
     return sorted(found, key=lambda each: each.evidence_deficit), ranked(table.fits[baseline])

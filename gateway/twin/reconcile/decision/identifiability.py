@@ -165,8 +165,7 @@ def possible_changes(simulator: Simulator, model: EffectValues, rig: TwinRig) ->
     lower, upper = np.full(len(at), -np.inf), np.full(len(at), np.inf)
     beyond = 1 + TAIL_SHARE * math.sqrt(MIN_EVIDENCE_AGAINST)
     for i, spec in enumerate(simulator.parameters[n:], start=n):
-        parameter = next(each for each in EFFECTS[spec.effect].parameters if each.name == spec.parameter)
-        limit = limit_of(parameter, rig)
+        limit = limit_of(spec, rig)
         reach = math.inf if limit is None else beyond * limit
         lower[i] = min(0.0, max(spec.lower, spec.neutral - reach) - at[i])
         upper[i] = max(0.0, min(spec.upper, spec.neutral + reach) - at[i])

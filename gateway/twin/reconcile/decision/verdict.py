@@ -13,7 +13,7 @@ from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.decision.evidence import Evidence, RankedCandidate
 from gateway.twin.reconcile.decision.identifiability import Substitutes
 from gateway.twin.reconcile.output.result import Verdict
-from gateway.twin.reconcile.residual import has_lines, residual_lines
+from gateway.twin.reconcile.residual import SAME_LINE_CYCLES, has_lines, residual_lines
 from gateway.twin.reconcile.search.candidates import LITTLE_OF_GAP, MOST_OF_GAP, CandidateFit
 
 PARTIAL = ("named_with_remainder", "unmodelled")
@@ -25,8 +25,6 @@ MAX_AMBIGUOUS = 4
 """Candidates of a one_of verdict, those with the most evidence; more would be no answer."""
 MAX_COINCIDENCES = 2
 """Pairs of effects that are stated for a named effect, the closest ones."""
-SAME_LINE_CYCLES = 3.0
-"""Cycles in the recording by which two lines may differ and yet be one whose amplitude changes."""
 
 
 class VerdictReason(Enum):
@@ -242,8 +240,9 @@ def _drop_nonstationary_lines(decision: Decision, log: Observations) -> Decision
 def _has_line_near(name: str, candidate: CandidateFit, lines_hz: np.ndarray, duration_s: float) -> bool:
     if not EFFECTS[name].steady_frequency:
         return False
+    # An amplitude that changes widens both lines.
     frequency_hz = np.asarray(candidate.values[name]["frequency_hz"])
-    return bool((np.abs(lines_hz - frequency_hz) < SAME_LINE_CYCLES / duration_s).any())
+    return bool((np.abs(lines_hz - frequency_hz) < 2 * SAME_LINE_CYCLES / duration_s).any())
 
 
 def _group_indistinguishable(

@@ -31,12 +31,9 @@ APART_CYCLES = 0.7
 """Cycles in the recording by which two frequencies differ."""
 MIN_POWER_RATIO = 12.0
 """Power over the noise floor from which a peak is tried."""
-TIME_CONSTANT_SHARES = (0.03, 0.08, 0.2, 0.5)
-"""Time constants over the duration of the recording."""
-GAP_SHARES = (0.03, 0.08, 0.16)
-"""Half plays over the largest reading across the rope."""
-DEAD_ZONE_SHARES = (0.2, 0.4, 0.6, 0.8)
-"""Dead zones over the largest displacement of the load."""
+SHAPE_SHARES = np.geomspace(0.03, 0.75, 5)
+"""Time constants over the duration of the recording, half plays over the largest reading across the rope, and dead zones over the
+largest displacement of the load."""
 OVERTONES = 7
 """Multiples of the swing's frequency at which no periodic term is tried: what keeps time with the swing is made by the swing."""
 MAX_WORK = 8e6
@@ -55,9 +52,9 @@ def shape_choices(time_s: Array, residual: Array, simulated_g: Array, reach_m: f
     across_g = simulated_g[:, :2] - simulated_g[:, :2].mean(axis=0)
     return {
         "frequency_hz": candidate_frequencies_hz(time_s, residual, across_g[:, 0] + 1j * across_g[:, 1]),
-        "time_constant_s": [share * duration_s for share in TIME_CONSTANT_SHARES],
-        "gap_g": [share * float(np.abs(across_g).max()) for share in GAP_SHARES],
-        "dead_zone_m": [share * reach_m for share in DEAD_ZONE_SHARES],
+        "time_constant_s": (duration_s * SHAPE_SHARES).tolist(),
+        "gap_g": (np.abs(across_g).max() * SHAPE_SHARES).tolist(),
+        "dead_zone_m": (reach_m * SHAPE_SHARES).tolist(),
     }
 
 

@@ -54,10 +54,7 @@ class FoundLaw:
 
 
 def find_law(
-    context: SearchContext,
-    base: CandidateFit,
-    validator: Validator,
-    random: np.random.Generator,
+    context: SearchContext, base: CandidateFit, validator: Validator, random: np.random.Generator
 ) -> FoundLaw | None:
     """Return the law of what a model leaves; None where no term describes it. The library must be registered."""
     before = validator.evaluate(base)
@@ -112,24 +109,22 @@ def _with_one_more(
         if not pairs_loss_with_gain(fit, each.name) and not replaces_loss(fit, law.base)
     ]
     validator.evaluate_ahead(fit for _, fit in near_best)
-    rivals = [_Rival(each, fit, validator.evaluate(fit), table) for each, fit in near_best]
+    validated = ((each, fit, validator.evaluate(fit)) for each, fit in near_best)
+    rivals = [_Rival(each, fit, found, table.evidence(fit, found.fit.chi2)) for each, fit, found in validated]
     rivals.sort(key=lambda each: each.evidence)
     if not rivals or not _holds(law, rivals[0], validator, random):
         return None
-    best = rivals[0]
-    near = [each.name for each in rivals if each is not best and each.evidence - best.evidence < MIN_EVIDENCE_MARGIN]
-    near += [
-        each.name
-        for each in screened
-        if each.name not in (best.name, *near) and _cosine(each, best.screened) > COLLINEAR_COSINE
-    ]
+    best, limit = rivals[0], rivals[0].evidence + MIN_EVIDENCE_MARGIN
+    near = [each.screened for each in rivals if each.evidence < limit]
+    near += [each for each in screened if _cosine(each, best.screened) > COLLINEAR_COSINE]
+    name = best.screened.name
     return replace(
         law,
         candidate=best.fit,
         after=best.validation,
-        terms=(*law.terms, best.name),
-        alternatives={**law.alternatives, best.name: tuple(near)},
-        signatures={**law.signatures, best.name: best.screened.signature},
+        terms=(*law.terms, name),
+        alternatives={**law.alternatives, name: tuple(dict.fromkeys(each.name for each in near if each.name != name))},
+        signatures={**law.signatures, name: best.screened.signature},
         noise_inflation=table.noise_inflation,
     )
 
@@ -161,16 +156,7 @@ class _Rival:
     screened: ScreenedTerm
     fit: CandidateFit
     validation: ValidationFit
-    table: CandidateTable
-
-    @property
-    def name(self) -> str:
-        return self.screened.name
-
-    @property
-    def evidence(self) -> float:
-        """BIC on the log and chi-square on the selection part: the lower, the better."""
-        return self.table.bic(self.fit) + self.validation.fit.chi2 / self.table.noise_inflation
+    evidence: float
 
 
 def _score(screened: ScreenedTerm, context: SearchContext, law: FoundLaw) -> float:
@@ -209,8 +195,7 @@ def _without_idle_terms(context: SearchContext, law: FoundLaw, validator: Valida
         if shorter is None:
             continue
         after = validator.evaluate(shorter)
-        worse = table.bic(shorter) - table.bic(law.candidate)
-        worse += (after.fit.chi2 - law.after.fit.chi2) / table.noise_inflation
-        if worse < MIN_EVIDENCE_MARGIN:
+        limit = table.evidence(law.candidate, law.after.fit.chi2) + MIN_EVIDENCE_MARGIN
+        if table.evidence(shorter, after.fit.chi2) < limit:
             law = replace(law, candidate=shorter, after=after, terms=tuple(t for t in law.terms if t != name))
     return law

@@ -12,21 +12,15 @@ from gateway.twin.effects.guess_context import SHARPEST, EventWindow, GuessConte
 from gateway.twin.effects.parameter import ParameterKind
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations, slice_samples
-from gateway.twin.reconcile.fit.initial_conditions import (
-    hides_sign_of_swing,
-    reverse_swing,
-    segment_initial_conditions,
-)
+from gateway.twin.reconcile.fit.initial_conditions import hides_sign_of_swing, reverse_swing, segment_initial_conditions
 from gateway.twin.reconcile.fit.initial_states import window_bounds
-from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, Fit, FitProblem, prior_of_parts
+from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, SCREENING_ITERATIONS, Fit, FitProblem
 from gateway.twin.reconcile.fit.multiple_shooting import SEGMENT_S, fit_model, uniform_segments
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
-FIRST_PART_ITERATIONS = 5
-"""Iterations of a fit to the first part of the log; chi-square has then settled enough to rank guesses."""
 SEGMENT_PERIODS = 6.5
 """Longest segment of a short rope, in periods: a rope that is wrong by 3 % shifts the phase by a tenth of a turn over it."""
 FIRST_PART_S = 40.0
@@ -119,16 +113,9 @@ class FitContext:
         initial_states: Array | None = None,
         iterations: int = FIT_ITERATIONS,
         give_up_above: float = np.inf,
-        *,
-        held_by_parts: bool = False,
     ) -> Fit:
-        """Fit initial conditions and all effects in `values`, from these values; the model's other effects keep theirs.
-
-        `held_by_parts`: under the prior of what parts and mounts usually have, for sets that the samples alone do not determine.
-        """
+        """Fit initial conditions and all effects in `values`, from these values; the model's other effects keep theirs."""
         problem = self.problem(values)
-        if held_by_parts:
-            problem = replace(problem, parts=prior_of_parts(problem.simulator, self.nominal_values(problem.simulator)))
         simulator, first_samples = problem.simulator, problem.first_samples
         effect_values = self.effect_values(simulator, values)
         if initial_states is None or initial_states.shape != (len(first_samples), simulator.n_initial_states):
@@ -157,7 +144,7 @@ class FitContext:
         fits = []
         for values in guesses:
             try:
-                fits.append(first_part.fit(values, iterations=FIRST_PART_ITERATIONS))
+                fits.append(first_part.fit(values, iterations=SCREENING_ITERATIONS))
             except INTEGRATION_FAILURES:
                 continue
         if not fits:
@@ -170,11 +157,6 @@ class FitContext:
         """Return the simulator's effect values (k,) for these effects and the model's own."""
         return simulator.values([], {**self.model_effects, **values})[simulator.n_initial_states :]
 
-    def nominal_values(self, simulator: Simulator) -> Array:
-        """Return the simulator's values (values,) where nothing is missing: as the rig states them, else neutral."""
-        stated = {name: each for name, each in self.model_effects.items() if name in simulator.effect_names}
-        return simulator.values([], stated)
-
     def free_parameters(self, simulator: Simulator, values: EffectValues) -> NDArray[np.bool_]:
         """Return which values are fitted: initial conditions without the heading, phases, and the effects in `values`.
 
@@ -184,6 +166,6 @@ class FitContext:
         free |= np.array([each.effect in values for each in simulator.parameters])
         free[HEADING] = False
         for i, parameter in enumerate(simulator.parameters):
-            value = values.get(parameter.effect, {}).get(parameter.parameter)
+            value = values.get(parameter.effect, {}).get(parameter.name)
             free[i] &= not (parameter.kind is ParameterKind.EDGE and value == SHARPEST)
         return free

@@ -33,7 +33,7 @@ REACH = 6
 """Frequencies on either side (half a cycle in the recording apart) that tell of the density: the fewest that do not leave the
 intervals under white noise too wide; a disturbance at the frequency of the swing is as narrow."""
 EXPONENTS = (1, 2)
-"""Of the frequency: 1/f noise and a random walk; beside them the flat spectrum, with as much weight as each."""
+"""Definition: of the frequency, 1/f noise and a random walk; beside them the flat spectrum, with as much weight as each."""
 N_CORNERS = 8
 LONGEST_MEMORY = 1.0
 """Memory of the slowest noise over the recording's duration: a slower one belongs to the mean of the recording."""

@@ -1,4 +1,4 @@
-"""What every fit is made of: damped steps inside bounds (Levenberg 1944, Marquardt 1963), coordinates, prior and result."""
+"""What every fit is made of: damped steps inside bounds (Levenberg 1944, Marquardt 1963), and the result."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -6,17 +6,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.effects import EFFECTS
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.simulator.simulator import SegmentBatch, Simulator
+from gateway.twin.simulator.simulator import Simulator
 
 Array = NDArray[np.float64]
 FIT_ITERATIONS = 8
 """Iterations of most fits; nearly all converge earlier."""
-REFINEMENT_ITERATIONS = 3
-"""Iterations of a fit that starts near its minimum, or in which the samples are nearly linear."""
+REFINE_ITERATIONS = 20
+"""Iterations of a fit that continues along a narrow valley of chi-square."""
 SCREENING_ITERATIONS = 6
-"""Iterations of a fit that decides only whether a model is consistent with the data."""
+"""Iterations of a fit that decides only whether a model is consistent with the data, or which guess is the best."""
 LARGE_SWING_ITERATIONS = 30
 """Iterations of a fit of a large swing, or of one seen along the rope: its period depends on every parameter, its readings are
 not nearly linear in the initial state, and its segments join slowly."""
@@ -50,10 +49,6 @@ class NormalEquations:
         flat = jacobian.reshape(-1, jacobian.shape[-1])
         return cls(flat.T @ flat, flat.T @ residual.ravel())
 
-    def with_prior(self, precision: Array, pull: Array) -> "NormalEquations":
-        """Return the equations with a prior of this precision (k,), which pulls the values (k,)."""
-        return NormalEquations(self.normal + np.diag(precision), self.gradient + pull)
-
     def step(self, free: NDArray[np.bool_], damping: float, held: Array | None = None) -> Array:
         """Return a damped step of the free values, shape (k,); the others take the step `held` (k,), zero by default."""
         step = np.zeros(len(free)) if held is None else held.copy()
@@ -79,95 +74,6 @@ class NormalEquations:
 
 
 @dataclass(frozen=True, slots=True)
-class NormalPrior:
-    """Independent normal distributions of the values of a simulator."""
-
-    centre: Array
-    """Shape (values,)."""
-    precision: Array
-    """One over the variance, 0 where nothing is known, shape (values,)."""
-
-    def chi2(self, values: Array) -> float:
-        """Return the sum of the squared deviations of values (values,) in standard deviations."""
-        return float((self.precision * (values - self.centre) ** 2).sum())
-
-    def pull(self, values: Array) -> Array:
-        """Return half of the negative gradient of `chi2`, shape (values,)."""
-        pull: Array = self.precision * (self.centre - values)
-        return pull
-
-
-def prior_of_parts(simulator: Simulator, centre: Array) -> NormalPrior:
-    """Return the prior by the usual limits of parts and mounts, and of the rig's lengths, each as one standard deviation.
-
-    `centre` (values,) is what the rig states.
-
-    So wide a prior decides nothing that the data decide; it holds the sums that they do not determine, such as an offset along
-    the rope beside a scale error.
-    """
-    sigma = np.full(len(simulator.parameters), np.inf)
-    for i, spec in enumerate(simulator.parameters):
-        for parameter in EFFECTS[spec.effect].parameters if spec.effect else ():
-            if parameter.name == spec.parameter:
-                sigma[i] = parameter.limit or parameter.prior_sigma or np.inf
-    return NormalPrior(centre, sigma**-2.0)
-
-
-class FittedSimulator:
-    """A simulator in the coordinates of a fit: free cutoff frequencies by their inverse, a delay.
-
-    The initial state compensates for a delay in proportion, so that a fit of it converges in fewer steps.
-    """
-
-    def __init__(self, simulator: Simulator, free: NDArray[np.bool_], limits: Limits = NO_LIMITS) -> None:
-        """`free`: which values are fitted, shape (values,); `limits` replace the bounds of effect values."""
-        self.simulator = simulator
-        parameters = simulator.parameters
-        is_cutoff = free & np.array([parameter.is_cutoff for parameter in parameters])
-        bounds = [limits.get(each.label, (each.lower, each.upper)) for each in parameters]
-        self.lower, self.upper = np.array(bounds, dtype=np.float64).T
-        """Bounds of all values, shape (values,) each."""
-        self.lower[is_cutoff], self.upper[is_cutoff] = 1 / self.upper[is_cutoff], 1 / self.lower[is_cutoff]
-        self.step_limit = np.array([parameter.step_limit for parameter in parameters])
-        """Largest step of each value, shape (values,)."""
-        self._is_cutoff = is_cutoff[simulator.n_initial_states :]
-
-    def to_fitted(self, effect_values: Array) -> Array:
-        """Return the coordinates of the fit for effect values (k,), and these for those."""
-        converted = effect_values.copy()
-        converted[self._is_cutoff] = 1 / effect_values[self._is_cutoff]
-        return converted
-
-    def physical_by_fitted(self, fitted: Array) -> Array:
-        """Return the derivatives of the effect values by the coordinates of the fit, shape (k,): -f^2 for a cutoff f."""
-        return np.where(self._is_cutoff, -1 / np.where(self._is_cutoff, fitted, 1.0) ** 2, 1.0)
-
-    def predict(self, initial_state: Array, fitted: Array, time_s: Array, temperature_c: Array | None = None) -> Array:
-        """Return the samples in g, shape (n, 3), as `Simulator.predict` does."""
-        return self.simulator.predict(np.concatenate([initial_state, self.to_fitted(fitted)]), time_s, temperature_c)
-
-    def linearise_segments(
-        self,
-        initial_states: Array,
-        fitted: Array,
-        time_s: Array,
-        first_samples: Sequence[int],
-        temperature_c: Array | None = None,
-    ) -> SegmentBatch:
-        """Return what `Simulator.linearise_segments` does, with derivatives by the coordinates of the fit."""
-        effects, by_fitted = self.to_fitted(fitted), self.physical_by_fitted(fitted)
-        batch = self.simulator.linearise_segments(initial_states, effects, time_s, first_samples, temperature_c)
-        force_by, ends_by = batch.force_by_effects * by_fitted, batch.ends_by_effects * by_fitted
-        return replace(batch, force_by_effects=force_by, ends_by_effects=ends_by)
-
-    def jacobian_by_physical(self, jacobian: Array, fitted: Array) -> Array:
-        """Return a Jacobian (..., values) by the initial state and the effect values."""
-        by_values = jacobian.copy()
-        by_values[..., self.simulator.n_initial_states :] /= self.physical_by_fitted(fitted)
-        return by_values
-
-
-@dataclass(frozen=True, slots=True)
 class Fit:
     """A model fitted to observations."""
 
@@ -182,7 +88,7 @@ class Fit:
     chi2: float
     """Sum over the samples that count."""
     normal: Array
-    """Normal matrix of the free values, J^T J with the precision of a prior."""
+    """Normal matrix of the free values, J^T J."""
     jacobian: Array
     """Derivatives of the simulation by all values, in sigma, shape (n, 3, values); of the last linearisation."""
 
@@ -207,15 +113,15 @@ class FitProblem:
     tick: Callable[[], None] = lambda: None
     """Called before each simulation."""
     limits: Limits = field(default_factory=dict)
-    parts: NormalPrior | None = None
-    """What parts and mounts usually have, where it holds the effect values that have no change of coordinates."""
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds of all values, shape (values,) each."""
+        bounds = [self.limits.get(each.label, (each.lower, each.upper)) for each in self.simulator.parameters]
+        lower, upper = np.array(bounds, dtype=np.float64).T
+        return lower, upper
 
     @property
     def as_one_segment(self) -> "FitProblem":
         """The same without segments."""
         return replace(self, first_samples=(0,))
-
-    def prior(self) -> NormalPrior:
-        """Return what is known of the values beforehand."""
-        nothing = np.zeros(len(self.free))
-        return NormalPrior(nothing, nothing) if self.parts is None else self.parts

@@ -20,9 +20,7 @@ from gateway.twin.reconcile.fit.least_squares import (
     LARGE_SWING_ITERATIONS,
     Fit,
     FitProblem,
-    FittedSimulator,
     NormalEquations,
-    NormalPrior,
 )
 from gateway.twin.simulator.compiled_model import IntegrationError
 from gateway.twin.simulator.simulator import SegmentBatch
@@ -41,7 +39,7 @@ MIN_EXCESS_DECREASE = 1e-4
 chi-square counts a tenth."""
 JOIN_RELATIVE_DECREASE = 0.3
 """Segments are joined only after a step that lowers chi-square by less than this share."""
-DAMPING_FACTORS = (1e-8, 3e-7, 1e-5, 3e-4, 1e-2, 0.3, 10.0)
+DAMPING_FACTORS = np.geomspace(1e-8, 10.0, 7)
 """Levenberg-Marquardt factors on the scaled diagonal, tried in turn until a step improves."""
 INITIAL_DAMPING_LEVEL = 1
 """Position of the first factor that is tried. One small decrease after more damping does not show convergence."""
@@ -125,14 +123,13 @@ def fit_model(
     simulator, free = problem.simulator, problem.free
     if problem.observations.has_large_amplitude:
         iterations = max(iterations, LARGE_SWING_ITERATIONS)
-    shooting = _Shooting(problem, FittedSimulator(simulator, free, problem.limits), problem.prior())
     event_times = np.array([parameter.is_event_time for parameter in simulator.parameters])
     settling = SETTLING_ITERATIONS if (event_times & free).any() else 0
-    current = shooting.linearise(initial_states, shooting.simulator.to_fitted(effect_values), problem.first_samples)
+    current = _linearise(problem, initial_states, effect_values, problem.first_samples)
     level, was_small = INITIAL_DAMPING_LEVEL, False
     for remaining in range(settling + iterations, 0, -1):
         all_free = remaining <= iterations
-        step = shooting.step(current, free if all_free else free & ~event_times, level)
+        step = _take_step(problem, current, free if all_free else free & ~event_times, level)
         if step is None and all_free:
             break
         if step is None:
@@ -145,8 +142,8 @@ def fit_model(
             break
         was_small = step.is_small
         if step.may_join:
-            current = shooting.linearise(current.initial_states[:1], current.effect_values, [0])
-    return shooting.result(current)
+            current = _linearise(problem, current.initial_states[:1], current.effect_values, [0])
+    return _result(problem, current)
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,11 +153,10 @@ class _Iterate:
     initial_states: Array
     """Shape (segments, states)."""
     effect_values: Array
-    """In the coordinates of the fit, shape (k,)."""
+    """Shape (k,)."""
     first_samples: Sequence[int]
     system: CondensedSystem
     chi2: float
-    """Of the residual and of the prior."""
 
     @property
     def values(self) -> Array:
@@ -210,71 +206,62 @@ class _Step:
         return self.before.is_continuous and self.after.chi2 - remaining * max(self.decrease, 0.0) > give_up_above
 
 
-@dataclass(frozen=True, slots=True)
-class _Shooting:
-    """A problem in the coordinates of its fit."""
+def _linearise(
+    problem: FitProblem, initial_states: Array, effect_values: Array, first_samples: Sequence[int]
+) -> _Iterate:
+    """Return an iterate. Raises `IntegrationError` where it cannot be simulated, or diverges."""
+    o = problem.observations
+    batch = problem.simulator.linearise_segments(
+        initial_states, effect_values, o.time_s, first_samples, o.temperature_c
+    )
+    if not batch.is_finite:
+        raise IntegrationError("the trajectory diverges from these values")
+    system = condense(batch, o, initial_states, first_samples)
+    return _Iterate(initial_states, effect_values, first_samples, system, system.chi2)
 
-    problem: FitProblem
-    simulator: FittedSimulator
-    prior: NormalPrior
 
-    @property
-    def observations(self) -> Observations:
-        return self.problem.observations
+def _take_step(problem: FitProblem, current: _Iterate, free: NDArray[np.bool_], damping_level: int) -> _Step | None:
+    """Return a step of the free values, with the least damping from this level on that improves; None where none does."""
+    equations = NormalEquations.from_jacobian(current.system.jacobian, current.system.residual)
+    lower, upper = problem.bounds
+    step_limit = np.array([each.step_limit for each in problem.simulator.parameters])
+    smallest = np.maximum(lower - current.values, -step_limit)
+    largest = np.minimum(upper - current.values, step_limit)
+    for level in range(damping_level, len(DAMPING_FACTORS)):
+        problem.tick()
+        after = _after(problem, current, equations.bounded_step(free, smallest, largest, DAMPING_FACTORS[level]))
+        if after is not None and _improves(current, after):
+            return _Step(current, after, level, problem.observations.n_values)
+    return None
 
-    def linearise(self, initial_states: Array, effect_values: Array, first_samples: Sequence[int]) -> _Iterate:
-        """Return an iterate. Raises `IntegrationError` where it cannot be simulated, or diverges."""
-        o = self.observations
-        batch = self.simulator.linearise_segments(
-            initial_states, effect_values, o.time_s, first_samples, o.temperature_c
-        )
-        if not batch.is_finite:
-            raise IntegrationError("the trajectory diverges from these values")
-        system = condense(batch, o, initial_states, first_samples)
-        values = np.concatenate([initial_states[0], effect_values])
-        return _Iterate(initial_states, effect_values, first_samples, system, system.chi2 + self.prior.chi2(values))
 
-    def step(self, current: _Iterate, free: NDArray[np.bool_], damping_level: int) -> _Step | None:
-        """Return a step of the free values, with the least damping from this level on that improves; None where none does."""
-        equations = NormalEquations.from_jacobian(current.system.jacobian, current.system.residual)
-        equations = equations.with_prior(self.prior.precision, self.prior.pull(current.values))
-        smallest = np.maximum(self.simulator.lower - current.values, -self.simulator.step_limit)
-        largest = np.minimum(self.simulator.upper - current.values, self.simulator.step_limit)
-        for level in range(damping_level, len(DAMPING_FACTORS)):
-            self.problem.tick()
-            after = self._after(current, equations.bounded_step(free, smallest, largest, DAMPING_FACTORS[level]))
-            if after is not None and _improves(current, after):
-                return _Step(current, after, level, self.observations.n_values)
+def _after(problem: FitProblem, current: _Iterate, step: Array) -> _Iterate | None:
+    """Return the iterate after a step; None where it cannot be simulated, or where one segment fits no better."""
+    initial_states = current.system.states_after(current.initial_states, step)
+    effect_values = current.effect_values + step[initial_states.shape[1] :]
+    try:
+        # With one segment a prediction, several times quicker than a linearisation, already shows chi-square.
+        if len(initial_states) == 1:
+            force_g = _simulate(problem, initial_states[0], effect_values)
+            if problem.observations.chi2(force_g) >= current.chi2:
+                return None
+        return _linearise(problem, initial_states, effect_values, current.first_samples)
+    except IntegrationError:
         return None
 
-    def _after(self, current: _Iterate, step: Array) -> _Iterate | None:
-        """Return the iterate after a step; None where it cannot be simulated, or where one segment fits no better."""
-        initial_states = current.system.states_after(current.initial_states, step)
-        effect_values = current.effect_values + step[initial_states.shape[1] :]
-        try:
-            # With one segment a prediction, several times quicker than a linearisation, already shows chi-square.
-            if len(initial_states) == 1:
-                force_g = self._simulate(initial_states[0], effect_values)
-                values = np.concatenate([initial_states[0], effect_values])
-                if self.observations.chi2(force_g) + self.prior.chi2(values) >= current.chi2:
-                    return None
-            return self.linearise(initial_states, effect_values, current.first_samples)
-        except IntegrationError:
-            return None
 
-    def _simulate(self, initial_state: Array, effect_values: Array) -> Array:
-        o = self.observations
-        return self.simulator.predict(initial_state, effect_values, o.time_s, o.temperature_c)
+def _simulate(problem: FitProblem, initial_state: Array, effect_values: Array) -> Array:
+    o = problem.observations
+    values = np.concatenate([initial_state, effect_values])
+    return problem.simulator.predict(values, o.time_s, o.temperature_c)
 
-    def result(self, current: _Iterate) -> Fit:
-        """Return the fit as one trajectory from the first initial state."""
-        force_g = self._simulate(current.initial_states[0], current.effect_values)
-        values = np.concatenate([current.initial_states[0], self.simulator.to_fitted(current.effect_values)])
-        jacobian = self.simulator.jacobian_by_physical(current.system.jacobian, current.effect_values)
-        free, names = self.problem.free, self.problem.simulator.effect_names
-        flat = jacobian[..., free].reshape(-1, int(free.sum()))
-        normal = flat.T @ flat + np.diag(self.prior.precision[free])
-        return Fit(names, values, free, force_g, self.observations.chi2(force_g), normal, jacobian)
+
+def _result(problem: FitProblem, current: _Iterate) -> Fit:
+    """Return the fit as one trajectory from the first initial state."""
+    force_g = _simulate(problem, current.initial_states[0], current.effect_values)
+    free, jacobian, names = problem.free, current.system.jacobian, problem.simulator.effect_names
+    flat = jacobian[..., free].reshape(-1, int(free.sum()))
+    return Fit(names, current.values, free, force_g, problem.observations.chi2(force_g), flat.T @ flat, jacobian)
 
 
 def _improves(before: _Iterate, after: _Iterate) -> bool:

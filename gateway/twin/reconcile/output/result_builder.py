@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from gateway.numerics.stats import NORMAL_975
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.parameter import Parameter, Value, excess, limit_of, rests_at_edge
+from gateway.twin.effects.parameter import Parameter, ParameterKind, Value, excess, limit_of, rests_at_edge
 from gateway.twin.effects.sensor_output import SampleLoss
 from gateway.twin.effects.term_library import TERMS
 from gateway.twin.model import Model, TwinRig
@@ -18,15 +18,7 @@ from gateway.twin.reconcile.equation.selection import FoundLaw
 from gateway.twin.reconcile.fit.intervals import intervals
 from gateway.twin.reconcile.output.estimates import Estimate, Law, LawTerm, NamedEffect, Resemblance
 from gateway.twin.reconcile.output.outcome import SearchOutcome, list_data_parts, measure_gap
-from gateway.twin.reconcile.output.result import (
-    Candidate,
-    Comparison,
-    Equivalent,
-    Gap,
-    Reconciliation,
-    Step,
-    Verdict,
-)
+from gateway.twin.reconcile.output.result import Candidate, Comparison, Equivalent, Gap, Reconciliation, Step, Verdict
 from gateway.twin.reconcile.residual import analyse_residual, describe_remainder, localise_residual
 from gateway.twin.reconcile.search.search import SearchRun
 from gateway.twin.reconcile.search.signatures import (
@@ -117,8 +109,10 @@ def _named_effect(name: str, found: SearchOutcome, reaches: Reaches) -> NamedEff
     simulator = found.run.context.setting.simulator(tuple(final.values))
     parameters, stated = {}, found.run.known.model.effects.get(name, {})
     for p in effect.parameters:
-        own = [(spec.effect, spec.parameter) == (name, p.name) for spec in simulator.parameters]
-        estimate = _estimate(p, values[p.name], below[own], above[own], found.rig)
+        own = [(spec.effect, spec.name) == (name, p.name) for spec in simulator.parameters]
+        # A cutoff is fitted by its inverse.
+        scale = np.square(values[p.name]) if p.kind is ParameterKind.CUTOFF else 1.0
+        estimate = _estimate(p, values[p.name], scale * below[own], scale * above[own], found.rig)
         parameters[p.name] = replace(estimate, stated=stated.get(p.name))
     return NamedEffect(name, effect.explains, effect.equation, parameters, effect.interval_s(values))
 

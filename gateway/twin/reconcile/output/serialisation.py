@@ -18,7 +18,7 @@ from gateway.twin.reconcile.output.estimates import Estimate, Law, Resemblance
 from gateway.twin.reconcile.output.result import AVERAGED, Comparison, Curves, Gap, Reconciliation
 
 SCHEMA_VERSION = 2
-"""Raised when a field changes its meaning; fields are added without."""
+"""Definition: raised when a field changes its meaning; fields are added without."""
 Array = NDArray[np.float64]
 ONLY_FOR_READERS = frozenset({"explains", "equation"})
 """Fields of the result that are words of its own kind, and no part of the JSON."""

@@ -117,7 +117,6 @@ class FitRequest:
     """Initial states of the segments (segments, states)."""
     iterations: int = FIT_ITERATIONS
     give_up_above: float = np.inf
-    held_by_parts: bool = False
     is_further_guess: bool = False
     """It is tried only while nothing explains the log."""
 

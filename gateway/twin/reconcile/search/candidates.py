@@ -122,6 +122,10 @@ class CandidateTable:
         explained = fit.fit.chi2 / self.noise_inflation + fit.implausibility
         return explained + fit.n_parameters * math.log(self.log.n_values)
 
+    def evidence(self, fit: CandidateFit, selection_chi2: float) -> float:
+        """Return the BIC on the log plus chi-square on the selection part over the noise inflation: the lower, the better."""
+        return self.bic(fit) + selection_chi2 / self.noise_inflation
+
     def ranked(self, size: int | None = None) -> list[CandidateFit]:
         """Fits by BIC, best first; with a `size`, those of sets of so many effects."""
         chosen = [fit for fit in self.fits.values() if size is None or len(fit.values) == size]
@@ -182,7 +186,7 @@ def make_candidate(setting: FitContext, values: EffectValues, fit: Fit) -> Candi
 def _length_limits(simulator: Simulator, fit: Fit, log: Observations) -> Limits:
     """Return the bounds of the fitted corrections of the rope's length by their labels."""
     chosen = [
-        (i, spec) for i, spec in enumerate(simulator.parameters) if fit.free[i] and spec.parameter == LENGTH_CORRECTION
+        (i, spec) for i, spec in enumerate(simulator.parameters) if fit.free[i] and spec.name == LENGTH_CORRECTION
     ]
     if not chosen:
         return NO_LIMITS

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.guess_context import EventWindow
-from gateway.twin.effects.sensor import Vibration
-from gateway.twin.model import EffectValues
+from gateway.twin.model import EffectValues, shift_start
 from gateway.twin.reconcile.data.observations import Observations, slice_samples
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.least_squares import SCREENING_ITERATIONS, Fit, solve_damped
@@ -23,8 +22,8 @@ from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 Array = NDArray[np.float64]
 TIME_RESOLUTION_S = 0.5
 """Resolution of changepoints: grid of a scan, length of a tested block, margin around an event that is left out."""
-MAX_LENGTHS_S = (0.0, 5.0, 12.0, 25.0)
-"""The best window up to each of these lengths is found; the longest is also that of the longest event."""
+LONGEST_EVENT_S = 25.0
+"""Longest event; the best windows of no length, and up to a quarter, a half and all of this, are found."""
 MARGIN_S = 4.0
 """Shortest trajectory before the first and after the last window, most of a period."""
 INSIDE_COST = 3.05
@@ -52,7 +51,7 @@ MIN_SUFFIX_S = 15.0
 def scan_for_changepoints(
     time_s: Array, residual: Array, jacobian: Array, used: NDArray[np.bool_]
 ) -> tuple[EventWindow, ...]:
-    """Return the best window up to each of `MAX_LENGTHS_S`; none in a recording that is all margin.
+    """Return the best window of no length and up to some shares of `LONGEST_EVENT_S`; none in a recording that is all margin.
 
     The residual (n, 3) is in sigma, and so is the jacobian (n, 3, k) by the values that may differ before and after.
     """
@@ -67,8 +66,8 @@ def scan_for_changepoints(
     remaining_chi2 = before[:, None] + after[None, :] + inside
     length_s = edges_s[None, :] - edges_s[:, None]
     windows = []
-    for max_length_s in MAX_LENGTHS_S:
-        allowed = np.where((length_s >= 0) & (length_s <= max_length_s), remaining_chi2, np.inf)
+    for share in (0, 1 / 4, 1 / 2, 1):
+        allowed = np.where((length_s >= 0) & (length_s <= share * LONGEST_EVENT_S), remaining_chi2, np.inf)
         i, j = np.unravel_index(np.argmin(allowed), allowed.shape)
         windows.append(EventWindow(float(edges_s[i]), float(edges_s[j]), float(allowed[i, j])))
     return tuple(windows)
@@ -82,7 +81,7 @@ def exclude_unmodelled_profiles(log: Observations, effects: EffectValues) -> Obs
     outside = np.ones(len(log.time_s), dtype=np.bool_)
     for name, values in effects.items():
         interval_s = None if EFFECTS[name].profile_modelled else EFFECTS[name].interval_s(values)
-        if interval_s is not None and interval_s[1] - interval_s[0] <= MAX_LENGTHS_S[-1]:
+        if interval_s is not None and interval_s[1] - interval_s[0] <= LONGEST_EVENT_S:
             start_s, end_s = interval_s
             outside &= (log.time_s < start_s - TIME_RESOLUTION_S) | (log.time_s > end_s + TIME_RESOLUTION_S)
     return replace(log, used=log.used & outside)
@@ -262,22 +261,12 @@ class _SuffixFit:
         """Fit the suffix from this sample on, and keep the fit if it is one trajectory."""
         log = slice_samples(self.context.log, first, len(self.context.log.time_s))
         start_s = float(self.context.log.time_s[first])
-        model_effects = _shift_phase(self.context.model_effects, start_s)
+        model_effects = shift_start(self.context.model_effects, start_s)
         sliced = replace(self.context, model_effects=model_effects, log=log)
-        fit = fit_single_trajectory(sliced, _shift_phase(self.values, start_s))
+        fit = fit_single_trajectory(sliced, shift_start(self.values, start_s))
         if fit is None:
             return False
         fitted = sliced.simulator(tuple(self.values)).effects(fit.values)
-        self.values = _shift_phase({name: fitted[name] for name in self.values}, -start_s)
+        self.values = shift_start({name: fitted[name] for name in self.values}, -start_s)
         self.chi2 = fit.chi2
         return True
-
-
-def _shift_phase(values: EffectValues, by_s: float) -> EffectValues:
-    """Return the effects with a vibration's phase for a recording that starts later."""
-    if Vibration.name not in values:
-        return values
-    vibration = values[Vibration.name]
-    rate_1_s = 2 * np.pi * float(np.asarray(vibration["frequency_hz"]))
-    phase_rad = float(np.asarray(vibration["phase_rad"])) + rate_1_s * by_s
-    return {**values, Vibration.name: {**vibration, "phase_rad": (phase_rad + np.pi) % (2 * np.pi) - np.pi}}

@@ -22,8 +22,6 @@ from gateway.twin.reconcile.search.signatures import Signatures, compute_signatu
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 
 Array = NDArray[np.float64]
-REFINE_ITERATIONS = 20
-"""Iterations of a fit that continues along a narrow valley of chi-square."""
 MIN_PARALLEL_WORK = 5e4
 """Derivatives in one linearisation from which fits are worth a process: some 0.1 s for a fit."""
 
@@ -50,19 +48,14 @@ class SearchContext:
         return self if table.get(kept) is None else self.with_baseline(kept)
 
     def fit(
-        self,
-        table: CandidateTable,
-        values: EffectValues,
-        starts: Array | None = None,
-        iterations: int = FIT_ITERATIONS,
+        self, table: CandidateTable, values: EffectValues, starts: Array | None = None, iterations: int = FIT_ITERATIONS
     ) -> CandidateTable:
         """Fit a set of effects from these values; the table stays as it is where the fit diverges."""
         return self.fit_in_turn(table, [FitRequest(values, starts, iterations)])
 
-    def fit_apart(self, values: EffectValues, *, held_by_parts: bool = False) -> CandidateFit | None:
+    def fit_apart(self, values: EffectValues) -> CandidateFit | None:
         """Return a fit of a set of effects that no table has yet; None where it diverges."""
-        request = FitRequest(values, held_by_parts=held_by_parts)
-        return self.fit_in_turn(CandidateTable(self.setting.log), [request]).get(values)
+        return self.fit(CandidateTable(self.setting.log), values).get(values)
 
     def fit_in_turn(
         self,
@@ -106,13 +99,7 @@ class SearchContext:
         values = request.values
         try:
             self.budget.begin_fit(self.setting.work_per_evaluation(values))
-            fit = self.setting.fit(
-                values,
-                request.starts,
-                request.iterations,
-                request.give_up_above,
-                held_by_parts=request.held_by_parts,
-            )
+            fit = self.setting.fit(values, request.starts, request.iterations, request.give_up_above)
         except INTEGRATION_FAILURES:
             return None, self.budget.work_of_fit
         return make_candidate(self.setting, values, fit), self.budget.work_of_fit

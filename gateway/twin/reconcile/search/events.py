@@ -11,11 +11,12 @@ from gateway.twin.effects.guess_context import EventWindow
 from gateway.twin.effects.parameter import ParameterKind, Values
 from gateway.twin.effects.rope import RopeLength
 from gateway.twin.reconcile.fit.fit_context import sensitivities_sigma
+from gateway.twin.reconcile.fit.least_squares import REFINE_ITERATIONS
 from gateway.twin.reconcile.residual import EXCESS_SIGNIFICANT, warrants_another_effect
 from gateway.twin.reconcile.search.budget import FitRequest
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.changepoints import exclude_unmodelled_profiles, scan_for_changepoints
-from gateway.twin.reconcile.search.context import REFINE_ITERATIONS, SearchContext
+from gateway.twin.reconcile.search.context import SearchContext
 from gateway.twin.reconcile.search.persistent import MAX_PARENTS, baseline_of
 from gateway.twin.simulator.state import HEADING
 
@@ -30,8 +31,9 @@ NEARLY_EXPLAINED = 2.0
 """Reduced chi-square below which a slowly converging persistent effect is refined."""
 MAX_REFINED_EXCESS_RATIO = 5.0
 """Excess of the reduced chi-square over that of the best fit: a fit with more does not become the best by converging."""
-STRETCHES = (2.5, 1.6, 0.6, 0.4)
-"""Factors on an event's duration that are tried: a short strong event is much like a long weak one, and fits end between them."""
+STRETCH = 1.6
+"""Factor on an event's duration; it and its square are tried both ways: a short strong event is much like a long weak one, and
+fits end between them."""
 
 
 def has_event(table: CandidateTable, context: SearchContext) -> bool:
@@ -125,6 +127,6 @@ def _stretched(effect: Effect, values: Values) -> Iterable[Values]:
     if not effect.transient or not start or len(lengths) != 1:
         return
     start_s, duration_s = (float(np.asarray(values[key])) for key in (start[0], lengths[0]))
-    for factor in STRETCHES:
-        length_s = factor * duration_s
+    for power in (2, 1, -1, -2):
+        length_s = STRETCH**power * duration_s
         yield {**values, start[0]: start_s + (duration_s - length_s) / 2, lengths[0]: length_s}

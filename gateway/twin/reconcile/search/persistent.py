@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.numerics.spectrum import find_machine_line
 from gateway.swing.detection.rope_length import rope_length_by_period
 from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.effects.rope import DoublePendulum, RopeLength
@@ -108,8 +107,6 @@ def _add_machine_line(
     """
     log, setting = context.setting.log, context.setting
     if Vibration.name in setting.model_effects:
-        return table, context
-    if find_machine_line(log.time_s, log.force_g - base.fit.force_g, log.noise_g) is None:
         return table, context
     guesses = context.guesses(Vibration.name, base)
     if not guesses:

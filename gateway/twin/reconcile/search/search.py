@@ -13,6 +13,7 @@ from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.crane_inputs import KnownModel
 from gateway.twin.reconcile.data.recordings import Recordings
 from gateway.twin.reconcile.decision.evidence import VALIDATED_MARGIN
+from gateway.twin.reconcile.fit.least_squares import REFINE_ITERATIONS
 from gateway.twin.reconcile.sample_loss import find_sample_loss, retime_validation
 from gateway.twin.reconcile.search.budget import Budget, FitRequest
 from gateway.twin.reconcile.search.candidates import (
@@ -22,7 +23,7 @@ from gateway.twin.reconcile.search.candidates import (
     CandidateFit,
     CandidateTable,
 )
-from gateway.twin.reconcile.search.context import REFINE_ITERATIONS, SearchContext, make_context
+from gateway.twin.reconcile.search.context import SearchContext, make_context
 from gateway.twin.reconcile.search.events import fit_events_in_windows, has_event, needs_more, refine
 from gateway.twin.reconcile.search.persistent import (
     MAX_SCORED,
@@ -107,18 +108,11 @@ def _fit_rivals_with_swapped(
     return table
 
 
-def eliminate(
-    table: CandidateTable, context: SearchContext, best: CandidateFit, *, held_by_parts: bool = False
-) -> tuple[CandidateTable, CandidateFit]:
+def eliminate(table: CandidateTable, context: SearchContext, best: CandidateFit) -> tuple[CandidateTable, CandidateFit]:
     """Remove effects whose absence costs no significant chi-square, one at a time."""
     give_up_above = max(table.give_up_above, _settled_chi2(table, context, best))
     shorter = [
-        FitRequest(
-            best.without(name),
-            iterations=REFINE_ITERATIONS,
-            give_up_above=give_up_above,
-            held_by_parts=held_by_parts,
-        )
+        FitRequest(best.without(name), iterations=REFINE_ITERATIONS, give_up_above=give_up_above)
         for name in sorted(each for each in best.names if not EFFECTS[each].detected_in_samples)
     ]
 
@@ -128,7 +122,7 @@ def eliminate(
 
     table = context.fit_in_turn(table, shorter, lambda now, _: sufficient(now) is None)
     fewer = sufficient(table)
-    return (table, best) if fewer is None else eliminate(table, context, fewer, held_by_parts=held_by_parts)
+    return (table, best) if fewer is None else eliminate(table, context, fewer)
 
 
 def _settled_chi2(table: CandidateTable, context: SearchContext, best: CandidateFit) -> float:
@@ -233,11 +227,7 @@ SINGLE_EFFECT_STEPS = (
 
 
 def search(
-    known: KnownModel,
-    recordings: Recordings,
-    detected: EffectValues,
-    budget: Budget,
-    on_evaluation: Callable[[], None],
+    known: KnownModel, recordings: Recordings, detected: EffectValues, budget: Budget, on_evaluation: Callable[[], None]
 ) -> SearchRun | None:
     """Search for missing effects; None where the nominal model cannot be fitted.
 
@@ -250,11 +240,7 @@ def search(
 
 
 def _begin(
-    known: KnownModel,
-    recordings: Recordings,
-    detected: EffectValues,
-    budget: Budget,
-    on_evaluation: Callable[[], None],
+    known: KnownModel, recordings: Recordings, detected: EffectValues, budget: Budget, on_evaluation: Callable[[], None]
 ) -> SearchRun | None:
     """Fit the nominal model, the baseline and the persistent effects; None where the nominal model cannot be fitted."""
     context = make_context(known.of_log, recordings.log, budget, on_evaluation)

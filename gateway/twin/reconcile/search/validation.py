@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.numerics.spectrum import fit_sine_phasors
-from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.guess_context import wrap_angle
 from gateway.twin.effects.parameter import Values
 from gateway.twin.effects.sensor import Vibration
-from gateway.twin.model import EffectValues, TwinRig
+from gateway.twin.model import EffectValues, TwinRig, shift_start
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import is_world_directed, refitted_parameters, segment_bounds
 from gateway.twin.reconcile.fit.initial_conditions import rotate_about_vertical, segment_initial_conditions
-from gateway.twin.reconcile.fit.least_squares import NO_LIMITS, Fit, FitProblem, Limits
+from gateway.twin.reconcile.fit.least_squares import NO_LIMITS, REFINE_ITERATIONS, Fit, FitProblem, Limits
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
 from gateway.twin.reconcile.search.budget import run_in_processes, values_key
 from gateway.twin.reconcile.search.candidates import MIN_VARIANCE_SHARE, CandidateFit
@@ -26,10 +26,6 @@ from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
-VALIDATION_ITERATIONS = 10
-"""Iterations of a fit from each heading."""
-FINAL_ITERATIONS = 15
-"""Further iterations where noise is exceeded: the chi-square of a heading converges slowly."""
 HEADING_GUESSES = 6
 """Number of headings, equally spaced, from which a fit is started: each is within 30 degrees of the true one."""
 MAX_HEADINGS = 2
@@ -53,16 +49,13 @@ class ValidationFit:
 
 
 def evaluate_on_validation(
-    rig: TwinRig,
-    values: EffectValues,
-    held_out: Observations,
-    limits: Limits = NO_LIMITS,
+    rig: TwinRig, values: EffectValues, held_out: Observations, limits: Limits = NO_LIMITS
 ) -> ValidationFit:
     """Fit initial conditions and phases, and the heading where an effect has a direction in the world.
 
     Times of events are shifted where the recording is a slice of another. Parameters with `limits` are fitted between them.
     """
-    values = {name: EFFECTS[name].shift_start(parameters, held_out.offset_s) for name, parameters in values.items()}
+    values = shift_start(values, held_out.offset_s)
     if Vibration.name in values:
         phase_rad = _estimate_phase_rad(values[Vibration.name], held_out)
         values = {**values, Vibration.name: {**values[Vibration.name], "phase_rad": phase_rad}}
@@ -78,14 +71,14 @@ def evaluate_on_validation(
     if held_out.has_large_amplitude and free[HEADING]:
         guesses = _closest_in_windows(problem, guesses, effect_values)
     for initial_states in guesses:
-        fit = fit_model(problem, initial_states, effect_values, VALIDATION_ITERATIONS)
+        fit = fit_model(problem, initial_states, effect_values)
         if best is None or fit.chi2 < best.chi2:
             best = fit
         if best.chi2 < EXPLAINED_REDUCED_CHI2 * held_out.n_values:
             break
     assert best is not None
     if best.chi2 > EXPLAINED_REDUCED_CHI2 * held_out.n_values:
-        best = fit_model(problem.as_one_segment, best.values[None, :n_states], effect_values, FINAL_ITERATIONS)
+        best = fit_model(problem.as_one_segment, best.values[None, :n_states], effect_values, REFINE_ITERATIONS)
     refitted = tuple(each.label for each, is_free in zip(simulator.parameters, free, strict=True) if is_free)
     return ValidationFit(best, best.chi2 / held_out.n_values, refitted)
 
@@ -119,7 +112,7 @@ def _estimate_phase_rad(vibration: Values, held_out: Observations) -> float:
     phasors = fit_sine_phasors(held_out.time_s[1:-1], -second_difference_g, frequency_hz)
     lags_rad = np.concatenate([[0.0], np.atleast_1d(vibration.get("lag_rad", (0.0, 0.0)))])
     angle_rad = np.angle((phasors * np.exp(1j * lags_rad) * np.asarray(vibration["amplitude_g"])).sum()) + np.pi / 2
-    return float((angle_rad + np.pi) % (2 * np.pi) - np.pi)
+    return float(wrap_angle(angle_rad))
 
 
 def block_bootstrap_gain(

@@ -16,14 +16,12 @@ from gateway.twin.reconcile.decision.identifiability import (
     find_contributions,
     possible_changes,
 )
-from gateway.twin.reconcile.fit.fit_context import FitContext
-from gateway.twin.reconcile.fit.least_squares import prior_of_parts
 from gateway.twin.reconcile.output.result import Reconciliation
 from gateway.twin.reconcile.output.serialisation import to_text
 from gateway.twin.reconcile.reconcile import reconcile
-from gateway.twin.reconcile.search.ambiguity import leaves_no_more, necessary_names, replace_implausible
+from gateway.twin.reconcile.search.ambiguity import leaves_no_more, replace_implausible
 from gateway.twin.reconcile.search.budget import Budget
-from gateway.twin.reconcile.search.candidates import CandidateTable, make_candidate
+from gateway.twin.reconcile.search.candidates import CandidateTable
 from gateway.twin.reconcile.search.context import make_context
 from gateway.twin.reconcile.search.validation import Validator
 from gateway.twin.simulator.simulator import Simulator
@@ -177,48 +175,7 @@ def test_losses_and_errors_of_the_rig_are_usual_and_the_wind_is_not() -> None:
     assert not usual & {"steady_wind", "impact", "housing_spin", "double_pendulum", "clock_drift"}
 
 
-@pytest.mark.slow
-def test_prior_of_parts_holds_a_sum_that_a_small_swing_does_not_determine(
-    model: Model, record: Callable[..., Observations]
-) -> None:
-    """Along the rope a small swing reads nearly 1 g, so that an offset and a scale error of z are one number, 0.021 g."""
-    log = record({"axis_offset": {"offset_g": (0.0, 0.0, 0.021)}})
-    setting = FitContext(model.rig, {}, log, lambda: None)
-    values: EffectValues = {"axis_offset": {}, "scale_error": {}}
-    fit = setting.fit(values, held_by_parts=True)
-    found = setting.simulator(tuple(values)).effects(fit.values)
-    offset_g, scale = (
-        np.array(found[name][key])[2] for name, key in (("axis_offset", "offset_g"), ("scale_error", "relative"))
-    )
-
-    assert offset_g + scale == pytest.approx(0.021, abs=2e-4)
-    # The least sum of squares in standard deviations of the prior, 0.06 g and 0.03, divides it as their squares, 4 to 1.
-    assert offset_g == pytest.approx(0.8 * 0.021, abs=5e-3)
-    assert fit.chi2 < 1.05 * log.n_values
-
-
-def test_prior_of_parts_is_that_of_their_limits(model: Model) -> None:
-    simulator = Simulator(model.rig, ["axis_offset", "viscous_damping"])
-    prior = prior_of_parts(simulator, simulator.neutral())
-    precision = {spec.label: p for spec, p in zip(simulator.parameters, prior.precision, strict=True)}
-
-    assert precision["axis_offset.offset_g[x]"] == pytest.approx(0.06**-2)
-    assert precision["viscous_damping.damping_ratio"] == 0
-    assert prior.chi2(prior.centre) == 0
-
-
-@pytest.mark.slow
-def test_only_causes_that_the_recording_needs_are_kept(model: Model, record: Callable[..., Observations]) -> None:
-    hidden: EffectValues = {name: OF_A_REAL_RIG[name] for name in ("viscous_damping", "axis_offset")}
-    setting = FitContext(model.rig, {}, record(hidden), lambda: None)
-    values: EffectValues = {name: {} for name in ("viscous_damping", "axis_offset", "lever_arm", "quadratic_drag")}
-    found = make_candidate(setting, values, setting.fit(values, held_by_parts=True))
-
-    assert found is not None
-    assert necessary_names(found, setting) == {"viscous_damping", "axis_offset"}
-
-
-def test_a_best_attempt_below_the_noise_bars_no_usual_causes() -> None:
+def test_a_best_set_below_the_noise_bars_no_other() -> None:
     assert leaves_no_more(0.95, 0.94)
     assert leaves_no_more(6.88, 6.80)
     assert not leaves_no_more(9.0, 6.80)
@@ -226,7 +183,9 @@ def test_a_best_attempt_below_the_noise_bars_no_usual_causes() -> None:
 
 
 @pytest.mark.slow
-def test_usual_causes_are_named_beside_a_remainder(model: Model, loaded: Callable[..., CheckedRecording]) -> None:
+def test_causes_that_every_rig_has_are_named_beside_a_remainder(
+    model: Model, loaded: Callable[..., CheckedRecording]
+) -> None:
     log, held_out = (with_remainder(loaded(OF_A_REAL_RIG, name), 1.5e-3) for name in ("log", "held_out"))
     found = reconcile(model, log, held_out)
 
@@ -237,7 +196,9 @@ def test_usual_causes_are_named_beside_a_remainder(model: Model, loaded: Callabl
 
 
 @pytest.mark.slow
-def test_usual_causes_do_not_imitate_what_is_unknown(model: Model, loaded: Callable[..., CheckedRecording]) -> None:
+def test_causes_that_every_rig_has_do_not_imitate_what_is_unknown(
+    model: Model, loaded: Callable[..., CheckedRecording]
+) -> None:
     log, held_out = (with_remainder(loaded({}, name), 4e-3) for name in ("log", "held_out"))
     found = reconcile(model, log, held_out)
 

@@ -10,11 +10,10 @@ from devices.pendulum.double_pendulum import modes
 from gateway.numerics.spectrum import find_machine_line
 from gateway.twin.effects.guess_context import GuessContext, guess_double_pendulum, guess_vibration
 from gateway.twin.effects.parameter import Values
-from gateway.twin.model import TwinRig
+from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.data_checks import find_fault
 from gateway.twin.reconcile.data.observations import LARGE_AMPLITUDE_RAD, Observations, make_observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
-from gateway.twin.reconcile.fit.least_squares import FittedSimulator
 from gateway.twin.simulator.simulator import Simulator
 from tests.gateway.twin.reconcile.conftest import RATE_HZ, swing
 from tests.gateway.twin.swings import Array
@@ -50,21 +49,18 @@ def double_pendulum(rig: TwinRig) -> Callable[..., Observations]:
 
 
 @pytest.mark.slow
-def test_derivatives_by_fitted_coordinates_equal_central_differences(rig: TwinRig) -> None:
-    effects: dict[str, dict[str, float]] = {"lowpass_lag": {"cutoff_hz": 0.5}}
-    simulator, time_s = Simulator(rig, sorted(effects)), np.arange(0, 6, 0.05)
+def test_a_cutoff_stands_by_its_inverse_in_which_derivatives_are_taken(rig: TwinRig) -> None:
+    simulator, time_s = Simulator(rig, ["lowpass_lag"]), np.arange(0, 6, 0.05)
     n_states = simulator.n_initial_states
-    values = simulator.values([0.1, 0.04, -0.02, 0.05, 0.0], effects)
-    state, effect_values = values[:n_states], values[n_states:]
-    fitted_simulator = FittedSimulator(simulator, np.ones(len(values), dtype=bool))
-    fitted = fitted_simulator.to_fitted(effect_values)
-    derivatives = fitted_simulator.linearise_segments(state[None], fitted, time_s, [0]).force_by_effects
+    lag: EffectValues = {"lowpass_lag": {"cutoff_hz": 0.5, "began_g": (0.1, 0.2, 0.3)}}
+    values = simulator.values([0.1, 0.04, -0.02, 0.05, 0.0], lag)
+    derivatives = simulator.linearise(values, time_s).jacobian
 
-    assert fitted == pytest.approx([2.0, 0.0, 0.0, 0.0], rel=1e-12)
-    np.testing.assert_allclose(fitted_simulator.to_fitted(fitted), effect_values, rtol=1e-12, atol=1e-12)
-    for i in range(len(fitted)):
-        step = 1e-6 * np.eye(len(fitted))[i]
-        ahead, behind = (fitted_simulator.predict(state, fitted + sign * step, time_s) for sign in (1, -1))
+    assert values[n_states:] == pytest.approx([2.0, 0.1, 0.2, 0.3], rel=1e-12)
+    assert simulator.effects(values)["lowpass_lag"]["cutoff_hz"] == pytest.approx(0.5, rel=1e-12)
+    for i in range(n_states, len(values)):
+        step = 1e-6 * np.eye(len(values))[i]
+        ahead, behind = (simulator.predict(values + sign * step, time_s) for sign in (1, -1))
         np.testing.assert_allclose(derivatives[..., i], (ahead - behind) / 2e-6, rtol=1e-6, atol=1e-6)
 
 
