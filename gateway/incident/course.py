@@ -236,10 +236,13 @@ class CourseBuilder:
         before: BlockPlace | None = None,
         after: BlockPlace | None = None,
         causes: AbsenceCauses = NOTHING_STATED,
+        *,
+        was_stopped: bool = False,
     ) -> Course:
         """Return the course of everything that was added.
 
-        `before` and `after`: the blocks next to it in the recordings, None: there is none; `causes`: of what is missing.
+        `before` and `after`: the blocks next to it in the recordings, None: there is none; `causes`: of what is missing;
+        `was_stopped`: the recordings end with the word that the gateway was stopping.
         """
         span_s = (begin_ns - self.origin_ns) / 1e9, (end_ns - self.origin_ns) / 1e9
         acceleration, counts = self._acceleration(before, after, span_s, causes)
@@ -273,7 +276,7 @@ class CourseBuilder:
             last_health=self._health,
             source=next((word for kind, word in SOURCES.items() if kind in self._device_kinds), ""),
             begin_cause=self._begin_cause(before, causes),
-            end_cause=self._end_cause(after, states.get("health", nothing)),
+            end_cause=self._end_cause(after, was_stopped=was_stopped),
         )
 
     def _add_states(self, time_s: float, content: object) -> None:
@@ -298,7 +301,7 @@ class CourseBuilder:
 
     def _add_session(self, time_s: float, session: CalibrationSession) -> None:
         if (session.id, session.phase) != (self._session.id, self._session.phase):
-            by = f" by {session.by}" if session.by else ""
+            by = f", begun by {session.by}" if session.by else ""
             self._sessions.append(TimedText(time_s, f"Recalibration {session.phase}{by}. {session.text}"))
         self._session = session
 
@@ -320,9 +323,9 @@ class CourseBuilder:
             return BEFORE_REPORT
         return causes.before(self._places[0].segment, self._places[0].sequence)
 
-    def _end_cause(self, after: BlockPlace | None, health: StateCourse) -> str:
+    def _end_cause(self, after: BlockPlace | None, *, was_stopped: bool) -> str:
         is_cut_out = bool(self._places) and CUT in self._places[-1].segment.metadata
-        return "" if after is not None or is_cut_out or self._runs.ends_as_announced(health) else CUT_OFF
+        return "" if after is not None or is_cut_out or was_stopped else CUT_OFF
 
     def _state_course(self, rows: list[tuple[float, str]], holes_s: HolesS) -> StateCourse:
         ordered = sorted(rows, key=lambda row: row[0])

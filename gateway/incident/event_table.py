@@ -7,7 +7,7 @@ from gateway.documents.format import as_sentence, format_fixed, human_name, prin
 from gateway.incident.course import Course
 from gateway.incident.evidence import IncidentEvidence
 from gateway.incident.gateway_runs import StateCourse
-from gateway.incident.incident_summary import restart_text
+from gateway.incident.incident_summary import restart_text, where_it_stood
 from gateway.incident.limit_changes import MAX_WORDS_CHARACTERS
 from gateway.incident.timeline_figure import ReportClock
 
@@ -71,12 +71,8 @@ def _events(evidence: IncidentEvidence, course: Course) -> Iterator[tuple[float,
         for change in () if incident is None else incident.changes:
             told.add(change.text)
             yield course.time_s(change.time_ns), ALERT, as_sentence(change.text)
-        if incident is not None and incident.cleared_ns is None and course.end_cause:
-            yield (
-                course.end_s,
-                ALERT,
-                f"The {incident.rule} alert stands where the recordings end [incident {incident.id}].",
-            )
+        if incident is not None and incident.cleared_ns is None and (words := where_it_stood(course, incident)):
+            yield course.time_s(incident.last_ns), ALERT, f"The {incident.rule} alert {words} [incident {incident.id}]."
     yield from _state_events("condition", course.condition, course)
     yield from _gateway_events(course)
     yield from _state_events("clock", course.clock, course)

@@ -18,6 +18,7 @@ from gateway.errors import counted
 from gateway.incident.course import COURSE_TOPICS, Course, CourseBuilder
 from gateway.incident.incident_selection import IncidentWindow
 from gateway.incident.sample_gaps import BlockPlace
+from gateway.messages import Health
 from gateway.pki.signing_key import KeyFileError, fingerprint
 from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
 from gateway.recording.chain.file_verification import verify_file
@@ -108,7 +109,14 @@ def read_evidence(
     for file in files.values():
         builder.add_device_kind(file.metadata.get(names.DEVICE, {}).get("kind", ""))
     before, after = _neighbours(timeline, window, builder)
-    course = builder.course(window.begin_ns, window.end_ns, before, after, AbsenceCauses.of(timeline.segments))
+    course = builder.course(
+        window.begin_ns,
+        window.end_ns,
+        before,
+        after,
+        AbsenceCauses.of(timeline.segments),
+        was_stopped=after is None and _was_stopped(timeline),
+    )
     if not course.samples.count:
         raise RecordingError(f"{timeline.name}: has no samples in this time; choose another")
     newest = list(files.values())[-1]
@@ -130,6 +138,20 @@ def read_evidence(
         certificates=make_certificates({name: each.data for name, each in attachments.items()}),
         remarks=(*timeline.remarks, *samples.remarks()),
     )
+
+
+HEALTH = frozenset({"/health"})
+
+
+def _was_stopped(timeline: Timeline) -> bool:
+    """Return whether the newest statement of the gateway on itself is that it was stopping."""
+    for segment in reversed(timeline.segments):
+        stated = replace(timeline, segments=(segment,)).messages(Selection(None, None, HEALTH))
+        newest = max(stated, key=lambda message: message.recorded.log_time_ns, default=None)
+        if newest is not None:
+            content = newest.decode()
+            return isinstance(content, Health) and content.state == "stopping"
+    return False
 
 
 def _neighbours(

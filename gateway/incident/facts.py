@@ -74,7 +74,9 @@ class IncidentFacts:
     cleared_s: float | None
     peak: PeakAngle | None
     is_whole: bool
-    """The recordings have the whole incident; otherwise the angle may have been larger than the peak."""
+    """The recordings have all of the incident up to its end, or to the last word of it."""
+    is_open: bool
+    """The alert has no end in them, so that the angle may have become larger than the peak."""
     unknown_s: float
     """How much of the incident has a motion whose angle was not known."""
     reached_s: float | None
@@ -117,6 +119,7 @@ def incident_facts(course: Course, incident: AlertIncident | None) -> IncidentFa
         cleared_s=cleared_s,
         peak=peak,
         is_whole=begins_inside and course.is_whole(begin_s, end_s),
+        is_open=incident is not None and cleared_s is None,
         unknown_s=_unknown_s(motion, begin_s, end_s),
         reached_s=reached_s,
         moves=() if peak is None else _moves(course, peak.time_s),
@@ -249,7 +252,7 @@ def facts_json(evidence: IncidentEvidence, facts: IncidentFacts, verification: R
         "raised_by_bound": None if incident is None else incident.highest.is_bound,
         "utc": utc,
         "is_raised_before": None if incident is None else incident.is_raised_before,
-        "is_whole": facts.is_whole,
+        "is_whole": facts.is_whole and not facts.is_open,
         "largest_deg": None if incident is None else incident.largest_deg,
         "largest_upper_deg": None if incident is None else incident.largest_upper_deg,
         "acknowledged": _acknowledgement(evidence),

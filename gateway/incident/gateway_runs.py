@@ -102,10 +102,6 @@ class RunRegister:
             for before, after in pairwise(self.runs)
         )
 
-    def ends_as_announced(self, health: StateCourse) -> bool:
-        """Return whether the last run had stated that it was stopping."""
-        return bool(self.runs) and _last_state(health, self.runs[-1]) == "stopping"
-
 
 def _last_state(states: StateCourse, run: GatewayRun) -> str | None:
     inside = np.flatnonzero((states.time_s >= run.begin_s) & (states.time_s <= run.end_s))

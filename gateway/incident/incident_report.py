@@ -36,7 +36,8 @@ from gateway.recording.reading.interval import iso_utc
 from gateway.recording.reading.timeline import ReportProgress, Timeline, ignore_progress
 
 LEVEL_LABELS = {"trip": ("Trip", "trip"), "warn": ("Warning", "warning")}
-NO_ALERT = ("No alert", "none")
+NO_ALERT, ALERT_OF_NO_LEVEL = ("No alert", "none"), ("Alert, its level not recorded", "warning")
+ALTERED = "Recordings altered or damaged"
 Pairs = tuple[tuple[str, str], ...]
 PAGE_FILE, CUT_FILE, FACTS_FILE = "incident.html", "incident.mcap", "incident.json"
 Verify = Callable[[Sequence[Path]], RecordVerdict]
@@ -63,11 +64,14 @@ def render_page(
 ) -> str:
     """Return the page; `cut` states name and hash of the recording that was cut out, `computed` how the report was made."""
     course, incident = evidence.course, evidence.window.incident
-    label, kind = NO_ALERT if incident is None else LEVEL_LABELS.get(incident.level, NO_ALERT)
+    label, kind = NO_ALERT if incident is None else LEVEL_LABELS.get(incident.level, ALERT_OF_NO_LEVEL)
+    label = label if incident is None else f"{label}, {incident.rule}"
+    if verification.kind == "differs":
+        label, kind = f"{ALTERED}: {label}", "trip"
     return render(
         "incident.html.j2",
         title=f"Incident report: {', '.join(filter(None, (course.source, evidence.gateway)))}",
-        label=": ".join(filter(None, (course.source, label if incident is None else f"{label}, {incident.rule}"))),
+        label=": ".join(filter(None, (course.source, label))),
         kind=kind,
         sentences=summary_sentences(course, incident, facts),
         identity=_identity(evidence),

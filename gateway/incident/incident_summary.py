@@ -51,6 +51,7 @@ def summary_sentences(course: Course, incident: AlertIncident | None, facts: Inc
             _how_large(clock, incident, facts),
             _what_went_before(clock, facts),
             _when_it_ended(course, clock, incident, facts),
+            _which_calibrations_changed(course, clock, facts),
             suspension_texts(course, clock),
             _when_it_was_restarted(course, clock),
             _how_good(course, facts),
@@ -84,7 +85,9 @@ def _what_was_raised(
     higher = "" if highest.level == "trip" else ", and may have stood higher before"
     limit = "" if highest.limit_deg is None else f" (limit {format_limit(highest.limit_deg)}°)"
     level = LEVEL_WORDS.get(highest.level, highest.level)
-    if incident.is_raised_before and highest is incident.changes[0]:
+    if highest.level not in LEVEL_WORDS:
+        yield f"Of the {incident.rule} alert{limit} the recordings have the end alone: at what level it stood is not in them."
+    elif incident.is_raised_before and highest is incident.changes[0]:
         yield (
             f"The {incident.rule} alert stood at {level}{limit} at its first message in the recordings, {clock.both(highest_s)}. "
             f"It had stood so since {clock.both(facts.raised_s)}{higher}."
@@ -113,6 +116,13 @@ def _which_limits_were_changed(course: Course, clock: ReportClock, incident: Ale
         if alert_s is None or change.time_s <= alert_s:
             before = "" if alert_s is None else f", {format_fixed(alert_s - change.time_s, 1)} s before the alert"
             yield f"Before it, {change.words}{_by_whom(clock, change)}; in force from {clock.both(change.time_s)} on{before}."
+
+
+def _which_calibrations_changed(course: Course, clock: ReportClock, facts: IncidentFacts) -> Iterator[str]:
+    """Yield what was put in force while the alert stood."""
+    for time_s, calibration in course.calibrations[1:]:
+        if facts.begin_s <= time_s <= facts.end_s:
+            yield f"Another calibration was put in force at {clock.both(time_s)}, during the incident: {calibration.text}."
 
 
 def _by_whom(clock: ReportClock, change: LimitChange) -> str:
@@ -158,23 +168,22 @@ def _how_large(clock: ReportClock, incident: AlertIncident | None, facts: Incide
     if facts.peak is None:
         yield "The angle was not known at any time of it."
         return
-    if facts.is_whole and facts.unknown_s > GRACE_S:
-        yield (
-            f"The largest known angle between rope and vertical was {angle_text(facts.peak)} at "
-            f"{clock.both(facts.peak.time_s)}: for {format_fixed(facts.unknown_s, 1)} s of the incident it was not known."
-        )
-    elif facts.is_whole:
-        yield f"The largest angle between rope and vertical was {angle_text(facts.peak)} at {clock.both(facts.peak.time_s)}."
-    else:
-        yield (
-            f"The largest angle between rope and vertical was at least {angle_text(facts.peak)} at "
-            f"{clock.both(facts.peak.time_s)}: a part of the incident is not in the recordings."
-        )
+    gaps = [] if facts.is_whole else ["a part of the incident is not in the recordings"]
+    unseen = [f"what came after {clock.time(facts.end_s)} is not known"] if facts.is_open else []
+    unknown = []
+    if facts.unknown_s > GRACE_S:
+        unknown = [f"for {format_fixed(facts.unknown_s, 1)} s of the incident it was not known"]
+    known, least = "known " if unknown else "", "at least " if gaps or unseen else ""
+    reasons = "; ".join((*gaps, *unseen, *unknown))
+    yield (
+        f"The largest {known}angle between rope and vertical was {least}{angle_text(facts.peak)} at "
+        f"{clock.both(facts.peak.time_s)}{': ' if reasons else ''}{reasons}."
+    )
     if incident is None or incident.highest.limit_deg is None or incident.rule != SWING.name:
         return
     limit_deg, (low_deg, high_deg) = incident.highest.limit_deg, facts.peak.interval_deg
     highest_s = clock.course.time_s(incident.highest.time_ns)
-    if not facts.is_whole and incident.largest_deg is not None:
+    if not facts.is_whole and not facts.is_open and incident.largest_deg is not None:
         upper = (
             "" if incident.largest_upper_deg is None else f", at most {format_fixed(incident.largest_upper_deg, 2)}°"
         )
@@ -246,36 +255,49 @@ def _when_it_ended(
     if incident is None or facts.raised_s is None:
         return
     if facts.cleared_s is None:
-        yield f"The recordings state no end of it: it stood at {clock.both(facts.end_s)}, after which {_after(course, facts)}."
+        after = _after(course, facts.end_s)
+        yield f"The recordings state no end of it: it stood at {clock.both(facts.end_s)}, after which {after}."
         if course.end_cause:
             yield f"{course.end_cause}."
     else:
         after_s = format_fixed(facts.cleared_s - facts.raised_s, 1)
         least = "at least " if incident.is_raised_before else ""
-        yield f"It cleared at {clock.both(facts.cleared_s)}, {least}{after_s} s after it began."
+        after = f", {least}{after_s} s after it began" if facts.cleared_s > facts.raised_s else ""
+        yield f"It cleared at {clock.both(facts.cleared_s)}{after}."
         if incident.is_raised_before:
             own = next(change.text for change in reversed(incident.changes) if change.event == "cleared")
             yield f"The gateway's own words: {printable_text(own, MAX_WORDS_CHARACTERS)}."
-    yield _acknowledgement(course, clock, incident)
+    yield _acknowledgement(course, clock, incident, facts)
     for mark in course.marks[:MAX_SUMMARY_MARKS]:
         yield f"Mark at {clock.both(mark.time_s)}, by {mark.text}."
 
 
-def _after(course: Course, facts: IncidentFacts) -> str:
+def _after(course: Course, end_s: float) -> str:
     """Return what is behind the last message of an alert that has no end."""
-    gap = next((each for each in course.holes if abs(each.begin_s - facts.end_s) < MAX_ALERT_SILENCE_S), None)
+    gap = next((each for each in course.holes if abs(each.begin_s - end_s) < MAX_ALERT_SILENCE_S), None)
     if gap is not None:
-        return f"they have a gap of {format_fixed(gap.end_s - gap.begin_s, 1)} s ({gap.cause})"
-    return "the gateway was stopped or restarted" if course.end_s - facts.end_s > MAX_ALERT_SILENCE_S else "they end"
+        return f"the recordings have a gap of {format_fixed(gap.end_s - gap.begin_s, 1)} s ({gap.cause})"
+    return "the gateway was stopped or restarted" if course.end_s - end_s > MAX_ALERT_SILENCE_S else "they end"
 
 
-def _acknowledgement(course: Course, clock: ReportClock, incident: AlertIncident) -> str:
+def where_it_stood(course: Course, incident: AlertIncident) -> str:
+    """Return at what an alert without an end stood last; empty where it goes on behind the course."""
+    if course.end_s - course.time_s(incident.last_ns) > MAX_ALERT_SILENCE_S:
+        return f"stood when it was last stated, after which {_after(course, course.time_s(incident.last_ns))}"
+    return "stands where the recordings end" if course.end_cause else ""
+
+
+def _acknowledgement(course: Course, clock: ReportClock, incident: AlertIncident, facts: IncidentFacts) -> str:
     known = incident.acknowledgement
     if known is None:
-        return "The recordings state no acknowledgement of it."
-    time_s = course.time_s(known.time_ns)
+        return f"The recordings{'' if facts.is_whole else ', as far as they are left,'} state no acknowledgement of it."
     reason = f", with the words: {known.reason}" if known.reason else ""
-    return f"It was acknowledged at {clock.both(time_s)} by {known.acknowledged_by}{reason}."
+    text = f"It was acknowledged at {clock.both(course.time_s(known.time_ns))} by {known.acknowledged_by}{reason}"
+    before = [change.level for change in incident.changes if change.time_ns < known.time_ns]
+    if known.time_ns >= incident.highest.time_ns or not before:
+        return f"{text}."
+    highest = LEVEL_WORDS.get(incident.highest.level, incident.highest.level)
+    return f"{text}, as a {LEVEL_WORDS.get(before[-1], before[-1])}; the recordings state no acknowledgement of the {highest}."
 
 
 def _how_good(course: Course, facts: IncidentFacts) -> Iterator[str]:
@@ -290,7 +312,7 @@ def _how_good(course: Course, facts: IncidentFacts) -> Iterator[str]:
     yield f"The report covers {samples.count} samples{rate}, with {gaps}, {samples.lost} lost and {samples.invalid} invalid."
     if facts.known_share is not None and facts.trusted_share is not None:
         known, trusted = format_percent(100 * facts.known_share), format_percent(100 * facts.trusted_share)
-        time = "the time that is in them" if course.holes else "the time"
+        time = "the time that has samples" if samples.gaps else "the time"
         yield f"The angle was known for {known} of {time}, and the reading was trusted for {trusted}."
     qualities = list(dict.fromkeys(course.clock.state))
     yield from (CLOCKS[quality] for quality in qualities if quality in CLOCKS)

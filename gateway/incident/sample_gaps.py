@@ -70,12 +70,9 @@ def find_gaps(
         )
     if after is None:
         gaps.append(TimeGap(float(blocks[-1].time_s[-1]), span_s[1], RECORDINGS_END))
-    inside = (
-        TimeGap(max(gap.begin_s, span_s[0]), min(gap.end_s, span_s[1]), gap.cause)
-        for gap in gaps
-        if gap.end_s - gap.begin_s > MIN_GAP_PERIODS * period_s
-    )
-    return tuple(sorted((gap for gap in inside if gap.end_s > gap.begin_s), key=lambda gap: gap.begin_s))
+    inside = (TimeGap(max(gap.begin_s, span_s[0]), min(gap.end_s, span_s[1]), gap.cause) for gap in gaps)
+    longer = (gap for gap in inside if gap.end_s - gap.begin_s > MIN_GAP_PERIODS * period_s)
+    return tuple(sorted(longer, key=lambda gap: gap.begin_s))
 
 
 def broken_at(gaps: Sequence[TimeGap], time_s: Array, *values: Array) -> tuple[Array, ...]:

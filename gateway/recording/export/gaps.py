@@ -12,6 +12,7 @@ from gateway.recording.reading.recording_file import SegmentIndex
 SummarisedSegment = tuple[SegmentIndex, SegmentSummary]
 NOT_ARRIVED, RESTARTED, NOT_GIVEN = "no samples arrived", "gateway restarted", "not in these files"
 TRIMMED_BEFORE = "not in these files, which the quota had trimmed"
+MISSING_INSIDE = "missing inside its file, which is damaged, or dropped while recording"
 STARTED = "the gateway was started"
 RECORDED = frozenset({NOT_ARRIVED, RESTARTED, STARTED})
 """Causes of which nothing is missing that was recorded."""
@@ -40,6 +41,8 @@ class AbsenceCauses:
         """Return why there is a gap between samples of one run of the gateway, which are of two segments, or of one."""
         if not missing_blocks:
             return NOT_ARRIVED
+        if before.path == after.path and not {CUT, TRIMMED} & before.metadata.keys():
+            return MISSING_INSIDE
         return self._absence({*before.metadata, *after.metadata}, _number(before) + 1, _number(after))
 
     def before(self, first: SegmentIndex, first_sequence: int) -> str:

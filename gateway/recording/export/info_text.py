@@ -226,7 +226,7 @@ class _InfoText:
 
 def _calibration_text(change: CalibrationState) -> str:
     text = f"{change.calibration_id or 'no record'}, {change.status}"
-    session = f"; recalibration {change.phase} by {change.by or '?'}: {change.session_text}"
+    session = f"; recalibration {change.phase}, begun by {change.by or '?'}: {change.session_text}"
     return text if change.phase == "idle" else text + session
 
 

@@ -112,8 +112,8 @@ def test_each_step_of_a_recalibration_is_stated_once_with_its_person() -> None:
         (3.0, calibration(id="s1", phase="committed", by="Ann", text="Done.")),
     ).course(ORIGIN_NS, ORIGIN_NS + 4_000_000_000)
     assert [(each.time_s, each.text) for each in course.sessions] == [
-        (1.0, "Recalibration collecting by Ann. Turn the housing."),
-        (3.0, "Recalibration committed by Ann. Done."),
+        (1.0, "Recalibration collecting, begun by Ann. Turn the housing."),
+        (3.0, "Recalibration committed, begun by Ann. Done."),
     ]
 
 
@@ -237,6 +237,43 @@ def test_changes_are_joined_by_their_id_and_numbered_in_order_of_time() -> None:
     )
     assert (first.number, first.id, first.rule, first.raised_ns, first.cleared_ns) == (1, "b-1", "swing", 10, 40)
     assert (second.number, second.id, second.rule, second.raised_ns, second.cleared_ns) == (2, "b-2", "lean", 20, None)
+
+
+def test_who_acknowledged_a_warning_has_not_acknowledged_the_trip_that_followed() -> None:
+    warning, trip = active("swing", "warn", "b-1"), active("swing", "trip", "b-1")
+    known = replace(alert("acknowledged", "swing", warning, incident="b-1"), acknowledged_by="bob")
+    stated = [
+        (1.0, alert("raised", "swing", warning, incident="b-1")),
+        (2.0, known),
+        (4.0, alert("raised", "swing", trip, incident="b-1")),
+        (9.0, alert("cleared", "swing", incident="b-1")),
+    ]
+    (found,) = find_incidents((ORIGIN_NS + round(time_s * 1e9), each) for time_s, each in stated)
+    course = built(*stated).course(ORIGIN_NS, ORIGIN_NS + 12_000_000_000)
+    told = [each for each in summary_sentences(course, found, incident_facts(course, found)) if "acknowledge" in each]
+    assert len(told) == 1
+    assert told[0].endswith("by bob, as a warning; the recordings state no acknowledgement of the trip.")
+
+
+def test_the_end_of_an_alert_is_not_known_where_the_recordings_end_before_it() -> None:
+    trip = active("swing", "trip", "b-1")
+    stated = [(1.0, alert("raised", "swing", trip, incident="b-1")), (4.0, alert("standing", None, trip))]
+    motions = [
+        (0.1 * n, Motion(**HEAD, state="free", angle_deg=5.0, u_deg=0.1, reasons=[], text="")) for n in range(45)
+    ]
+    (found,) = find_incidents((ORIGIN_NS + round(time_s * 1e9), each) for time_s, each in stated)
+    course = built(*motions, *stated).course(ORIGIN_NS, ORIGIN_NS + 4_400_000_000)
+    facts = incident_facts(course, found)
+    (told,) = (each for each in summary_sentences(course, found, facts) if each.startswith("The largest"))
+    assert "was at least 5.00°" in told
+    assert told.endswith(": what came after 00:00:04.0 is not known.")
+    assert facts.is_open
+
+
+def test_recordings_that_end_with_the_word_of_a_stop_are_not_called_cut_off() -> None:
+    builder = built((0.0, health(state="stopping")))
+    assert builder.course(ORIGIN_NS, ORIGIN_NS + 1).end_cause.startswith("Nothing says that the gateway was stopped")
+    assert builder.course(ORIGIN_NS, ORIGIN_NS + 1, was_stopped=True).end_cause == ""
 
 
 def test_the_highest_change_is_the_first_one_at_the_highest_level() -> None:

@@ -341,7 +341,10 @@ def test_the_verdict_on_the_recordings_is_printed_and_is_the_exit_code(
     assert (f"\n  {recorded.files[1].name}: ALTERED: bytes " in printed) == (code == 1)
     assert line.startswith(said.format(key=fingerprint(read_public_key(key_file))))
     assert line.endswith("Checked: the 4 files of this time; the other 1 was not.")
-    assert line in text_of(tmp_path / "report" / "incident.html")
+    page = text_of(tmp_path / "report" / "incident.html")
+    assert line in page
+    assert ("Recordings altered or damaged: " in page) == (code == 1)
+    assert (page.index(line) < page.index("The swing alert was raised")) == (code == 1)
     assert json.loads((tmp_path / "report" / "incident.json").read_text())["verification"]["verdict"] == verdict
 
 
