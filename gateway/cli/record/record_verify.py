@@ -39,7 +39,7 @@ ANSWERS = {
     "forged, and no clock set back by more than 30 s. Each gateway is judged by itself. Exit code 0: genuine by the key that is "
     "given, for which the site's CA vouches, or that `remote status` has heard at the first contact. Exit code 1: something "
     "differs, and each difference is named. Exit code 3: consistent in itself only, because no key is known, or nothing is "
-    "signed; or a folder is an extract, which cannot tell whether others were removed. A data folder or its copy is expected "
+    "signed; or what is given is an extract, which cannot tell whether others were removed. A data folder or its copy is expected "
     "from the first segment on: those that the gateway has deleted, as it has signed, are named and are no difference. Named "
     "files, and recordings in a folder without anything else of a gateway, are an extract.",
     "example: plumbline record verify plumbline-data --key signing-key.pem.pub",

@@ -35,7 +35,7 @@ from gateway.recording.reading.interval import iso_utc
 from gateway.recording.reading.recording_file import read_index
 
 Answer = Literal["genuine", "extract", "consistent", "differs"]
-"""Everything is as the key signed that was given; what is here is, of a folder that lacks others; everything is as the recordings
+"""Everything is as the key signed that was given; what is here is, and others may be missing; everything is as the recordings
 say themselves, whoever wrote them; something is not."""
 LATEST_NS = 30_000_000_000
 """Samples may be recorded so much later than messages about the gateway itself, so that neighbouring segments overlap. Basis: on
@@ -59,8 +59,8 @@ class ChainVerification:
     """Those that have signed the files; more than one where a gateway got another name."""
     extract_of: int | None = None
     """The files are a part of the segments 1 to this one at least; None: nothing says that there are others."""
-    is_folder_extract: bool = False
-    """Others may have been removed: the folder was given as a whole, and lacks them, or what would tell the newest."""
+    is_extract: bool = False
+    """Others may have been removed: files were named, or the folder lacks some, or what would tell the newest."""
 
     @property
     def answer(self) -> Answer:
@@ -69,7 +69,7 @@ class ChainVerification:
             return "differs"
         if not (self.is_key_known and self.public_keys):
             return "consistent"
-        return "extract" if self.is_folder_extract else "genuine"
+        return "extract" if self.is_extract else "genuine"
 
     @property
     def segments(self) -> list[int]:
@@ -148,7 +148,7 @@ def verify_chain(
         key is not None,
         named,
         max(newest, last) if is_part or is_begun_later else None,
-        (is_part and bool(entire)) or bool(unproven),
+        not folders or is_part or bool(unproven),
     )
 
 

@@ -126,12 +126,24 @@ def test_an_extract_in_a_folder_is_genuine_as_far_as_it_goes(
     assert (code, "an extract: segment 2 of 1 to 3" in text, found["extract_of"]) == (3, True, 3), text
 
 
-def test_a_named_file_is_genuine_whoever_asks(segments: list[Path], key: str, verify: Verify) -> None:
+def test_a_named_file_is_an_extract_whoever_asks(segments: list[Path], key: str, verify: Verify) -> None:
     code, text, _ = verify(segments[1], "--key", key)
-    assert (code, "an extract: segment 2, and not" in text) == (0, True), text
+    assert (code, "an extract: segment 2, and not" in text) == (3, True), text
     hear_newest(segments[0].parent, key)
     code, text, _ = verify(segments[1])
-    assert (code, "an extract: segment 2 of 1 to 3" in text) == (0, True), text
+    assert (code, "an extract: segment 2 of 1 to 3" in text) == (3, True), text
+
+
+def test_all_files_of_a_folder_by_name_are_an_extract_and_the_folder_is_not(
+    segments: list[Path], key: str, verify: Verify
+) -> None:
+    code, text, found = verify(*segments, "--key", key)
+    assert (code, found["answer"], found["genuine"]) == (3, "extract", False)
+    assert text.rstrip().endswith("whether others were removed, an extract cannot tell"), text
+    assert verify(segments[0].parent, "--key", key)[0] == 0
+    segments[2].unlink()
+    assert verify(*segments[:2], "--key", key)[0] == 3  # nobody is accused, and nothing is called whole
+    assert verify(segments[0].parent, "--key", key)[0] == 1
 
 
 def test_a_gap_inside_an_extract_is_a_removal(segments: list[Path], key: str, verify: Verify, tmp_path: Path) -> None:

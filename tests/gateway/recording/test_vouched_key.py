@@ -73,8 +73,8 @@ def test_recordings_are_genuine_by_the_ca_alone_each_segment_by_itself(
 ) -> None:
     vouching.by(site.issue("crane-2", Holder.GATEWAY))
     paths = record(START_NS)
-    for given in (data, *paths):
-        assert verify(site, given) == 0
+    for given, code in ((data, 0), *((path, 3) for path in paths)):  # a file is an extract
+        assert verify(site, given) == code
         assert (
             f"the site's CA vouches for the key {fingerprint(vouching.key.public_hex)} of {GATEWAY}"
             in capsys.readouterr().out
