@@ -20,16 +20,14 @@ if TYPE_CHECKING:
     from gateway.recording.chain.file_verification import FileVerification
     from gateway.recording.chain.time_stamps import ProvenTime
 
-EXIT_CODES = {"genuine": 0, "differs": ANSWER_IS_NO, "consistent": WITH_LOSSES, "extract": WITH_LOSSES}
-"""Definition: exit codes of the answers."""
-ANSWERS = {
-    "genuine": "genuine: everything is as the gateway's key signed",
-    "extract": "genuine as far as it goes: everything here is as the gateway's key signed; whether others were removed, an "
-    "extract cannot tell",
-    "consistent": "consistent in itself only: nothing differs from what was signed, but whoever wrote the files may "
-    "have signed them; give the gateway's public key with --key",
-    "differs": "NOT genuine: see above",
+EXIT_CODES = {
+    "genuine": 0,
+    "differs": ANSWER_IS_NO,
+    "consistent": WITH_LOSSES,
+    "unsigned_end": WITH_LOSSES,
+    "extract": WITH_LOSSES,
 }
+"""Definition: exit codes of the answers."""
 
 
 @command(
@@ -39,7 +37,8 @@ ANSWERS = {
     "forged, and no clock set back by more than 30 s. Each gateway is judged by itself. Exit code 0: genuine by the key that is "
     "given, for which the site's CA vouches, or that `remote status` has heard at the first contact. Exit code 1: something "
     "differs, and each difference is named. Exit code 3: consistent in itself only, because no key is known, or nothing is "
-    "signed; or what is given is an extract, which cannot tell whether others were removed. A data folder or its copy is expected "
+    "signed; the end of a file is not signed, because it is being written or was cut off; or what is given is an extract, which "
+    "cannot tell whether others were removed. A data folder or its copy is expected "
     "from the first segment on: those that the gateway has deleted, as it has signed, are named and are no difference. Named "
     "files, and recordings in a folder without anything else of a gateway, are an extract.",
     "example: plumbline record verify plumbline-data --key signing-key.pem.pub",
@@ -175,7 +174,7 @@ class _JudgedChain:
             lines.append(f"key {fingerprint(key)} is pinned: this user heard it from the gateway at the first contact")
         if key is None and chain.public_keys:
             lines.append(f"key {fingerprint(chain.public_keys[0])} stands in the recordings themselves")
-        lines.append(ANSWERS[chain.answer])
+        lines.append(chain.conclusion)
         return "\n".join(lines)
 
     def _vouched(self) -> list[str]:

@@ -34,9 +34,14 @@ from gateway.recording.chain.statements import (
 from gateway.recording.reading.interval import iso_utc
 from gateway.recording.reading.recording_file import read_index
 
-Answer = Literal["genuine", "extract", "consistent", "differs"]
-"""Everything is as the key signed that was given; what is here is, and others may be missing; everything is as the recordings
-say themselves, whoever wrote them; something is not."""
+Answer = Literal["genuine", "unsigned_end", "extract", "consistent", "differs"]
+"""Everything is as the key signed that was given; what was signed is, and the end of a file was not; what is here is, and others
+may be missing; everything is as the recordings say themselves, whoever wrote them; something is not."""
+OTHERS = "whether others were removed, an extract cannot tell"
+CONSISTENT = (
+    "consistent in itself only: nothing differs from what was signed, but whoever wrote the files may have signed them; "
+    "give the gateway's public key with --key"
+)
 LATEST_NS = 30_000_000_000
 """Samples may be recorded so much later than messages about the gateway itself, so that neighbouring segments overlap. Basis: on
 a busy host samples wait up to 25 s to be processed (`parts.MAX_WAITING_BLOCKS`), and a wireless sensor is some seconds late."""
@@ -69,7 +74,32 @@ class ChainVerification:
             return "differs"
         if not (self.is_key_known and self.public_keys):
             return "consistent"
+        if self.signed_up_to:
+            return "unsigned_end"
         return "extract" if self.is_extract else "genuine"
+
+    @property
+    def signed_up_to(self) -> str:
+        """Up to when the files are signed, and what at their ends is not, as a clause; empty: they are signed as a whole."""
+        stated = [(file.statement.to_ns, file.open_end) for file in self.files if file.statement and file.open_end]
+        if not stated:
+            return ""
+        return f"up to {iso_utc(min(to_ns for to_ns, _ in stated))}; {'; '.join(end for _, end in stated)}"
+
+    @property
+    def conclusion(self) -> str:
+        """The answer as a sentence."""
+        match self.answer:
+            case "genuine":
+                return "genuine: everything is as the gateway's key signed"
+            case "extract":
+                return f"genuine as far as it goes: everything here is as the gateway's key signed; {OTHERS}"
+            case "unsigned_end":
+                return f"genuine {self.signed_up_to}{f'; {OTHERS}' if self.is_extract else ''}"
+            case "consistent":
+                return f"{CONSISTENT}{self.signed_up_to and f'; signed {self.signed_up_to}'}"
+            case "differs":
+                return "NOT genuine: see above"
 
     @property
     def segments(self) -> list[int]:
@@ -289,6 +319,8 @@ def _file_json(file: FileVerification) -> dict[str, Any]:
         "signed_bytes": 0 if statement is None else statement.bytes,
         "size_bytes": file.size_bytes,
         "signed_up_to_ns": None if statement is None else statement.to_ns,
+        "unsigned_bytes": file.unsigned_bytes,
+        "unsigned_up_to_ns": file.unsigned_to_ns if file.unsigned_bytes and file.unsigned_to_ns else None,
         "problems": file.problems,
         "remarks": file.remarks,
     }
