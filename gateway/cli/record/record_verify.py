@@ -24,6 +24,7 @@ EXIT_CODES = {
     "genuine": 0,
     "differs": ANSWER_IS_NO,
     "consistent": WITH_LOSSES,
+    "copy": WITH_LOSSES,
     "unsigned_end": WITH_LOSSES,
     "extract": WITH_LOSSES,
 }
@@ -37,10 +38,10 @@ EXIT_CODES = {
     "forged, and no clock set back by more than 30 s. Each gateway is judged by itself. Exit code 0: genuine by the key that is "
     "given, for which the site's CA vouches, or that `remote status` has heard at the first contact. Exit code 1: something "
     "differs, and each difference is named. Exit code 3: consistent in itself only, because no key is known, or nothing is "
-    "signed; the end of a file is not signed, because it is being written or was cut off; or what is given is an extract, which "
-    "cannot tell whether others were removed. A data folder or its copy is expected "
-    "from the first segment on: those that the gateway has deleted, as it has signed, are named and are no difference. Named "
-    "files, and recordings in a folder without anything else of a gateway, are an extract.",
+    "signed; the end of a file is not signed, because it is being written or was cut off; a file is a cut, an export or a copy "
+    "by this program, which nobody signs; or what is given is an extract, which cannot tell whether others were removed. A data "
+    "folder or its copy is expected from the first segment on: those that the gateway has deleted, as it has signed, are named "
+    "and are no difference. Named files, and recordings in a folder without anything else of a gateway, are an extract.",
     "example: plumbline record verify plumbline-data --key signing-key.pem.pub",
     PATHS_OPTION,
     KEY_OPTION,
@@ -202,6 +203,8 @@ def _file_lines(file: "FileVerification") -> list[str]:
     from gateway.recording.reading.interval import iso_utc
 
     statement = file.statement
+    if file.copy:
+        return [f"{file.path}: {file.copy}", *(f"  {text}" for text in file.problems)]
     number = "no segment" if file.segment is None else f"segment {file.segment}"
     nothing = "nothing in it is as it was signed" if file.is_altered else "nothing signed"
     signed = nothing if statement is None else f"signed up to {iso_utc(statement.to_ns)}"

@@ -34,9 +34,10 @@ from gateway.recording.chain.statements import (
 from gateway.recording.reading.interval import iso_utc
 from gateway.recording.reading.recording_file import read_index
 
-Answer = Literal["genuine", "unsigned_end", "extract", "consistent", "differs"]
+Answer = Literal["genuine", "unsigned_end", "extract", "consistent", "copy", "differs"]
 """Everything is as the key signed that was given; what was signed is, and the end of a file was not; what is here is, and others
-may be missing; everything is as the recordings say themselves, whoever wrote them; something is not."""
+may be missing; everything is as the recordings say themselves, whoever wrote them; a file was made of recordings, and never
+signed; something is not as it was signed."""
 OTHERS = "whether others were removed, an extract cannot tell"
 CONSISTENT = (
     "consistent in itself only: nothing differs from what was signed, but whoever wrote the files may have signed them; "
@@ -72,6 +73,12 @@ class ChainVerification:
         """The answer in a word."""
         if self.problems or any(file.problems for file in self.files):
             return "differs"
+        if self._copies:
+            return "copy"
+        return self._answer_of_signed
+
+    @property
+    def _answer_of_signed(self) -> Answer:
         if not (self.is_key_known and self.public_keys):
             return "consistent"
         if self.signed_up_to:
@@ -87,19 +94,33 @@ class ChainVerification:
         return f"up to {iso_utc(min(to_ns for to_ns, _ in stated))}; {'; '.join(end for _, end in stated)}"
 
     @property
+    def _copies(self) -> list[FileVerification]:
+        return [file for file in self.files if file.copy]
+
+    @property
     def conclusion(self) -> str:
         """The answer as a sentence."""
-        match self.answer:
+        if self.answer == "differs":
+            return "NOT genuine: see above"
+        said = [
+            f"{file.path.name}: {file.copy}, not signed by the gateway: compare it with the originals"
+            for file in self._copies
+        ]
+        if len(said) < len(self.files):
+            said.append(self._conclusion_of_signed)
+        return "\n".join(said)
+
+    @property
+    def _conclusion_of_signed(self) -> str:
+        match self._answer_of_signed:
             case "genuine":
                 return "genuine: everything is as the gateway's key signed"
             case "extract":
                 return f"genuine as far as it goes: everything here is as the gateway's key signed; {OTHERS}"
             case "unsigned_end":
                 return f"genuine {self.signed_up_to}{f'; {OTHERS}' if self.is_extract else ''}"
-            case "consistent":
+            case _:
                 return f"{CONSISTENT}{self.signed_up_to and f'; signed {self.signed_up_to}'}"
-            case "differs":
-                return "NOT genuine: see above"
 
     @property
     def segments(self) -> list[int]:

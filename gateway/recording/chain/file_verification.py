@@ -13,7 +13,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from gateway.pki.signing_key import fingerprint, is_valid
 from gateway.recording.chain.statements import DELETIONS, SIGNATURE, Statement, parse_statement
-from gateway.recording.format.content import ORIGIN, segment_number
+from gateway.recording.format.content import COPIES, ORIGIN, segment_number
 from gateway.recording.format.frames import (
     INDEX_HEAD,
     TIME_AND_OFFSET_BYTES,
@@ -124,6 +124,8 @@ class FileVerification:
     """Bytes behind the last signature in a file that is not closed."""
     unsigned_to_ns: int = 0
     """Gateway time of the last message in them that can be read; 0: there is none."""
+    copy: str = ""
+    """How it was made of recordings; it was never signed, and is of no chain. Empty: it is no copy, or has a signature."""
     problems: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 
@@ -164,7 +166,9 @@ class _FileCheck:
         self._hash = hashlib.sha256(MCAP0_MAGIC)
         self._checksum = zlib.crc32(MCAP0_MAGIC)
         self._summary = RecomputedSummary(self._found.size_bytes)
-        self._origins = 0
+        self._origin_places: list[int] = []
+        self._copy = ""
+        self._has_signature = False
         self._claimed: int | None = None
         self._stated_bytes = self._signed_end = 0
         """Bytes that the last statement tells of; place behind it."""
@@ -218,13 +222,14 @@ class _FileCheck:
         if not isinstance(record, Metadata):
             return
         if record.name == ORIGIN:
-            self._origins += 1
+            self._origin_places.append(place)
             self._claimed = segment_number(record.metadata) or None
-            if self._origins > 1:
-                self._problem(f"ADDED: the file says at byte {place} again whose it is")
+        elif record.name in COPIES:
+            self._copy = COPIES[record.name]
         elif record.name == DELETIONS:
             self._deletions = record.metadata
         elif record.name == SIGNATURE:
+            self._has_signature = True
             self._check_signature(record.metadata, place, len(frame[0]) + len(content))
             if serialise(record) != frame[0] + content or set(record.metadata) != {"statement", "signature"}:
                 self._problem(f"ADDED: the record of the signature at byte {place} has more than the signature")
@@ -315,6 +320,13 @@ class _FileCheck:
 
     def _conclude(self) -> None:
         found = self._found
+        if self._copy and not self._has_signature:
+            found.copy = self._copy
+            if not self._is_read:
+                self._problem(f"CUT or ALTERED: from byte {self._readable_bytes} on it cannot be read")
+            return
+        for place in self._origin_places[1:]:
+            self._problem(f"ADDED: the file says at byte {place} again whose it is")
         found.segment = self._claimed if found.statement is None else found.statement.segment
         if found.has_end and not self._is_read:
             self._problem(f"ALTERED: from byte {self._readable_bytes} on it cannot be read")
