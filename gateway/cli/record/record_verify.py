@@ -203,10 +203,12 @@ def _file_lines(file: "FileVerification") -> list[str]:
     from gateway.recording.reading.interval import iso_utc
 
     statement = file.statement
+    if file.is_strange:
+        return [f"{file.path}: not a recording: no MCAP file, and none of the numbers of the chain is free for it"]
     if file.copy:
         return [f"{file.path}: {file.copy}", *(f"  {text}" for text in file.problems)]
     number = "no segment" if file.segment is None else f"segment {file.segment}"
-    nothing = "nothing in it is as it was signed" if file.is_altered else "nothing signed"
+    nothing = "not as it was signed" if file.is_altered else "nothing signed"
     signed = nothing if statement is None else f"signed up to {iso_utc(statement.to_ns)}"
     if file.is_final and not file.problems:
         signed = f"signed whole, up to {iso_utc(statement.to_ns) if statement else ''}"

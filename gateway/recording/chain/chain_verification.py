@@ -106,9 +106,9 @@ class ChainVerification:
             f"{file.path.name}: {file.copy}, not signed by the gateway: compare it with the originals"
             for file in self._copies
         ]
-        if len(said) < len(self.files):
+        if len(said) < sum(not file.is_strange for file in self.files):
             said.append(self._conclusion_of_signed)
-        return "\n".join(said)
+        return "\n".join(said) or "no recording is among these"
 
     @property
     def _conclusion_of_signed(self) -> str:
@@ -342,6 +342,7 @@ def _file_json(file: FileVerification) -> dict[str, Any]:
         "signed_up_to_ns": None if statement is None else statement.to_ns,
         "unsigned_bytes": file.unsigned_bytes,
         "unsigned_up_to_ns": file.unsigned_to_ns if file.unsigned_bytes and file.unsigned_to_ns else None,
+        "is_recording": not file.is_strange,
         "problems": file.problems,
         "remarks": file.remarks,
     }

@@ -118,6 +118,8 @@ class FileVerification:
     """It ends as a closed MCAP file does, whatever is before."""
     is_destroyed: bool = False
     """It is no MCAP file any more."""
+    is_strange: bool = False
+    """It is no MCAP file, and the gateway has recorded nothing that it could have been."""
     is_closed: bool = False
     """Behind the data is the section that is made from them."""
     unsigned_bytes: int = 0
@@ -247,7 +249,7 @@ class _FileCheck:
         if statement.bytes != place or statement.sha256 != self._hash.hexdigest():
             if not self._found.is_altered:
                 damaged = self._damaged_records()
-                which = f"; damaged: {damaged}" if damaged else ""
+                which = f"; damaged: {damaged}; each other chunk agrees with its checksum" if damaged else ""
                 self._problem(f"ALTERED: bytes {self._stated_bytes} to {place} are not what the gateway signed{which}")
             self._found.is_altered = True
             self._claimed = self._claimed or statement.segment

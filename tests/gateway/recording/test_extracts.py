@@ -209,6 +209,35 @@ def test_neighbouring_destroyed_files_have_the_numbers_of_their_places(
     assert main(["record", "verify", str(segments[0].parent)]) == 2
 
 
+@pytest.mark.parametrize("name", ["0.mcap", "note.mcap"])
+def test_a_file_of_text_beside_the_recordings_is_none_of_them(
+    segments: list[Path], key: str, verify: Verify, name: str
+) -> None:
+    folder = segments[0].parent
+    (folder / name).write_text("hello")
+    code, text, found = verify(folder, "--key", key)
+    assert code == 0, text
+    assert f"{folder / name}: not a recording: " in text
+    assert "the files are segments 1 to 3\n" in text
+    assert [each["path"] for each in found["files"] if not each["is_recording"]] == [str(folder / name)]
+    assert verify(*folder.glob("*.mcap"), "--key", key)[0] == 3
+    segments[1].unlink()
+    code, text, _ = verify(folder, "--key", key)
+    assert (code, "REMOVED: segment 2 is missing in the middle" in text) == (1, True), text
+    (folder / name).rename(segments[1])  # in the place of a recording it is what is left of it
+    code, text, _ = verify(folder, "--key", key)
+    assert (code, f"{segments[1]}: segment 2, nothing signed\n  DESTROYED" in text) == (1, True), text
+
+
+def test_what_chain_json_does_not_tell_may_be_a_destroyed_recording(
+    segments: list[Path], key: str, verify: Verify
+) -> None:
+    segments[2].write_text("hello")
+    (segments[0].parent / "chain.json").unlink()
+    code, text, _ = verify(segments[0].parent, "--key", key)
+    assert (code, "segment 3, nothing signed\n  DESTROYED" in text) == (1, True), text
+
+
 def test_a_ca_that_does_not_vouch_is_said(segments: list[Path], verify: Verify, tmp_path: Path) -> None:
     ca = Site(tmp_path / "keys").folder.path / "ca.pem"
     code, text, _ = verify(segments[0].parent, "--ca", ca)
