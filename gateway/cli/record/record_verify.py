@@ -29,6 +29,8 @@ EXIT_CODES = {
     "extract": WITH_LOSSES,
 }
 """Definition: exit codes of the answers."""
+BY_KEY = ("genuine", "unsigned_end", "extract")
+"""Answers that hold by a key, which is named with them."""
 
 
 @command(
@@ -171,11 +173,10 @@ class _JudgedChain:
         lines += [f"  {text}" for text in (*chain.problems, *chain.remarks, *said)]
         if chain.extract_of is not None:
             lines.append(f"an extract: {_segments(chain)}; the others are not given, and nothing is said of them")
-        if self.known.is_pinned and key is not None:
-            lines.append(f"key {fingerprint(key)} is pinned: this user heard it from the gateway at the first contact")
         if key is None and chain.public_keys:
             lines.append(f"key {fingerprint(chain.public_keys[0])} stands in the recordings themselves")
-        lines.append(chain.conclusion)
+        by_key = f" ({self.known.phrase})" if chain.answer in BY_KEY else ""
+        lines.append(f"{chain.conclusion}{by_key}")
         return "\n".join(lines)
 
     def _vouched(self) -> list[str]:

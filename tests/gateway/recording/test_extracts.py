@@ -132,6 +132,8 @@ def test_a_named_file_is_an_extract_whoever_asks(segments: list[Path], key: str,
     hear_newest(segments[0].parent, key)
     code, text, _ = verify(segments[1])
     assert (code, "an extract: segment 2 of 1 to 3" in text) == (3, True), text
+    assert "cannot tell (key " in text
+    assert text.endswith(", pinned: this user heard it from the gateway at the first contact)\n")
 
 
 def test_all_files_of_a_folder_by_name_are_an_extract_and_the_folder_is_not(
@@ -139,7 +141,7 @@ def test_all_files_of_a_folder_by_name_are_an_extract_and_the_folder_is_not(
 ) -> None:
     code, text, found = verify(*segments, "--key", key)
     assert (code, found["answer"], found["genuine"]) == (3, "extract", False)
-    assert text.rstrip().endswith("whether others were removed, an extract cannot tell"), text
+    assert "whether others were removed, an extract cannot tell (key " in text
     assert verify(segments[0].parent, "--key", key)[0] == 0
     segments[2].unlink()
     assert verify(*segments[:2], "--key", key)[0] == 3  # nobody is accused, and nothing is called whole

@@ -75,10 +75,10 @@ def test_recordings_are_genuine_by_the_ca_alone_each_segment_by_itself(
     paths = record(START_NS)
     for given, code in ((data, 0), *((path, 3) for path in paths)):  # a file is an extract
         assert verify(site, given) == code
-        assert (
-            f"the site's CA vouches for the key {fingerprint(vouching.key.public_hex)} of {GATEWAY}"
-            in capsys.readouterr().out
-        )
+        said = capsys.readouterr().out
+        signer = fingerprint(vouching.key.public_hex)
+        assert f"the site's CA vouches for the key {signer} of {GATEWAY}" in said
+        assert said.endswith(f"(key {signer}, vouched for by the site's CA)\n")
     with paths[0].open("rb") as file:
         assert "voucher.json" in {each.name for each in make_reader(file).iter_attachments()}
     assert main(["record", "verify", str(data)]) == 3
