@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 
 from gateway.cli.main import main
+from gateway.incident.evidence import judge_recordings
+from gateway.pki.signing_key import read_public_key
 from gateway.recording.format.content import COPIES, CUT, ORIGIN, RECOVERED
 from gateway.recording.format.mcap_writer import DENSE, McapWriter
 from gateway.recording.format.salvage import SalvageReport, open_mcap, read_records
@@ -59,6 +61,13 @@ def test_a_copy_beside_recordings_accuses_none_of_them(folder: Path, capsys: Cap
     code, text = verify(capsys, folder, folder)
     assert (code, text.count("compare it with the originals")) == (3, 1)
     assert "\ngenuine: everything is as the gateway's key signed" in text
+
+
+def test_a_report_of_recordings_with_a_copy_among_them_does_not_call_them_genuine(folder: Path) -> None:
+    path = min(folder.glob("*.mcap"))
+    key = read_public_key(str(folder / "signing-key.pem.pub"))
+    assert judge_recordings([path], key).kind == "genuine"
+    assert judge_recordings([path, copy_of(path, folder / "incident.mcap")], key).kind == "open"
 
 
 def test_a_recording_that_was_made_a_copy_is_missed(folder: Path, capsys: Capture) -> None:
