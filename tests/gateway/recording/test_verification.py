@@ -263,7 +263,7 @@ def test_a_flipped_bit_in_what_is_not_signed_is_damage(live: Path, judge_live: J
     for begin, end in (chunks[1], chunks[-1]):
         changed = bytearray(content)
         changed[(begin + end) // 2] ^= 1
-        code, text = judge_live(changed)
+        code, text = judge_live(bytes(changed))
         assert code == 1
         assert f"NOT SIGNED, AND DAMAGED: the chunk at bytes {begin} to {end} (gateway time 2026-" in text
         assert text.endswith("NOT genuine: see above")
