@@ -138,8 +138,8 @@ class FileVerification:
 
     @property
     def open_end(self) -> str:
-        """What no signature tells of the end of a file that is signed so far, as a clause; empty: the whole of it is signed."""
-        if self.statement is None or self.is_final:
+        """What no signature tells of the end of a file that is signed so far, as a clause; empty: all of it is."""
+        if self.statement is None or self.is_final or self.is_closed:
             return ""
         unsigned_s = (self.unsigned_to_ns - self.statement.to_ns) / 1e9
         if unsigned_s >= LEAST_SHOWN_S:
