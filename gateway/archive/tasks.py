@@ -87,7 +87,8 @@ class Task:
         """Return the answer of the command in a word."""
         match self.kind:
             case "verify":
-                return str(content["answer"])
+                answer = str(content["answer"])
+                return "genuine" if answer == "extract" else answer  # the files of an archive are always named
             case "replay":
                 if not content.get("is_compared", True):
                     return "not_compared"

@@ -169,6 +169,8 @@ class Uploader:
             found = verify_file(path, None)
             if found.problems:
                 raise RecordingError(f"{path}: {found.problems[0]}")
+            if found.copy:
+                raise RecordingError(f"{path}: is {found.copy}, and no recording of the gateway")
             if not found.is_final or found.statement is None:
                 return None
             if GATEWAY_KEY.fullmatch(KEY_PREFIX + found.statement.gateway.removeprefix(KEY_PREFIX)) is None:

@@ -282,7 +282,13 @@ def judge_recordings(
         )
         return RecordVerdict("open", "consistent in themselves only", (compare, *remarks))
     sentences = (said_by, *remarks) if said_by else remarks
-    return RecordVerdict("genuine", f"{GENUINE}nothing differs from what the gateway signed (key {signer})", sentences)
+    kind: VerdictKind
+    label = f"nothing differs from what the gateway signed (key {signer})"
+    if chain.answer in ("genuine", "extract"):
+        kind, label = "genuine", f"{GENUINE}{label}"
+    else:
+        kind, label = "open", f"{label} {chain.signed_up_to or 'of those that are signed; copies are among them'}"
+    return RecordVerdict(kind, label, sentences)
 
 
 def _problems(chain: ChainVerification) -> tuple[str, ...]:

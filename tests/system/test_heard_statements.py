@@ -37,7 +37,7 @@ def test_who_listened_proves_what_the_holder_of_the_key_writes_again(
     gateway.stop()
     folder = gateway.data_dir
     assert run("record", "verify", folder)[0] == 0  # by the pinned key
-    assert "is pinned" in run("record", "verify", folder)[1]
+    assert "pinned: this user heard it" in run("record", "verify", folder)[1]
 
     first, *others = sorted(folder.glob("*.mcap"))
     for path in others:

@@ -55,6 +55,18 @@ class KnownKey:
         return self.given is None and self.heard is not None
 
     @property
+    def phrase(self) -> str:
+        """The key by its fingerprint, and who says that it is the gateway's; empty where none is known."""
+        from gateway.pki.signing_key import fingerprint
+
+        if self.public_key is None:
+            return ""
+        how = "given" if self.given else "vouched for by the site's CA"
+        if self.is_pinned:
+            how = "pinned: this user heard it from the gateway at the first contact"
+        return f"key {fingerprint(self.public_key)}, {how}"
+
+    @property
     def said_by(self) -> str:
         """Who says that it is the gateway's, as a sentence; empty where it was given or none is known."""
         if self.is_pinned:

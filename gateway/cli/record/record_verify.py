@@ -20,16 +20,17 @@ if TYPE_CHECKING:
     from gateway.recording.chain.file_verification import FileVerification
     from gateway.recording.chain.time_stamps import ProvenTime
 
-EXIT_CODES = {"genuine": 0, "differs": ANSWER_IS_NO, "consistent": WITH_LOSSES, "extract": WITH_LOSSES}
-"""Definition: exit codes of the answers."""
-ANSWERS = {
-    "genuine": "genuine: everything is as the gateway's key signed",
-    "extract": "genuine as far as it goes: everything here is as the gateway's key signed; whether others were removed, an "
-    "extract cannot tell",
-    "consistent": "consistent in itself only: nothing differs from what was signed, but whoever wrote the files may "
-    "have signed them; give the gateway's public key with --key",
-    "differs": "NOT genuine: see above",
+EXIT_CODES = {
+    "genuine": 0,
+    "differs": ANSWER_IS_NO,
+    "consistent": WITH_LOSSES,
+    "copy": WITH_LOSSES,
+    "unsigned_end": WITH_LOSSES,
+    "extract": WITH_LOSSES,
 }
+"""Definition: exit codes of the answers."""
+BY_KEY = ("genuine", "unsigned_end", "extract")
+"""Answers that hold by a key, which is named with them."""
 
 
 @command(
@@ -39,9 +40,10 @@ ANSWERS = {
     "forged, and no clock set back by more than 30 s. Each gateway is judged by itself. Exit code 0: genuine by the key that is "
     "given, for which the site's CA vouches, or that `remote status` has heard at the first contact. Exit code 1: something "
     "differs, and each difference is named. Exit code 3: consistent in itself only, because no key is known, or nothing is "
-    "signed; or a folder is an extract, which cannot tell whether others were removed. A data folder or its copy is expected "
-    "from the first segment on: those that the gateway has deleted, as it has signed, are named and are no difference. Named "
-    "files, and recordings in a folder without anything else of a gateway, are an extract.",
+    "signed; the end of a file is not signed, because it is being written or was cut off; a file is a cut, an export or a copy "
+    "by this program, which nobody signs; or what is given is an extract, which cannot tell whether others were removed. A data "
+    "folder or its copy is expected from the first segment on: those that the gateway has deleted, as it has signed, are named "
+    "and are no difference. Named files, and recordings in a folder without anything else of a gateway, are an extract.",
     "example: plumbline record verify plumbline-data --key signing-key.pem.pub",
     PATHS_OPTION,
     KEY_OPTION,
@@ -171,11 +173,10 @@ class _JudgedChain:
         lines += [f"  {text}" for text in (*chain.problems, *chain.remarks, *said)]
         if chain.extract_of is not None:
             lines.append(f"an extract: {_segments(chain)}; the others are not given, and nothing is said of them")
-        if self.known.is_pinned and key is not None:
-            lines.append(f"key {fingerprint(key)} is pinned: this user heard it from the gateway at the first contact")
         if key is None and chain.public_keys:
             lines.append(f"key {fingerprint(chain.public_keys[0])} stands in the recordings themselves")
-        lines.append(ANSWERS[chain.answer])
+        by_key = f" ({self.known.phrase})" if chain.answer in BY_KEY else ""
+        lines.append(f"{chain.conclusion}{by_key}")
         return "\n".join(lines)
 
     def _vouched(self) -> list[str]:
@@ -203,8 +204,12 @@ def _file_lines(file: "FileVerification") -> list[str]:
     from gateway.recording.reading.interval import iso_utc
 
     statement = file.statement
+    if file.is_strange:
+        return [f"{file.path}: not a recording: no MCAP file, and none of the numbers of the chain is free for it"]
+    if file.copy:
+        return [f"{file.path}: {file.copy}", *(f"  {text}" for text in file.problems)]
     number = "no segment" if file.segment is None else f"segment {file.segment}"
-    nothing = "nothing in it is as it was signed" if file.is_altered else "nothing signed"
+    nothing = "not as it was signed" if file.is_altered else "nothing signed"
     signed = nothing if statement is None else f"signed up to {iso_utc(statement.to_ns)}"
     if file.is_final and not file.problems:
         signed = f"signed whole, up to {iso_utc(statement.to_ns) if statement else ''}"

@@ -1,14 +1,14 @@
 """The files of one chain among those that are given: of a gateway, of a key, or of the data folder of a gateway."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 
 from gateway.pki.signing_key import KEY_NAME
-from gateway.recording.chain.chain_state import STATE_NAME, list_aside
+from gateway.recording.chain.chain_state import STATE_NAME, ChainStateError, list_aside, read_state
 from gateway.recording.chain.file_verification import FileVerification
-from gateway.recording.chain.statements import SIGNATURE, parse_statement
+from gateway.recording.chain.statements import SIGNATURE, parse_deletions, parse_statement
 from gateway.recording.format.salvage import NotMcapError
 from gateway.recording.reading.recording_file import read_index
 from gateway.recording.reading.timeline import list_recordings
@@ -89,18 +89,45 @@ def group_by_chain(paths: Sequence[Path]) -> list[ChainFiles]:
 
 
 def place_destroyed(files: Sequence[FileVerification]) -> list[FileVerification]:
-    """Return the files, those that are destroyed with the number that is free beside their neighbours in the folder, by name."""
+    """Return the files, those that are destroyed with the number that is free beside their neighbours in the folder, by name.
+
+    Where the folder tells that the gateway has recorded no segment of that number, the file is not a recording.
+    """
     placed = list(files)
     ordered = sorted(range(len(placed)), key=lambda number: (placed[number].path.parent, placed[number].path.name))
     taken = {file.segment for file in placed}
+    recorded = {folder: _recorded(folder) for folder in {file.path.parent for file in files if file.is_destroyed}}
     for order, step in ((ordered, 1), (ordered[::-1], -1)):
         for before, here in pairwise(order):
             file, number = placed[here], (placed[before].segment or 0) + step
             is_beside = placed[before].segment is not None and placed[before].path.parent == file.path.parent
-            if file.is_destroyed and file.segment is None and is_beside and number > 0 and number not in taken:
+            is_free = number > 0 and number not in taken
+            if not (file.is_destroyed and file.segment is None and is_beside and is_free):
+                continue
+            is_recorded = recorded[file.path.parent]
+            if is_recorded is None or is_recorded(number):
                 placed[here] = replace(file, segment=number)
                 taken.add(number)
-    return placed
+    return [
+        file
+        if not file.is_destroyed or file.segment is not None or recorded[file.path.parent] is None
+        else replace(file, is_destroyed=False, is_strange=True, problems=[])
+        for file in placed
+    ]
+
+
+def _recorded(folder: Path) -> Callable[[int], bool] | None:
+    """Return whether a segment of a number should be in a folder; None: the state of its chain is not there."""
+    try:
+        state = read_state(folder)
+    except ChainStateError:
+        return None
+    if state is None:
+        return None
+    stated = parse_deletions(state.deletions)
+    runs = () if stated is None else tuple(run for deletion in stated.deleted for run in deletion.segments)
+    newest = state.newest_segment
+    return lambda number: number <= newest and not any(first <= number <= last for first, last in runs)
 
 
 def entire_folders(files: Sequence[FileVerification], folders: Sequence[Path]) -> set[Path]:

@@ -34,9 +34,15 @@ from gateway.recording.chain.statements import (
 from gateway.recording.reading.interval import iso_utc
 from gateway.recording.reading.recording_file import read_index
 
-Answer = Literal["genuine", "extract", "consistent", "differs"]
-"""Everything is as the key signed that was given; what is here is, of a folder that lacks others; everything is as the recordings
-say themselves, whoever wrote them; something is not."""
+Answer = Literal["genuine", "unsigned_end", "extract", "consistent", "copy", "differs"]
+"""Everything is as the key signed that was given; what was signed is, and the end of a file was not; what is here is, and others
+may be missing; everything is as the recordings say themselves, whoever wrote them; a file was made of recordings, and never
+signed; something is not as it was signed."""
+OTHERS = "whether others were removed, an extract cannot tell"
+CONSISTENT = (
+    "consistent in itself only: nothing differs from what was signed, but whoever wrote the files may have signed them; "
+    "give the gateway's public key with --key"
+)
 LATEST_NS = 30_000_000_000
 """Samples may be recorded so much later than messages about the gateway itself, so that neighbouring segments overlap. Basis: on
 a busy host samples wait up to 25 s to be processed (`parts.MAX_WAITING_BLOCKS`), and a wireless sensor is some seconds late."""
@@ -59,17 +65,62 @@ class ChainVerification:
     """Those that have signed the files; more than one where a gateway got another name."""
     extract_of: int | None = None
     """The files are a part of the segments 1 to this one at least; None: nothing says that there are others."""
-    is_folder_extract: bool = False
-    """Others may have been removed: the folder was given as a whole, and lacks them, or what would tell the newest."""
+    is_extract: bool = False
+    """Others may have been removed: files were named, or the folder lacks some, or what would tell the newest."""
 
     @property
     def answer(self) -> Answer:
         """The answer in a word."""
         if self.problems or any(file.problems for file in self.files):
             return "differs"
+        if self._copies:
+            return "copy"
+        return self._answer_of_signed
+
+    @property
+    def _answer_of_signed(self) -> Answer:
         if not (self.is_key_known and self.public_keys):
             return "consistent"
-        return "extract" if self.is_folder_extract else "genuine"
+        if self.signed_up_to:
+            return "unsigned_end"
+        return "extract" if self.is_extract else "genuine"
+
+    @property
+    def signed_up_to(self) -> str:
+        """Up to when the files are signed, and what at their ends is not, as a clause; empty: they are signed as a whole."""
+        stated = [(file.statement.to_ns, file.open_end) for file in self.files if file.statement and file.open_end]
+        if not stated:
+            return ""
+        return f"up to {iso_utc(min(to_ns for to_ns, _ in stated))}; {'; '.join(end for _, end in stated)}"
+
+    @property
+    def _copies(self) -> list[FileVerification]:
+        return [file for file in self.files if file.copy]
+
+    @property
+    def conclusion(self) -> str:
+        """The answer as a sentence."""
+        if self.answer == "differs":
+            return "NOT genuine: see above"
+        said = [
+            f"{file.path.name}: {file.copy}, not signed by the gateway: compare it with the originals"
+            for file in self._copies
+        ]
+        if len(said) < sum(not file.is_strange for file in self.files):
+            said.append(self._conclusion_of_signed)
+        return "\n".join(said) or "no recording is among these"
+
+    @property
+    def _conclusion_of_signed(self) -> str:
+        match self._answer_of_signed:
+            case "genuine":
+                return "genuine: everything is as the gateway's key signed"
+            case "extract":
+                return f"genuine as far as it goes: everything here is as the gateway's key signed; {OTHERS}"
+            case "unsigned_end":
+                return f"genuine {self.signed_up_to}{f'; {OTHERS}' if self.is_extract else ''}"
+            case _:
+                return f"{CONSISTENT}{self.signed_up_to and f'; signed {self.signed_up_to}'}"
 
     @property
     def segments(self) -> list[int]:
@@ -148,7 +199,7 @@ def verify_chain(
         key is not None,
         named,
         max(newest, last) if is_part or is_begun_later else None,
-        (is_part and bool(entire)) or bool(unproven),
+        not folders or is_part or bool(unproven),
     )
 
 
@@ -289,6 +340,9 @@ def _file_json(file: FileVerification) -> dict[str, Any]:
         "signed_bytes": 0 if statement is None else statement.bytes,
         "size_bytes": file.size_bytes,
         "signed_up_to_ns": None if statement is None else statement.to_ns,
+        "unsigned_bytes": file.unsigned_bytes,
+        "unsigned_up_to_ns": file.unsigned_to_ns if file.unsigned_bytes and file.unsigned_to_ns else None,
+        "is_recording": not file.is_strange,
         "problems": file.problems,
         "remarks": file.remarks,
     }

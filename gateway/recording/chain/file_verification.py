@@ -13,7 +13,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from gateway.pki.signing_key import fingerprint, is_valid
 from gateway.recording.chain.statements import DELETIONS, SIGNATURE, Statement, parse_statement
-from gateway.recording.format.content import ORIGIN, segment_number
+from gateway.recording.format.content import COPIES, ORIGIN, segment_number
 from gateway.recording.format.frames import (
     INDEX_HEAD,
     TIME_AND_OFFSET_BYTES,
@@ -31,8 +31,12 @@ MAX_END_BYTES = 64_000_000
 """Longest end of a file that is compared. Basis: a choice; the index of a segment with half a million chunks is as long, and a
 bound of the memory."""
 
-SHOWN_CHUNKS = 3
-"""Damaged chunks that a message names. Basis: a choice; one line of a terminal."""
+SHOWN_RECORDS = 3
+"""Damaged records that a message names. Basis: a choice; one line of a terminal."""
+TORN = bytes(16)
+"""What a power failure leaves at the end of a record of which the length was written. Basis: compressed data do not end so."""
+LEAST_SHOWN_S = 0.05
+"""A shorter time at the end of a file is told in bytes. Definition: seconds are printed to a tenth."""
 
 
 class RecomputedSummary:
@@ -114,10 +118,16 @@ class FileVerification:
     """It ends as a closed MCAP file does, whatever is before."""
     is_destroyed: bool = False
     """It is no MCAP file any more."""
+    is_strange: bool = False
+    """It is no MCAP file, and the gateway has recorded nothing that it could have been."""
     is_closed: bool = False
     """Behind the data is the section that is made from them."""
     unsigned_bytes: int = 0
     """Bytes behind the last signature in a file that is not closed."""
+    unsigned_to_ns: int = 0
+    """Gateway time of the last message in them that can be read; 0: there is none."""
+    copy: str = ""
+    """How it was made of recordings; it was never signed, and is of no chain. Empty: it is no copy, or has a signature."""
     problems: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 
@@ -125,6 +135,18 @@ class FileVerification:
     def is_final(self) -> bool:
         """Whether the whole segment is stated."""
         return self.statement is not None and self.statement.kind == "final"
+
+    @property
+    def open_end(self) -> str:
+        """What no signature tells of the end of a file that is signed so far, as a clause; empty: all of it is."""
+        if self.statement is None or self.is_final or self.is_closed:
+            return ""
+        unsigned_s = (self.unsigned_to_ns - self.statement.to_ns) / 1e9
+        if unsigned_s >= LEAST_SHOWN_S:
+            return f"the last {unsigned_s:.1f} s of {self.path.name} are not signed"
+        if self.unsigned_bytes:
+            return f"the last {self.unsigned_bytes} bytes of {self.path.name} are not signed"
+        return f"{self.path.name} has no signature of the whole of it, and whether anything followed is not known"
 
 
 def verify_file(path: Path, key: str | None) -> FileVerification:
@@ -146,7 +168,9 @@ class _FileCheck:
         self._hash = hashlib.sha256(MCAP0_MAGIC)
         self._checksum = zlib.crc32(MCAP0_MAGIC)
         self._summary = RecomputedSummary(self._found.size_bytes)
-        self._origins = 0
+        self._origin_places: list[int] = []
+        self._copy = ""
+        self._has_signature = False
         self._claimed: int | None = None
         self._stated_bytes = self._signed_end = 0
         """Bytes that the last statement tells of; place behind it."""
@@ -155,8 +179,8 @@ class _FileCheck:
         self._readable_bytes = 0
         """Place behind the last record that can be read."""
         self._deletions: dict[str, str] = {}
-        self._chunk_places: list[int] = []
-        """Of the chunks since the last statement."""
+        self._places: list[int] = []
+        """Of the chunks and attachments since the last statement."""
 
     def run(self) -> FileVerification:
         while (frame := self._next_frame()) is not None:
@@ -195,18 +219,19 @@ class _FileCheck:
         except DAMAGED:
             self._problem(f"ALTERED: the record at byte {place} cannot be read")
             return
-        if opcode == Opcode.CHUNK:
-            self._chunk_places.append(place)
+        if opcode in (Opcode.CHUNK, Opcode.ATTACHMENT):
+            self._places.append(place)
         if not isinstance(record, Metadata):
             return
         if record.name == ORIGIN:
-            self._origins += 1
+            self._origin_places.append(place)
             self._claimed = segment_number(record.metadata) or None
-            if self._origins > 1:
-                self._problem(f"ADDED: the file says at byte {place} again whose it is")
+        elif record.name in COPIES:
+            self._copy = COPIES[record.name]
         elif record.name == DELETIONS:
             self._deletions = record.metadata
         elif record.name == SIGNATURE:
+            self._has_signature = True
             self._check_signature(record.metadata, place, len(frame[0]) + len(content))
             if serialise(record) != frame[0] + content or set(record.metadata) != {"statement", "signature"}:
                 self._problem(f"ADDED: the record of the signature at byte {place} has more than the signature")
@@ -223,9 +248,9 @@ class _FileCheck:
         self._check_key(statement)
         if statement.bytes != place or statement.sha256 != self._hash.hexdigest():
             if not self._found.is_altered:
-                self._problem(
-                    f"ALTERED: bytes {self._stated_bytes} to {place} are not what the gateway signed{self._damaged_chunks()}"
-                )
+                damaged = self._damaged_records()
+                which = f"; damaged: {damaged}; each other chunk agrees with its checksum" if damaged else ""
+                self._problem(f"ALTERED: bytes {self._stated_bytes} to {place} are not what the gateway signed{which}")
             self._found.is_altered = True
             self._claimed = self._claimed or statement.segment
             return
@@ -234,29 +259,37 @@ class _FileCheck:
         before = self._found.statement
         if before is not None and statement.to_ns < before.to_ns:
             self._problem(f"CLOCK SET BACK by {(before.to_ns - statement.to_ns) / 1e9:.3f} s inside the file")
-        self._chunk_places.clear()
+        self._places.clear()
         self._stated_bytes, self._signed_end = place, place + length
         self._found.statement, self._found.statement_text = statement, text
         self._found.deletions = self._deletions
 
-    def _damaged_chunks(self) -> str:
-        """Return which chunks since the last statement cannot be read; empty: all can, and something else was changed."""
+    def _damaged_records(self) -> str:
+        """Return which records since the last statement have a wrong checksum; empty: none, and something else was changed."""
         resume, size = self._file.tell(), self._found.size_bytes
         reader, damaged = ChunkReader(size), []
-        for place in self._chunk_places:
+        for place in self._places:
             self._file.seek(place)
-            frame = next_frame(self._file, size)
-            chunk = None if frame is None else PARSERS[Opcode.CHUNK](frame[2])
+            if (frame := next_frame(self._file, size)) is None:
+                continue
+            end = self._file.tell()
+            if frame[1] == Opcode.ATTACHMENT:
+                if int.from_bytes(frame[2][-4:], "little") not in (0, zlib.crc32(frame[2][:-4])):
+                    damaged.append(f"the attachment at bytes {place} to {end}")
+                continue
+            chunk = PARSERS[Opcode.CHUNK](frame[2])
             if not isinstance(chunk, Chunk):
                 continue
             try:
                 reader.frames(chunk)
+                self._found.unsigned_to_ns = max(self._found.unsigned_to_ns, chunk.message_end_time)
             except DAMAGED:
-                times = f"{iso_utc(chunk.message_start_time)} to {iso_utc(chunk.message_end_time)}"
-                damaged.append(f"bytes {place} to {self._file.tell()} (gateway time {times})")
+                if end < self._readable_bytes or not frame[2].endswith(TORN):
+                    times = f"{iso_utc(chunk.message_start_time)} to {iso_utc(chunk.message_end_time)}"
+                    damaged.append(f"the chunk at bytes {place} to {end} (gateway time {times})")
         self._file.seek(resume)
-        shown = damaged[:SHOWN_CHUNKS] + [f"{len(damaged) - SHOWN_CHUNKS} more"] * (len(damaged) > SHOWN_CHUNKS)
-        return f"; damaged: the chunk at {', and at '.join(shown)}" if shown else ""
+        more = [f"{len(damaged) - SHOWN_RECORDS} more"] * (len(damaged) > SHOWN_RECORDS)
+        return ", and ".join((*damaged[:SHOWN_RECORDS], *more))
 
     def _check_key(self, statement: Statement) -> None:
         if self._key is not None and statement.public_key != self._key:
@@ -289,6 +322,13 @@ class _FileCheck:
 
     def _conclude(self) -> None:
         found = self._found
+        if self._copy and not self._has_signature:
+            found.copy = self._copy
+            if not self._is_read:
+                self._problem(f"CUT or ALTERED: from byte {self._readable_bytes} on it cannot be read")
+            return
+        for place in self._origin_places[1:]:
+            self._problem(f"ADDED: the file says at byte {place} again whose it is")
         found.segment = self._claimed if found.statement is None else found.statement.segment
         if found.has_end and not self._is_read:
             self._problem(f"ALTERED: from byte {self._readable_bytes} on it cannot be read")
@@ -327,6 +367,9 @@ class _FileCheck:
             found.remarks.append("closed, and not compacted yet")
         else:
             found.unsigned_bytes = found.size_bytes - self._signed_end
+            if damaged := self._damaged_records():
+                why = "a kill or a power failure cuts off, and damages nothing before"
+                self._problem(f"NOT SIGNED, AND DAMAGED: {damaged}; {why}")
             found.remarks.append(
                 f"not closed: being written, interrupted or cut off; {found.unsigned_bytes} bytes at its end are not signed"
             )

@@ -8,6 +8,7 @@ from pathlib import Path
 from mcap.well_known import MessageEncoding, SchemaEncoding
 
 from gateway.recording.export.tables import new_file
+from gateway.recording.format.content import EXPORTED
 from gateway.recording.format.mcap_writer import McapWriter
 from gateway.recording.reading.recording_file import Selection
 from gateway.recording.reading.sample_calibration import NEEDED_TOPICS, CalibratedBlock, CalibratedReader
@@ -29,7 +30,6 @@ SCHEMA = {
     },
     "required": ["ax_g", "ay_g", "az_g", "norm_g"],
 }
-EXPORTED = "exported"
 
 
 def write_mcap(

@@ -36,6 +36,13 @@ REPAIRED = "repaired"
 TRIMMED = "trimmed"
 CUT = "cut"
 """The metadata record on what a report has cut out of recordings."""
+EXPORTED = "exported"
+COPIES = {
+    CUT: "a cut by plumbline record incident",
+    EXPORTED: "an export by plumbline record export",
+    RECOVERED: "a copy by plumbline record recover",
+}
+"""The metadata records of files that were made of recordings, and what such a file is."""
 SEGMENT = "segment"
 """In the metadata record of the origin: the number of the segment in the chain of its gateway."""
 MAX_SEGMENT_NUMBER = 2**31 - 1

@@ -126,12 +126,26 @@ def test_an_extract_in_a_folder_is_genuine_as_far_as_it_goes(
     assert (code, "an extract: segment 2 of 1 to 3" in text, found["extract_of"]) == (3, True, 3), text
 
 
-def test_a_named_file_is_genuine_whoever_asks(segments: list[Path], key: str, verify: Verify) -> None:
+def test_a_named_file_is_an_extract_whoever_asks(segments: list[Path], key: str, verify: Verify) -> None:
     code, text, _ = verify(segments[1], "--key", key)
-    assert (code, "an extract: segment 2, and not" in text) == (0, True), text
+    assert (code, "an extract: segment 2, and not" in text) == (3, True), text
     hear_newest(segments[0].parent, key)
     code, text, _ = verify(segments[1])
-    assert (code, "an extract: segment 2 of 1 to 3" in text) == (0, True), text
+    assert (code, "an extract: segment 2 of 1 to 3" in text) == (3, True), text
+    assert "cannot tell (key " in text
+    assert text.endswith(", pinned: this user heard it from the gateway at the first contact)\n")
+
+
+def test_all_files_of_a_folder_by_name_are_an_extract_and_the_folder_is_not(
+    segments: list[Path], key: str, verify: Verify
+) -> None:
+    code, text, found = verify(*segments, "--key", key)
+    assert (code, found["answer"], found["genuine"]) == (3, "extract", False)
+    assert "whether others were removed, an extract cannot tell (key " in text
+    assert verify(segments[0].parent, "--key", key)[0] == 0
+    segments[2].unlink()
+    assert verify(*segments[:2], "--key", key)[0] == 3  # nobody is accused, and nothing is called whole
+    assert verify(segments[0].parent, "--key", key)[0] == 1
 
 
 def test_a_gap_inside_an_extract_is_a_removal(segments: list[Path], key: str, verify: Verify, tmp_path: Path) -> None:
@@ -195,6 +209,35 @@ def test_neighbouring_destroyed_files_have_the_numbers_of_their_places(
     assert [each["segment"] for each in found["files"]] == [1, 2, 3]
     segments[2].write_bytes(b"")
     assert main(["record", "verify", str(segments[0].parent)]) == 2
+
+
+@pytest.mark.parametrize("name", ["0.mcap", "note.mcap"])
+def test_a_file_of_text_beside_the_recordings_is_none_of_them(
+    segments: list[Path], key: str, verify: Verify, name: str
+) -> None:
+    folder = segments[0].parent
+    (folder / name).write_text("hello")
+    code, text, found = verify(folder, "--key", key)
+    assert code == 0, text
+    assert f"{folder / name}: not a recording: " in text
+    assert "the files are segments 1 to 3\n" in text
+    assert [each["path"] for each in found["files"] if not each["is_recording"]] == [str(folder / name)]
+    assert verify(*folder.glob("*.mcap"), "--key", key)[0] == 3
+    segments[1].unlink()
+    code, text, _ = verify(folder, "--key", key)
+    assert (code, "REMOVED: segment 2 is missing in the middle" in text) == (1, True), text
+    (folder / name).rename(segments[1])  # in the place of a recording it is what is left of it
+    code, text, _ = verify(folder, "--key", key)
+    assert (code, f"{segments[1]}: segment 2, nothing signed\n  DESTROYED" in text) == (1, True), text
+
+
+def test_what_chain_json_does_not_tell_may_be_a_destroyed_recording(
+    segments: list[Path], key: str, verify: Verify
+) -> None:
+    segments[2].write_text("hello")
+    (segments[0].parent / "chain.json").unlink()
+    code, text, _ = verify(segments[0].parent, "--key", key)
+    assert (code, "segment 3, nothing signed\n  DESTROYED" in text) == (1, True), text
 
 
 def test_a_ca_that_does_not_vouch_is_said(segments: list[Path], verify: Verify, tmp_path: Path) -> None:

@@ -2,16 +2,21 @@
 
 import errno
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
 from gateway.cli.main import main
+from gateway.incident.evidence import judge_recordings
 from gateway.pki.signing_key import KeyFileError, fingerprint, load_or_create_key, read_public_key
 from gateway.recording.chain.chain_state import read_state, save_state
 from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
 from gateway.recording.chain.file_verification import verify_file
+from gateway.recording.format.frames import next_frame
+from gateway.recording.format.salvage import open_mcap
 from gateway.recording.segments.recorder import RecorderError
 from tests.clocks import START_NS
 from tests.gateway.recording.conftest import SECOND_NS, Record
@@ -202,6 +207,86 @@ def test_a_live_file_is_verified_up_to_its_last_signature(record: Record) -> Non
     assert "ALTERED" in problems(verify([path]))[0]
 
 
+Judge = Callable[[bytes], tuple[int, str]]
+
+
+@pytest.fixture
+def live(record: Record) -> Path:
+    """A file that is being written, or whose gateway was killed: of 28 s, of which 20 s are signed."""
+    return record(START_NS, segments=1, compacted=False, closed=False)[0]
+
+
+@pytest.fixture
+def judge_live(live: Path, capsys: pytest.CaptureFixture[str]) -> Judge:
+    """The exit code and the text of the command of the folder, with these bytes as the live file."""
+
+    def judge(content: bytes) -> tuple[int, str]:
+        live.write_bytes(content)
+        code = main(["record", "verify", str(live.parent), "--key", key_of(live.parent)])
+        by_key = f" (key {fingerprint(key_of(live.parent))}, given)"
+        return code, capsys.readouterr().out.rstrip().removesuffix(by_key)
+
+    return judge
+
+
+def unsigned_chunks(path: Path) -> list[tuple[int, int]]:
+    """First byte and end of the chunks behind the last signature."""
+    places = []
+    with open_mcap(path) as file:
+        while (frame := next_frame(file, path.stat().st_size)) is not None:
+            if frame[1] == Opcode.CHUNK:
+                places.append((file.tell() - len(frame[0]) - len(frame[2]), file.tell()))
+            elif frame[1] == Opcode.METADATA and b"checkpoint" in frame[2]:
+                places.clear()
+    return places
+
+
+UP_TO = "genuine up to 2026-01-01T00:00:20.000Z; "
+
+
+def test_how_much_at_the_end_of_a_live_file_is_not_signed_is_told(live: Path, judge_live: Judge) -> None:
+    whole, chunks = live.read_bytes(), unsigned_chunks(live)
+    code, text = judge_live(whole)
+    assert (code, text.rpartition("\n")[2]) == (3, f"{UP_TO}the last 8.0 s of {live.name} are not signed")
+    first, second = chunks[:2]
+    for cut in (whole[: second[1] - 1], whole[: second[1] - 100] + bytes(100)):  # in the second chunk
+        code, text = judge_live(cut)
+        assert (code, text.rpartition("\n")[2]) == (3, f"{UP_TO}the last 1.0 s of {live.name} are not signed")
+    code, text = judge_live(whole[: first[1] - 1])
+    assert text.rpartition("\n")[2] == f"{UP_TO}the last {first[1] - 1 - first[0]} bytes of {live.name} are not signed"
+    code, text = judge_live(whole[: first[0]])  # as whoever takes away all that is not signed
+    assert (code, "genuine up to" in text, "whether anything followed is not known" in text) == (3, True, True), text
+
+
+def test_a_flipped_bit_in_what_is_not_signed_is_damage(live: Path, judge_live: Judge) -> None:
+    content, chunks = bytearray(live.read_bytes()), unsigned_chunks(live)
+    for begin, end in (chunks[1], chunks[-1]):
+        changed = bytearray(content)
+        changed[(begin + end) // 2] ^= 1
+        code, text = judge_live(bytes(changed))
+        assert code == 1
+        assert f"NOT SIGNED, AND DAMAGED: the chunk at bytes {begin} to {end} (gateway time 2026-" in text
+        assert text.endswith("NOT genuine: see above")
+
+
+def test_without_a_key_too_the_end_that_is_not_signed_is_told(live: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["record", "verify", str(live.parent)]) == 3
+    said = capsys.readouterr().out.rstrip().rpartition("\n")[2]
+    assert said.startswith("consistent in itself only")
+    assert said.endswith(f"; signed up to 2026-01-01T00:00:20.000Z; the last 8.0 s of {live.name} are not signed")
+
+
+def test_a_report_of_a_live_file_is_not_as_of_one_that_is_signed_as_a_whole(live: Path) -> None:
+    verdict = judge_recordings([live], key_of(live.parent))
+    assert (verdict.kind, f"the last 8.0 s of {live.name} are not signed" in verdict.line) == ("open", True), verdict
+
+
+def test_of_a_live_file_by_name_both_are_told(live: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["record", "verify", str(live), "--key", key_of(live.parent)]) == 3
+    said = capsys.readouterr().out.rstrip().rpartition("\n")[2]
+    assert "are not signed; whether others were removed, an extract cannot tell" in said
+
+
 def test_a_repaired_segment_says_from_when_on_it_was_signed_afterwards(record: Record, tmp_path: Path) -> None:
     folder = tmp_path / "data"
     record(START_NS, segments=1, compacted=False, closed=False)
@@ -229,7 +314,8 @@ def test_the_command_names_the_difference_and_exits_with_one(
     folder = segments[0].parent
     key = str(folder / "signing-key.pem.pub")
     assert main(["record", "verify", str(folder), "--key", key]) == 0
-    assert "genuine: everything is as the gateway's key signed" in capsys.readouterr().out
+    by_key = f"(key {fingerprint(key_of(folder))}, given)"
+    assert f"genuine: everything is as the gateway's key signed {by_key}\n" in capsys.readouterr().out
     assert main(["record", "verify", str(folder)]) == 3
     assert "consistent in itself only" in capsys.readouterr().out
     segments[1].unlink()

@@ -73,12 +73,12 @@ def test_recordings_are_genuine_by_the_ca_alone_each_segment_by_itself(
 ) -> None:
     vouching.by(site.issue("crane-2", Holder.GATEWAY))
     paths = record(START_NS)
-    for given in (data, *paths):
-        assert verify(site, given) == 0
-        assert (
-            f"the site's CA vouches for the key {fingerprint(vouching.key.public_hex)} of {GATEWAY}"
-            in capsys.readouterr().out
-        )
+    for given, code in ((data, 0), *((path, 3) for path in paths)):  # a file is an extract
+        assert verify(site, given) == code
+        said = capsys.readouterr().out
+        signer = fingerprint(vouching.key.public_hex)
+        assert f"the site's CA vouches for the key {signer} of {GATEWAY}" in said
+        assert said.endswith(f"(key {signer}, vouched for by the site's CA)\n")
     with paths[0].open("rb") as file:
         assert "voucher.json" in {each.name for each in make_reader(file).iter_attachments()}
     assert main(["record", "verify", str(data)]) == 3
