@@ -4,6 +4,7 @@ import json
 import os
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -38,6 +39,8 @@ class Reader:
     """The folder with what the page says exists, and what stands for names that are of a site elsewhere."""
 
     folder: Path
+    shared: Path
+    """Where files are kept that several pages have, so that they are made once."""
     texts: dict[str, str] = field(default_factory=dict)
     """What the reader types in place of a text of the page: addresses, folders of a service, times, identities."""
     taken_from_output: dict[str, str] = field(default_factory=dict)
@@ -72,6 +75,14 @@ class Reader:
             "PLUMBLINE_PAGE__LISTEN": f"127.0.0.1:{unused_port()}",
             "PLUMBLINE_CONNECT": endpoint,
         }
+
+    def have(self, name: str, make: Callable[[Path], object]) -> None:
+        """Have files that `make` makes in a folder; they are the same on every page."""
+        kept = self.shared / name
+        if not kept.exists():
+            kept.mkdir(parents=True)
+            make(kept)
+        shutil.copytree(kept, self.folder, dirs_exist_ok=True)
 
     @property
     def endpoint(self) -> str:

@@ -45,9 +45,9 @@ def readings() -> dict[str, tuple[World, list[Command]]]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", readings())
-def test_commands_do_what_the_page_says(name: str, tmp_path: Path) -> None:
+def test_commands_do_what_the_page_says(name: str, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     world, commands = readings()[name]
-    reader = Reader(tmp_path)
+    reader = Reader(tmp_path, tmp_path_factory.getbasetemp() / "pages")
     with reader.stack:
         world(reader)
         for command in commands:

@@ -85,9 +85,9 @@ def site(reader: Reader) -> None:
 def recordings(reader: Reader) -> None:
     """A gateway's recordings of half a minute with one incident, and the public key kept apart."""
     data = reader.folder / "plumbline-data"
-    crane = record_crane(data, 30.0)
+    reader.have("recordings", lambda folder: record_crane(folder / data.name, 30.0))
     bench_files.copied(data / "signing-key.pem.pub", reader.folder / "KEPT.pub")
-    shutil.copy(crane.files[0], reader.folder / "recording.mcap")
+    shutil.copy(min(data.glob("*.mcap")), reader.folder / "recording.mcap")
     (reader.folder / "signing-key.pem.pub").write_bytes((data / "signing-key.pem.pub").read_bytes())
     reader.exit_codes |= {"plumbline record incident plumbline-data --last": 3}  # without the key
     reader.texts |= {
@@ -99,15 +99,19 @@ def recordings(reader: Reader) -> None:
 
 def other_recordings(reader: Reader) -> None:
     """Simulated logs of a rig, one of a phone that hangs with its y axis up, and one of a crane at work."""
-    rig = reader.folder / "rig.toml"
+    reader.have("other-recordings", _simulate_recordings)
+
+
+def _simulate_recordings(folder: Path) -> None:
+    rig = folder / "rig.toml"
     rig.write_text(RIG)
     for name, seed in (("log.csv", 1), ("second.csv", 2), ("work.csv", 3), ("work.mcap", 3)):
-        arguments = ["simulate", str(rig), "--out", str(reader.folder / name), "--effect", "viscous_damping"]
+        arguments = ["simulate", str(rig), "--out", str(folder / name), "--effect", "viscous_damping"]
         assert main([*arguments, "--seed", str(seed), "--duration", "40"]) == 0
-    table = np.loadtxt(reader.folder / "log.csv", delimiter=",", skiprows=1)
+    table = np.loadtxt(folder / "log.csv", delimiter=",", skiprows=1)
     phone = np.column_stack([1e3 * table[:, 0], 9.80665 * table[:, [1, 3]], -9.80665 * table[:, 2]])
     head = "stamp,accX,accY,accZ"
-    np.savetxt(reader.folder / "phone.csv", phone, delimiter=",", header=head, comments="", fmt="%.5f")
+    np.savetxt(folder / "phone.csv", phone, delimiter=",", header=head, comments="", fmt="%.5f")
 
 
 def findings(reader: Reader) -> None:

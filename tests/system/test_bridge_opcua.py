@@ -21,6 +21,8 @@ from tests.waiting import PATIENCE_S
 
 pytestmark = pytest.mark.slow
 
+LOOK_S = 0.3
+"""Between two looks of a client that takes all conditions anew for each."""
 REFRESH = ua.NodeId(ua.ObjectIds.ConditionType_ConditionRefresh)
 REFRESH_OF_ONE = ua.NodeId(ua.ObjectIds.ConditionType_ConditionRefresh2)
 
@@ -180,10 +182,9 @@ def test_a_client_that_joins_while_an_alarm_stands_gets_it_by_a_refresh(
 
     async def consume() -> None:
         first, late = await site.connect(), await site.connect()
-        found: list[Any] = []
         async with asyncio.timeout(PATIENCE_S):
-            while not found:
-                found = await refresh(first)
+            while not (found := await refresh(first)):
+                await asyncio.sleep(LOOK_S)
         again = await refresh(late)
         alarm, same = [each for each in again if each.ConditionName == "swing"]
         assert alarm.EventId == same.EventId
@@ -198,7 +199,7 @@ def test_a_client_that_joins_while_an_alarm_stands_gets_it_by_a_refresh(
         gateway.process.kill()
         async with asyncio.timeout(PATIENCE_S):
             while (await refresh(late))[0].Quality.is_good():
-                continue
+                await asyncio.sleep(LOOK_S)
         await check_unknown_numbers(late)
         await first.disconnect()
         await late.disconnect()

@@ -177,8 +177,9 @@ def test_a_hostile_publisher_ends_nothing_and_forges_no_line(site: Site, plumbli
     ))  # fmt: skip
     payloads = [b"\xff\xfe", b"{" * 60_000, b"x" * 5_000_000, b'{"level":"normal"}', b"\x1b[2J"]
     end_s = time.monotonic() + PATIENCE_S
+    watch = ("--watch", "--count", "5", "--interval-s", "0.5", "--connect", site.endpoint)
     process = subprocess.Popen(
-        [sys.executable, "-m", "gateway", "fleet", "status", "--watch", "--count", "4", "--connect", site.endpoint],
+        [sys.executable, "-m", "gateway", "fleet", "status", *watch],
         cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     while time.monotonic() < end_s and process.poll() is None:

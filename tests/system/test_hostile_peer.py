@@ -82,13 +82,13 @@ def test_no_request_without_a_credential_changes_anything_and_each_is_counted(
     refused = health(peer, least_refused=len(changing) + 2)["refused"]
     assert refused == {"no_credential": len(changing), "malformed_credential": 1, "invalid_signal": 1}
 
-
-def test_a_refusal_that_cannot_be_written_is_a_fault(start_gateway: StartGateway, join_bus: JoinBus) -> None:
-    gateway = start_gateway(TOML)
-    peer = join_bus(gateway.endpoint)
-    peer.wait_for("health", lambda message: message["recording"])
-    (gateway.data_dir / "security.jsonl").mkdir()
-    query(peer.session, "cancel", b"{}")
+    # one that cannot be written is a fault
+    security_log = gateway.data_dir / "security.jsonl"
+    security_log.unlink()
+    security_log.mkdir()
+    query(
+        peer.session, "acknowledge", b"{}", bytes(20_000)
+    )  # of another kind than before, so that it is written at once
     assert health(peer)["faults"]["security_log_not_written"] == 1
 
 

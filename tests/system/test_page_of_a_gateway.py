@@ -106,7 +106,7 @@ def test_the_page_does_not_depend_on_the_bus(start_gateway: StartGateway) -> Non
 SENSITIVE = "[alerts]\nwarn_deg = 0.5\ntrip_deg = 1.0\nclear_deg = 0.2\n"
 
 
-def test_an_alarm_is_acknowledged_on_the_page_by_name(
+def test_an_alarm_is_acknowledged_on_the_page_by_name_and_its_list_outlives_page_and_gateway(
     start_gateway: StartGateway, join_bus: JoinBus, browser: Browser
 ) -> None:
     gateway = start_gateway(SENSITIVE, page=True)
@@ -122,6 +122,18 @@ def test_an_alarm_is_acknowledged_on_the_page_by_name(
     assert (change["acknowledged_by"], change["stored"]) == ("Ann", True)
     expect(page.locator("#acknowledged")).to_have_text(re.compile(r"\d\d:\d\d Ann"))
     page.close()
+
+    first = _listed(gateway)[0]
+    os.kill(present(_page_process(gateway)), signal.SIGKILL)
+    wait_until(lambda: _is_live(gateway), "another process of the page")
+    assert first in _listed(gateway)
+    gateway.stop()
+    again = start_gateway(SENSITIVE, page=True)
+    wait_until(lambda: _is_live(again), "the page of the next start")
+    assert ("swing", first[1], None) in _listed(again)
+    again.process.kill()
+    again.process.wait()
+    wait_until(lambda: not _listens(again.page_port), "the page to end with its gateway")
 
 
 def _alerts(gateway: RunningGateway) -> list[Any]:
@@ -141,14 +153,6 @@ def _page_process(gateway: RunningGateway) -> int | None:
     return None
 
 
-def test_the_list_of_alerts_outlives_the_page_and_the_gateway(start_gateway: StartGateway) -> None:
-    gateway = start_gateway(SENSITIVE, page=True)
-    wait_until(lambda: _alerts(gateway), "an alert on the page")
-    first = _listed(gateway)[0]
-    os.kill(present(_page_process(gateway)), signal.SIGKILL)
-    wait_until(lambda: _is_live(gateway), "another process of the page")
-    assert first in _listed(gateway)
-    gateway.stop()
-    again = start_gateway(SENSITIVE, page=True)
-    wait_until(lambda: _is_live(again), "the page of the next start")
-    assert ("swing", first[1], None) in _listed(again)
+def _listens(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0

@@ -1,9 +1,7 @@
 """`plumbline run` as a process among processes."""
 
 import json
-import os
 import signal
-import socket
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -118,30 +116,6 @@ def test_nothing_listens_beyond_loopback(running: RunningGateway, join_bus: Join
     pids = [running.process.pid, *_children(running.process.pid)]
     addresses = {address for pid in pids for address in _listening_addresses(pid)}
     assert addresses == {"0100007F"}  # 127.0.0.1
-
-
-def test_a_page_process_that_ends_is_started_again_and_one_whose_gateway_was_killed_ends(
-    start_gateway: StartGateway, join_bus: JoinBus
-) -> None:
-    gateway = start_gateway(page=True)
-    join_bus(gateway.endpoint).wait_for("health")
-    _wait_for_page(gateway.page_port)
-    (first,) = _children(gateway.process.pid)
-    os.kill(first, signal.SIGKILL)
-    wait_until(lambda: _children(gateway.process.pid) not in ([first], []), "another page process")
-    _wait_for_page(gateway.page_port)
-    assert gateway.process.poll() is None
-    gateway.process.kill()
-    gateway.process.wait()
-    wait_until(lambda: not _listens(gateway.page_port), "the page to end with its gateway")
-
-
-def _listens(port: int) -> bool:
-    try:
-        socket.create_connection(("127.0.0.1", port), timeout=1).close()
-    except OSError:
-        return False
-    return True
 
 
 def _wait_for_page(port: int) -> None:

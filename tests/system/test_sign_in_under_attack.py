@@ -118,12 +118,19 @@ def _sign_in(gateway: RunningGateway) -> str:
     return cookie
 
 
-def _start(start_gateway: StartGateway, join_bus: JoinBus) -> tuple[RunningGateway, BusPeer]:
-    gateway = start_gateway(page=True)
+@pytest.fixture(scope="module")
+def gateway(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningGateway]:
+    """A gateway that stands each attack but those that take its PIN."""
+    running = RunningGateway(tmp_path_factory.mktemp("gateway"), page=True)
+    yield running
+    running.stop()
+
+
+def _join(gateway: RunningGateway, join_bus: JoinBus) -> BusPeer:
     peer = join_bus(gateway.endpoint)
     peer.wait_for("health")
     wait_until((gateway.data_dir / "page-pin").exists, "a PIN")
-    return gateway, peer
+    return peer
 
 
 def _is_signed_in(gateway: RunningGateway, cookie: str) -> bool:
@@ -136,18 +143,18 @@ def _is_signed_in(gateway: RunningGateway, cookie: str) -> bool:
     [("silent", 0.005), ("half_sent", 0.005), ("stalled_readers", 0.05)],  # of each of four threads
 )
 def test_who_has_the_pin_gets_in_while_connections_are_held(
-    start_gateway: StartGateway, join_bus: JoinBus, attack: Any, kind: str, pause_s: float
+    gateway: RunningGateway, join_bus: JoinBus, attack: Any, kind: str, pause_s: float
 ) -> None:
-    gateway, _ = _start(start_gateway, join_bus)
+    _join(gateway, join_bus)
     attack(gateway, kind, pause_s)
     for _ in range(5):
         assert _is_signed_in(gateway, _sign_in(gateway))
 
 
 def test_who_has_the_pin_gets_in_beside_wrong_pins_of_the_same_address(
-    start_gateway: StartGateway, join_bus: JoinBus, attack: Any
+    gateway: RunningGateway, join_bus: JoinBus, attack: Any
 ) -> None:
-    gateway, peer = _start(start_gateway, join_bus)
+    peer = _join(gateway, join_bus)
     pin = (gateway.data_dir / "page-pin").read_text()
     attack(gateway, "wrong_pins", 0.25)
     for _ in range(5):
@@ -164,7 +171,8 @@ def test_who_has_the_pin_gets_in_beside_wrong_pins_of_the_same_address(
 def test_a_pin_that_many_addresses_guess_at_is_void_with_a_fault_and_nobody_is_locked_out(
     start_gateway: StartGateway, join_bus: JoinBus, attack: Any
 ) -> None:
-    gateway, peer = _start(start_gateway, join_bus)
+    gateway = start_gateway(page=True)
+    peer = _join(gateway, join_bus)
     path: Path = gateway.data_dir / "page-pin"
     pin = path.read_text().strip()
     cookie = _sign_in(gateway)

@@ -120,14 +120,16 @@ def test_every_sample_is_read_once_and_in_order_at_a_rate_error_of_five_per_cent
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rate_error", [-0.05, 0.05])
-@pytest.mark.parametrize(("part", "seconds"), [(PARTS[0], 600), *((part, 200) for part in PARTS[1:])], ids=str)
+@pytest.mark.parametrize(
+    ("part", "rate_error"), [(part, 0.05 if number % 2 else -0.05) for number, part in enumerate(PARTS)], ids=str
+)
 def test_sample_times_are_right_to_a_fifth_of_a_millisecond_from_the_tenth_second(
-    part: Part, seconds: int, rate_error: float
+    part: Part, rate_error: float
 ) -> None:
+    """For 200 s; of the ten minutes that follow, the tests of the sample clock tell."""
     rig = PartRig(part, signal=numbered(part), rate_error=rate_error, oversleep_s=0.02)
     rig.open()
-    rig.read_s(seconds)
+    rig.read_s(200)
     error_ms = rig.errors_ms()[rig.made_ms() > 10_000]
     assert np.sqrt(np.mean(error_ms**2)) < 0.2
 

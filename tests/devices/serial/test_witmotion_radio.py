@@ -105,13 +105,7 @@ def rms_ms(times_ns: NDArray[np.int64], true_ns: NDArray[np.int64], after_s: flo
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("frames", "odr_hz", "rate_error", "seconds"),
-    [
-        ("standard", 100.0, -0.05, 200),
-        ("standard", 100.0, 0.05, 600),
-        ("radio", 50.0, -0.05, 600),
-        ("radio", 50.0, 0.05, 600),
-    ],
+    ("frames", "odr_hz", "rate_error", "seconds"), [("standard", 100.0, 0.05, 200), ("radio", 50.0, -0.05, 600)]
 )
 def test_times_of_frames_read_up_to_20_ms_late(frames: str, odr_hz: float, rate_error: float, seconds: int) -> None:
     part = WitMotionPart(odr_hz=odr_hz, frames="radio" if frames == "radio" else "standard")
@@ -121,7 +115,7 @@ def test_times_of_frames_read_up_to_20_ms_late(frames: str, odr_hz: float, rate_
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("gone", [1, 2, 3, 7, 30])
+@pytest.mark.parametrize("gone", [1, 3, 30])
 @pytest.mark.parametrize(("frames", "odr_hz"), [("standard", 100.0), ("radio", 50.0)])
 def test_whole_frames_that_the_radio_lost_are_found_by_time(frames: str, odr_hz: float, gone: int) -> None:
     part = WitMotionPart(odr_hz=odr_hz, frames="radio" if frames == "radio" else "standard")

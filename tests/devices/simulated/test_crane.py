@@ -217,7 +217,7 @@ def test_the_truth_is_available_for_the_history_only() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("length_m", [4.0, 12.0, 30.0])
-@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_every_round_of_the_demonstration_swings_calmly_then_hastily_then_is_caught(seed: int, length_m: float) -> None:
     period_s = 2 * np.pi * np.sqrt(length_m / G)
     calm_s = np.ceil(25 / period_s + 0.25) * period_s

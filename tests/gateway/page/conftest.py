@@ -7,10 +7,12 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
+from playwright.sync_api import Browser, expect
 
 from gateway.daemon.commands.requests import RemoteRequest
 from gateway.daemon.commands.rpc_server import PageRequests
@@ -40,6 +42,7 @@ from gateway.page.channel import Parameters
 from gateway.recalibration.requests import Acknowledge
 from gateway.stages.condition import CAUSES
 from gateway.topics import TOPIC_OF, encode
+from tests.gateway.page.screen import PANEL, Screen
 from tests.waiting import PATIENCE_S
 
 KEY = "plumbline/v1/north-yard/crane-3/hook"
@@ -378,15 +381,78 @@ def gateway(channel: PageChannel, services: Services) -> Iterator[FakeGateway]:
     fake.close()
 
 
-@pytest.fixture
-def pin_file(tmp_path: Path) -> Path:
-    path = tmp_path / "page-pin"
+def _write_pin(folder: Path) -> Path:
+    path = folder / "page-pin"
     path.write_text(f"{PIN}\n")
     return path
 
 
 @pytest.fixture
+def pin_file(tmp_path: Path) -> Path:
+    return _write_pin(tmp_path)
+
+
+PEOPLE: dict[str, Any] = {"names": ["Ann", "Bert"], "hosts": ["crane-3.local"]}
+
+
+@pytest.fixture
 def page(channel: PageChannel, pin_file: Path) -> Iterator[PageUnderTest]:
-    under_test = PageUnderTest(channel, pin_file=pin_file, names=["Ann", "Bert"], hosts=["crane-3.local"])
+    under_test = PageUnderTest(channel, pin_file=pin_file, **PEOPLE)
     yield under_test
     under_test.close()
+
+
+@pytest.fixture(scope="module")
+def idle_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageUnderTest]:
+    """One without data of a gateway, for the tests of a module that change nothing of it."""
+    channel = PageChannel(PageRequests({}).answer)
+    under_test = PageUnderTest(channel, pin_file=_write_pin(tmp_path_factory.mktemp("pin")), **PEOPLE)
+    yield under_test
+    under_test.close()
+    channel.close()
+
+
+class ShownPage(NamedTuple):
+    """A page in one window that goes from state to state, as that of a crane does."""
+
+    gateway: FakeGateway
+    screen: Screen
+
+    def show(self, scene: Scene, word: str) -> None:
+        """Let the gateway say something else, and wait until the window shows its word."""
+        self.gateway.scene = scene
+        self.gateway.speaking.set()
+        expect(self.screen.page.locator("body")).to_have_attribute("data-word", word)
+
+
+@contextmanager
+def open_page(browser: Browser, **changes: Any) -> Iterator[ShownPage]:
+    """Start a process of the page with these parameters, and open a window on it."""
+    channel = PageChannel(PageRequests({}).answer)
+    gateway = FakeGateway(channel)
+    page = PageUnderTest(channel, **changes)
+    screen = Screen(browser, page.url)
+    yield ShownPage(gateway, screen)
+    screen.page.close()
+    page.close()
+    gateway.close()
+    channel.close()
+
+
+@pytest.fixture(scope="module")
+def one_page(browser: Browser) -> Iterator[ShownPage]:
+    """One for a module: a process of the page and a window for each test take longer than what is looked at."""
+    with open_page(browser) as shown:
+        yield shown
+
+
+@pytest.fixture
+def shown_page(one_page: ShownPage) -> ShownPage:
+    """A page that shows a scene in which all is well."""
+    page = one_page.screen.page
+    page.set_viewport_size({"width": PANEL[0], "height": PANEL[1]})
+    page.evaluate("location.hash = ''")
+    one_page.show(Scene(), "OK")
+    one_page.screen.text("#phi", "2.3°")
+    one_page.screen.errors.clear()
+    return one_page

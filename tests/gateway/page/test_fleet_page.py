@@ -29,7 +29,7 @@ from gateway.messages import Health
 from gateway.pki.signing_key import SigningKey
 from gateway.stages.condition import DISTURBING, UNUSABLE
 from gateway.topics import TOPIC_OF, encode
-from tests.gateway.page.conftest import Scene
+from tests.gateway.page.conftest import PageUnderTest, Scene
 from tests.ports import unused_port
 from tests.waiting import PATIENCE_S, wait_until
 
@@ -266,10 +266,9 @@ UNPROVED = """([authenticated, value]) => import('/card_sentence.js').then(({car
 
 
 def test_a_number_that_is_not_shown_for_want_of_proof_is_not_called_unknown(
-    site: Site, serve: Callable[..., str], browser: Browser
+    idle_page: PageUnderTest, browser: Browser
 ) -> None:
-    window = _open(browser, serve())
-    expect(window.locator("#notice")).not_to_be_empty()
+    window = _open(browser, idle_page.url)
     assert window.evaluate(UNPROVED, [False, None]).startswith("It is not proved that this comes from the gateway")
     assert window.evaluate(UNPROVED, [True, None]).startswith("The angle is not known now, and the alarm stays.")
     window.close()

@@ -83,26 +83,20 @@ def test_nobody_acknowledges_without_the_pin(page: PageUnderTest, services: Serv
     assert services.requests == []
 
 
-def test_a_pin_is_void_after_many_wrong_ones_and_who_is_signed_in_stays(page: PageUnderTest, pin_file: Path) -> None:
-    cookie = _cookie(_sign_in(page)[2])
-    for number in range(most_wrong_attempts(PIN)):
-        assert _sign_in(page, pin=f"{number:08d}")[:2] == (403, {"error": "pin_wrong"})
-    wait_until(lambda: pin_file.read_text().strip() != PIN, "a new PIN")
-    assert _sign_in(page)[:2] == (403, {"error": "pin_wrong"})
-    assert _post(page, ACKNOWLEDGE, INCIDENT, cookie)[0] == 409  # authorised; there is no such incident
-    assert _sign_in(page, pin=pin_file.read_text().strip())[0] == 200
-
-
-def test_a_void_pin_is_good_for_nothing_where_no_new_one_can_be_written(page: PageUnderTest, pin_file: Path) -> None:
+def test_a_pin_is_void_after_many_wrong_ones_also_where_no_new_one_can_be_written_and_who_is_signed_in_stays(
+    page: PageUnderTest, pin_file: Path
+) -> None:
     cookie = _cookie(_sign_in(page)[2])
     obstacle = partial_of(pin_file)
     obstacle.mkdir()
     for number in range(most_wrong_attempts(PIN)):
-        _sign_in(page, pin=f"{number:08d}")
+        assert _sign_in(page, pin=f"{number:08d}")[:2] == (403, {"error": "pin_wrong"})
     assert _sign_in(page)[:2] == (503, {"error": "pin_void"})
-    assert _post(page, ACKNOWLEDGE, INCIDENT, cookie)[0] == 409
+    assert _post(page, ACKNOWLEDGE, INCIDENT, cookie)[0] == 409  # authorised; there is no such incident
     obstacle.rmdir()
     wait_until(lambda: pin_file.read_text().strip() != PIN, "a new PIN")
+    assert _sign_in(page)[:2] == (403, {"error": "pin_wrong"})
+    assert _post(page, ACKNOWLEDGE, INCIDENT, cookie)[0] == 409
     assert _sign_in(page, pin=pin_file.read_text().strip())[0] == 200
 
 
@@ -125,9 +119,9 @@ REFUSED: list[tuple[str, Any, dict[str, str | None], int]] = [
     ("content", "headers", "status"), [row[1:] for row in REFUSED], ids=[row[0] for row in REFUSED]
 )
 def test_what_does_not_come_from_the_page_is_refused(
-    page: PageUnderTest, content: Any, headers: dict[str, str | None], status: int
+    idle_page: PageUnderTest, content: Any, headers: dict[str, str | None], status: int
 ) -> None:
-    assert _post(page, SIGN_IN, content, headers)[0] == status
+    assert _post(idle_page, SIGN_IN, content, headers)[0] == status
 
 
 def _open(browser: Browser, page: PageUnderTest) -> Page:
@@ -249,8 +243,8 @@ TONES = """() => import('/sound.js').then(({Sound}) => {
 
 
 def test_an_acknowledged_alarm_is_silent_until_it_changes_to_a_higher_level(
-    page: PageUnderTest, browser: Browser
+    idle_page: PageUnderTest, browser: Browser
 ) -> None:
-    window = _open(browser, page)
+    window = _open(browser, idle_page)
     assert window.evaluate(TONES) == ["warn", None, "trip"]
     window.context.close()

@@ -1,16 +1,17 @@
 """The page in a browser: only what is right is calm, and everybody reaches everything."""
 
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import expect
 
-from tests.gateway.page.conftest import FakeGateway, PageUnderTest
-from tests.gateway.page.screen import CALM, DESKTOP, RED, Screen
+from tests.gateway.page.conftest import ShownPage
+from tests.gateway.page.screen import CALM, DESKTOP, RED
 
 pytestmark = pytest.mark.slow
 
 
-def test_only_a_correct_state_is_calm(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
-    screen = Screen(browser, page.url, DESKTOP)
+def test_only_a_correct_state_is_calm(shown_page: ShownPage) -> None:
+    gateway, screen = shown_page
+    screen.page.set_viewport_size({"width": DESKTOP[0], "height": DESKTOP[1]})
     screen.shows("OK", "circle")
     gateway.scene.calibration = "uncalibrated"
     screen.shows("UNCALIBRATED", "slash")
@@ -48,10 +49,8 @@ def test_only_a_correct_state_is_calm(gateway: FakeGateway, page: PageUnderTest,
 HOSTILE = "<img src=x onerror=\"document.title='owned'\"><script>document.title='owned'</script>"
 
 
-def test_field_values_are_not_interpreted_as_markup(
-    gateway: FakeGateway, page: PageUnderTest, browser: Browser
-) -> None:
-    screen = Screen(browser, page.url)
+def test_field_values_are_not_interpreted_as_markup(shown_page: ShownPage) -> None:
+    gateway, screen = shown_page
     gateway.scene.level = "warn"
     gateway.scene.alert_text = gateway.scene.recording_error = gateway.scene.device_kind = HOSTILE
     gateway.scene.reasons, gateway.scene.trusted = [HOSTILE + "!"], False
@@ -63,10 +62,8 @@ def test_field_values_are_not_interpreted_as_markup(
     assert screen.errors == []
 
 
-def test_the_operator_is_told_only_of_faults_that_ask_for_action(
-    gateway: FakeGateway, page: PageUnderTest, browser: Browser
-) -> None:
-    screen = Screen(browser, page.url)
+def test_the_operator_is_told_only_of_faults_that_ask_for_action(shown_page: ShownPage) -> None:
+    gateway, screen = shown_page
     screen.shows("OK", "circle")
     gateway.scene.standing_faults = {"bus": "bus: nobody answers there"}
     expect(screen.page.locator("#to-service")).to_have_class("faulty")
@@ -89,10 +86,8 @@ def test_the_operator_is_told_only_of_faults_that_ask_for_action(
     assert screen.errors == []
 
 
-def test_what_asks_for_no_action_is_announced_rarely(
-    gateway: FakeGateway, page: PageUnderTest, browser: Browser
-) -> None:
-    screen = Screen(browser, page.url)
+def test_what_asks_for_no_action_is_announced_rarely(shown_page: ShownPage) -> None:
+    gateway, screen = shown_page
     screen.shows("OK", "circle")
     screen.page.evaluate(
         """() => {
@@ -114,9 +109,10 @@ def test_what_asks_for_no_action_is_announced_rarely(
     assert screen.page.locator("[aria-live=assertive]").count() == 0
 
 
-def test_the_keyboard_alone_reaches_everything(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
+def test_the_keyboard_alone_reaches_everything(shown_page: ShownPage) -> None:
+    gateway, screen = shown_page
+    screen.page.reload()  # so that nothing has the focus
     gateway.scene.level = "trip"
-    screen = Screen(browser, page.url)
     expect(screen.page.locator("#acknowledge")).to_be_visible()
     reached = []
     for _ in range(6):

@@ -2,14 +2,12 @@
 
 import re
 from dataclasses import replace
-from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Page, expect
 
 from gateway.messages import NO_SESSION, CalibrationOffer, SessionPose
-from tests.gateway.page.conftest import FakeGateway, PageUnderTest
-from tests.waiting import wait_until
+from tests.gateway.page.conftest import FakeGateway, ShownPage
 
 pytestmark = pytest.mark.slow
 
@@ -35,14 +33,16 @@ SIZES = [(800, 480), (1280, 800)]
 
 
 @pytest.fixture
-def screen(page: PageUnderTest, browser: Browser) -> Any:
-    made = browser.new_page(viewport={"width": 800, "height": 480})
-    made.goto(page.url)
-    yield made
-    made.close()
+def gateway(shown_page: ShownPage) -> FakeGateway:
+    return shown_page.gateway
 
 
-def test_the_rigger_sees_the_next_attitude(gateway: FakeGateway, screen: Any) -> None:
+@pytest.fixture
+def screen(shown_page: ShownPage) -> Page:
+    return shown_page.screen.page
+
+
+def test_the_rigger_sees_the_next_attitude(gateway: FakeGateway, screen: Page) -> None:
     expect(screen.locator("#word")).to_have_text("OK")
     expect(screen.locator("#calibration")).to_be_hidden()
     gateway.scene.session = COLLECTING
@@ -72,7 +72,7 @@ def test_the_rigger_sees_the_next_attitude(gateway: FakeGateway, screen: Any) ->
         ]
 
 
-def test_review_and_end_are_shown_before_the_swing_returns(gateway: FakeGateway, screen: Any) -> None:
+def test_review_and_end_are_shown_before_the_swing_returns(gateway: FakeGateway, screen: Page) -> None:
     review = replace(
         COLLECTING, phase="review", next_face=None, next_direction=None, text="may not", reasons=[HOSTILE], still=False
     )
@@ -91,7 +91,7 @@ def test_review_and_end_are_shown_before_the_swing_returns(gateway: FakeGateway,
     expect(screen.locator("#word")).to_have_text("OK")
 
 
-def test_a_norm_fit_shows_the_most_informative_direction(gateway: FakeGateway, screen: Any) -> None:
+def test_a_norm_fit_shows_the_most_informative_direction(gateway: FakeGateway, screen: Page) -> None:
     gateway.scene.session = replace(
         COLLECTING, method="norm-fit", wanted=12, next_face=None, next_direction=[0.6, 0.0, 0.8]
     )
@@ -102,7 +102,7 @@ def test_a_norm_fit_shows_the_most_informative_direction(gateway: FakeGateway, s
     expect(screen.locator("#session-text")).to_have_text("No contact with the gateway.")
 
 
-def test_the_box_has_the_requested_attitude(screen: Any) -> None:
+def test_the_box_has_the_requested_attitude(screen: Page) -> None:
     """Rows of the rotation: orthonormal, right-handed, and the wanted direction ends up vertical."""
     for up in ([1, 0, 0], [0, -1, 0], [0, 0, -1], [0.6, 0.0, 0.8], [1, -1, 1]):
         rows = screen.evaluate("up => import('/box.js').then(box => box.rotationToVertical(up))", up)
@@ -118,7 +118,7 @@ def test_the_box_has_the_requested_attitude(screen: Any) -> None:
         assert cross == pytest.approx(c)
 
 
-def test_the_larger_angle_first_then_the_other_until_both_are_aligned(gateway: FakeGateway, screen: Any) -> None:
+def test_the_larger_angle_first_then_the_other_until_both_are_aligned(gateway: FakeGateway, screen: Page) -> None:
     scene = gateway.scene
     scene.condition, scene.pitch_deg, scene.roll_deg = "static", 0.4, -1.5
     screen.locator("#to-service").click()
@@ -146,7 +146,7 @@ def test_the_larger_angle_first_then_the_other_until_both_are_aligned(gateway: F
     expect(screen.locator("#service-screen")).to_be_visible()
 
 
-def test_there_is_no_advice_without_a_reading_at_rest(gateway: FakeGateway, screen: Any) -> None:
+def test_there_is_no_advice_without_a_reading_at_rest(gateway: FakeGateway, screen: Page) -> None:
     scene = gateway.scene
     screen.locator("#to-service").click()
     screen.locator("#align-link").click()
@@ -166,7 +166,7 @@ def test_there_is_no_advice_without_a_reading_at_rest(gateway: FakeGateway, scre
     expect(screen.locator("#align-roll")).to_have_text("—")
 
 
-def test_an_unknown_drift_is_never_shown_as_good(gateway: FakeGateway, screen: Any) -> None:
+def test_an_unknown_drift_is_never_shown_as_good(gateway: FakeGateway, screen: Page) -> None:
     fact = screen.locator("#fact-drift")
     expect(fact.locator("dd")).to_have_text("not known")
     gateway.scene.drift = {"state": "no_rest", "norm_error_mg": None, "limit_mg": None, "reasons": []}
@@ -179,16 +179,8 @@ def test_an_unknown_drift_is_never_shown_as_good(gateway: FakeGateway, screen: A
     expect(fact).to_have_class("bad")
 
 
-def test_an_offered_record_is_named_beside_the_calibration(gateway: FakeGateway, screen: Any) -> None:
+def test_an_offered_record_is_named_beside_the_calibration(gateway: FakeGateway, screen: Page) -> None:
     fact = screen.locator("#fact-calibration dd")
     expect(fact).not_to_have_text(re.compile("offered"))
     gateway.scene.offer = CalibrationOffer(record="20261128T100000Z-1", text="thermal-rest")
     expect(fact).to_have_text(re.compile("; offered: 20261128T100000Z-1$"))
-
-
-def test_the_drift_is_a_metric_once_it_is_known(gateway: FakeGateway, page: PageUnderTest) -> None:
-    wait_until(lambda: page.state()["topics"].get("health"), "health")
-    assert "drift" not in page.get("/metrics")[1]
-    gateway.scene.drift = {"state": "alarm", "norm_error_mg": 9.0, "limit_mg": 5.0}
-    wait_until(lambda: "plumbline_drift_alarm" in page.get("/metrics")[1], "the drift")
-    assert "plumbline_drift_norm_error_g{" in page.get("/metrics")[1]

@@ -2,20 +2,17 @@
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, expect
 
-from gateway.daemon.commands.rpc_server import PageRequests
-from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.languages import LANGUAGES, read_texts
 from gateway.messages import NO_SESSION, SessionPose
 from gateway.page.channel import CraneDirections
-from tests.gateway.page.conftest import FakeGateway, PageUnderTest, Scene
+from tests.gateway.page.conftest import FakeGateway, PageUnderTest, Scene, ShownPage, open_page
 from tests.values import present
 
 pytestmark = pytest.mark.slow
@@ -102,61 +99,40 @@ STATES: dict[str, Callable[[Scene], None]] = {
 }
 
 
-@pytest.fixture(params=LANGUAGES)
-def language(request: pytest.FixtureRequest) -> str:
-    return str(request.param)
-
-
-@pytest.fixture
-def page_in_language(channel: PageChannel, language: str) -> Any:
-    under_test = PageUnderTest(channel, language=language, directions=DIRECTIONS.get(language, DIRECTIONS["en"]))
-    yield under_test
-    under_test.close()
-
-
-def _open(browser: Browser, url: str, size: tuple[int, int]) -> Page:
-    opened = browser.new_page(viewport={"width": size[0], "height": size[1]})
-    opened.add_init_script(INSPECTION)
-    opened.goto(url)
-    return opened
-
-
-@dataclass(frozen=True, slots=True)
-class ShownPage:
-    """A page in one window that goes from state to state, as that of a crane does."""
-
-    gateway: FakeGateway
-    window: Page
-
-    def show(self, state: str) -> None:
-        scene = Scene()
-        STATES[state](scene)
-        self.gateway.scene = scene
-        expect(self.window.locator("body")).to_have_attribute("data-word", state.split(maxsplit=1)[0])
-
-
 @pytest.fixture(scope="module", params=LANGUAGES)
 def shown_page(request: pytest.FixtureRequest, browser: Browser) -> Iterator[ShownPage]:
     """One for all states: a process of the page and a window for each take longer than what is looked at."""
     language = str(request.param)
-    channel = PageChannel(PageRequests({}).answer)
-    gateway = FakeGateway(channel)
-    page = PageUnderTest(channel, language=language, directions=DIRECTIONS.get(language, DIRECTIONS["en"]))
-    window = _open(browser, page.url, PANEL)
-    expect(window.locator("html")).to_have_attribute("lang", language)
-    yield ShownPage(gateway, window)
-    window.close()
-    page.close()
-    gateway.close()
-    channel.close()
+    with open_page(browser, language=language, directions=DIRECTIONS.get(language, DIRECTIONS["en"])) as shown:
+        window = shown.screen.page
+        window.add_init_script(INSPECTION)
+        window.reload()
+        expect(window.locator("html")).to_have_attribute("lang", language)
+        yield shown
+
+
+in_english = pytest.mark.parametrize("shown_page", ["en"], indirect=True)
+
+
+def _show(page: ShownPage, state: str, size: tuple[int, int] = PANEL, screen: str = "") -> Page:
+    """Bring a state to the window, in this size and on this screen."""
+    window, scene = page.screen.page, Scene()
+    STATES[state](scene)
+    page.show(scene, state.split(maxsplit=1)[0])
+    _resize(window, size)
+    window.evaluate("(hash) => { location.hash = hash; }", screen)
+    return window
+
+
+def _resize(window: Page, size: tuple[int, int]) -> None:
+    window.set_viewport_size({"width": size[0], "height": size[1]})
 
 
 @pytest.mark.parametrize("state", STATES)
 def test_no_text_is_cut_in_any_state(shown_page: ShownPage, state: str) -> None:
-    shown_page.show(state)
-    window = shown_page.window
+    window = _show(shown_page, state)
     for size in (PANEL, DESKTOP, PHONE, SMALL_PHONE):
-        window.set_viewport_size({"width": size[0], "height": size[1]})
+        _resize(window, size)
         for screen in ("", "#alerts", "#service"):
             window.evaluate("(hash) => { location.hash = hash; }", screen)
             expect(window.locator(f"#to-{screen[1:] or 'swing'}")).to_have_attribute("aria-current", "page")
@@ -166,24 +142,21 @@ def test_no_text_is_cut_in_any_state(shown_page: ShownPage, state: str) -> None:
             assert window.evaluate("(acrossOnly) => layout.outside(acrossOnly)", scrolls) == [], (size, screen)
 
 
-def test_the_dialog_fits_every_size(
-    gateway: FakeGateway, page_in_language: PageUnderTest, browser: Browser, language: str
-) -> None:
-    _trip(gateway.scene)
-    window = _open(browser, page_in_language.url, PANEL)
-    expect(window.locator("html")).to_have_attribute("lang", language)
+def test_the_dialog_fits_every_size(shown_page: ShownPage) -> None:
+    window = _show(shown_page, "TRIP")
     window.locator("#acknowledge").click()
     window.locator("#sign-in-name").fill("Ann")
     window.keyboard.press("Enter")
     expect(window.locator("#sign-in-error")).not_to_be_empty()
     for size in (PANEL, DESKTOP, PHONE, SMALL_PHONE):
-        window.set_viewport_size({"width": size[0], "height": size[1]})
+        _resize(window, size)
         window.wait_for_timeout(100)
         assert window.evaluate("layout.cut()") == [], size
         is_phone = size in (PHONE, SMALL_PHONE)
         assert window.evaluate("(acrossOnly) => layout.outside(acrossOnly)", is_phone) == [], size
         assert not _overlap(window, "#sign-in", "#phi"), size
-    window.close()
+    window.keyboard.press("Escape")
+    expect(window.locator("#sign-in")).to_be_hidden()
 
 
 def _overlap(window: Page, *selectors: str) -> bool:
@@ -198,65 +171,56 @@ def _height(window: Page, selector: str) -> float:
 
 
 def test_names_are_as_high_as_keys(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
-    window = _open(browser, page.url, PANEL)
     _trip(gateway.scene)
+    window = browser.new_page(viewport={"width": PANEL[0], "height": PANEL[1]})
+    window.goto(page.url)
     window.locator("#acknowledge").click()
     for size in (PANEL, PHONE):
-        window.set_viewport_size({"width": size[0], "height": size[1]})
+        _resize(window, size)
         key = _height(window, "#keypad button")
         assert _height(window, "#sign-in-names button") == pytest.approx(key, rel=0.05)
 
 
 @pytest.mark.parametrize("size", [PHONE, SMALL_PHONE])
 def test_a_phone_shows_alerts_and_their_buttons_at_once(shown_page: ShownPage, size: tuple[int, int]) -> None:
-    shown_page.show("TRIP")
-    window = shown_page.window
-    window.set_viewport_size({"width": size[0], "height": size[1]})
-    window.evaluate("location.hash = '#alerts'")
+    window = _show(shown_page, "TRIP", size, "#alerts")
     button = window.locator("#alert-rows button")
     expect(button).to_be_in_viewport(ratio=1)
     for cell in ("from", "to", "what", "largest", "limit"):
         assert not _overlap(window, "#alert-rows .by", f"#alert-rows td.{cell}"), cell
     assert _height(window, "header") + _height(window, ".status") < 0.4 * size[1]
     assert _height(window, ".status") - _height(window, "#sentence") < 0.2 * size[1]
-    window.evaluate("location.hash = ''")
 
 
-@pytest.mark.parametrize("language", LANGUAGES)
-def test_aligning_fits_the_panel(
-    gateway: FakeGateway, page_in_language: PageUnderTest, browser: Browser, language: str
-) -> None:
-    window = _open(browser, page_in_language.url + "/#align", PANEL)
-    assert gateway.speaking.is_set()
+def test_aligning_fits_the_panel(shown_page: ShownPage) -> None:
+    window = _show(shown_page, "OK", PANEL, "#align")
+    expect(window.locator("#align")).to_be_visible()
     expect(window.locator("#align-pitch")).to_have_text(re.compile(r"\d"))
-    expect(window.locator("html")).to_have_attribute("lang", language)
     assert window.evaluate("layout.cut()") == []
 
 
-def test_the_labels_of_the_trend_lie_on_no_value(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
-    window = _open(browser, page.url, PANEL)
-    assert gateway.speaking.is_set()
+@in_english
+def test_the_labels_of_the_trend_lie_on_no_value(shown_page: ShownPage) -> None:
+    window = _show(shown_page, "OK")
     for name in ("warn", "trip"):
         expect(window.locator(f"#trend-labels .{name}")).to_be_visible()
         assert not _overlap(window, "#trend", f"#trend-labels .{name}")
     assert not _overlap(window, "#trend-labels .warn", "#trend-labels .trip")
 
 
-def test_no_text_of_the_panel_is_smaller_than_16_px(
-    gateway: FakeGateway, page: PageUnderTest, browser: Browser
-) -> None:
-    _trip(gateway.scene)
-    window = _open(browser, page.url, PANEL)
-    expect(window.locator("#word")).to_have_text("LIMIT")
+@in_english
+def test_no_text_of_the_panel_is_smaller_than_16_px(shown_page: ShownPage) -> None:
     for screen in ("", "#alerts", "#service"):
-        window.goto(page.url + "/" + screen)
+        window = _show(shown_page, "TRIP", PANEL, screen)
         window.wait_for_timeout(250)
         assert window.evaluate("(px) => layout.small(px)", SMALLEST_TEXT_PX) == []
 
 
-def test_nothing_moves_when_the_state_changes(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
-    window = _open(browser, page.url, PANEL)
+@in_english
+def test_nothing_moves_when_the_state_changes(shown_page: ShownPage) -> None:
+    window, gateway = _show(shown_page, "OK"), shown_page.gateway
     expect(window.locator("#word")).to_have_text("OK")
+    expect(window.locator("#phi")).to_be_visible()
     before = window.evaluate("layout.boxes()")
     for change, word in ((_trip_by_wind_uncalibrated, "LIMIT"), (_unknown, "LIMIT")):
         change(gateway.scene)
@@ -265,15 +229,11 @@ def test_nothing_moves_when_the_state_changes(gateway: FakeGateway, page: PageUn
         assert window.evaluate("layout.boxes()") == before
 
 
+@in_english
 @pytest.mark.parametrize("state", ["OK", "TRIP", "SUSPENDED"])
-def test_axe_finds_nothing_on_any_screen(
-    gateway: FakeGateway, page: PageUnderTest, browser: Browser, state: str
-) -> None:
-    STATES[state](gateway.scene)
-    window = _open(browser, page.url, DESKTOP)
-    expect(window.locator("body")).to_have_attribute("data-word", state)
+def test_axe_finds_nothing_on_any_screen(shown_page: ShownPage, state: str) -> None:
     for screen in ("", "#alerts", "#service", "#align"):
-        window.goto(page.url + "/" + screen)
+        window = _show(shown_page, state, DESKTOP, screen)
         window.wait_for_timeout(250)
         found = Axe().run(window)
         assert found.violations_count == 0, found.generate_report()

@@ -86,10 +86,10 @@ def _is_ended(connection: socket.socket) -> bool:
 
 
 @pytest.mark.slow
-def test_a_request_that_is_not_complete_in_time_is_ended(page: PageUnderTest) -> None:
-    assert page.get("/healthz")[0] == 503
+def test_a_request_that_is_not_complete_in_time_is_ended(idle_page: PageUnderTest) -> None:
+    assert idle_page.get("/healthz")[0] == 503
     begun_s = time.monotonic()
-    with _connections(page, HALF, count=2) as (silent, slow):
+    with _connections(idle_page, HALF, count=2) as (silent, slow):
         silent.settimeout(0.2)
         slow.settimeout(0.2)
         while not (_is_ended(silent) and _is_ended(slow)):
@@ -111,8 +111,8 @@ def test_event_streams_that_are_held_do_not_keep_others_out(gateway: FakeGateway
 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", ["/", "/api/state", "/metrics", "/healthz", "/api/events"])
-def test_a_foreign_host_gets_nothing(page: PageUnderTest, path: str) -> None:
-    connection = http.client.HTTPConnection(page.url.removeprefix("http://"), timeout=PATIENCE_S)
+def test_a_foreign_host_gets_nothing(idle_page: PageUnderTest, path: str) -> None:
+    connection = http.client.HTTPConnection(idle_page.url.removeprefix("http://"), timeout=PATIENCE_S)
     with contextlib.closing(connection):
         connection.request("GET", path, headers={"Host": "evil.com"})
         response = connection.getresponse()

@@ -29,9 +29,11 @@ FIRST_LATE = """() => import('/link.js').then(async ({Link}) => {
 })"""
 
 
-def test_the_first_push_already_shows_how_late_it_is(page: PageUnderTest, browser: Browser) -> None:
+def test_the_first_push_already_shows_how_late_it_is(idle_page: PageUnderTest, browser: Browser) -> None:
     """The age of data is at most the time since they were asked for; a new connection does not make them young again."""
-    (first, first_s), (next_, next_s), (restarted, restarted_s) = Screen(browser, page.url).page.evaluate(FIRST_LATE)
+    (first, first_s), (next_, next_s), (restarted, restarted_s) = Screen(browser, idle_page.url).page.evaluate(
+        FIRST_LATE
+    )
     assert first == {"key": "page_slow", "seconds": "2"}
     assert 1.5 < first_s < 3.0
     assert next_ is None
@@ -54,8 +56,8 @@ LATE = """() => import('/link.js').then(async ({Link}) => {
 })"""
 
 
-def test_late_pushes_are_stale(page: PageUnderTest, browser: Browser) -> None:
-    screen = Screen(browser, page.url)
+def test_late_pushes_are_stale(idle_page: PageUnderTest, browser: Browser) -> None:
+    screen = Screen(browser, idle_page.url)
     complaints = screen.page.evaluate(LATE)
     assert complaints == [
         None,

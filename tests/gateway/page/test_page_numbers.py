@@ -8,7 +8,7 @@ from playwright.sync_api import Browser, expect
 from gateway.messages import Level
 from gateway.motion.estimate import MotionEstimate, PeakEstimate
 from gateway.units import degrees
-from tests.gateway.page.conftest import FakeGateway, PageUnderTest
+from tests.gateway.page.conftest import FakeGateway, PageUnderTest, ShownPage
 from tests.gateway.page.screen import CALM, Screen
 
 pytestmark = pytest.mark.slow
@@ -75,8 +75,8 @@ CALLS = [
 ]
 
 
-def test_numbers_are_rounded_outwards(page: PageUnderTest, browser: Browser) -> None:
-    screen = Screen(browser, page.url)
+def test_numbers_are_rounded_outwards(shown_page: ShownPage) -> None:
+    screen = shown_page.screen
     for module, function, argument, expected in CALLS:
         call = f"argument => import('/{module}').then(module => module.{function}(argument, {DIRECTIONS}))"
         got = screen.page.evaluate(call, argument)
@@ -86,8 +86,8 @@ def test_numbers_are_rounded_outwards(page: PageUnderTest, browser: Browser) -> 
         )
 
 
-def test_the_coming_peak_is_the_one_that_alerts_judge(page: PageUnderTest, browser: Browser) -> None:
-    screen = Screen(browser, page.url)
+def test_the_coming_peak_is_the_one_that_alerts_judge(shown_page: ShownPage) -> None:
+    screen = shown_page.screen
     kept, coasting = (
         PeakEstimate(angle_rad=0.10, u_rad=0.02, in_s=1.5),
         PeakEstimate(angle_rad=0.04, u_rad=0.01, in_s=1.0),
@@ -126,7 +126,7 @@ DECIDING = "motion => import('/peak.js').then(each => each.deciding(motion))"
     ],
 )
 def test_a_peak_is_expected_where_it_can_be_told_from_the_present_angle(
-    page: PageUnderTest, browser: Browser, present_deg: float, peak_deg: float, angle_deg: float, is_expected: bool
+    shown_page: ShownPage, present_deg: float, peak_deg: float, angle_deg: float, is_expected: bool
 ) -> None:
     motion = {
         "angle_deg": present_deg,
@@ -135,11 +135,11 @@ def test_a_peak_is_expected_where_it_can_be_told_from_the_present_angle(
         "predicted_u_deg": 0.07,
         "time_to_peak_s": 1.5,
     }
-    shown = Screen(browser, page.url).page.evaluate(DECIDING, motion)
+    shown = shown_page.screen.page.evaluate(DECIDING, motion)
     assert (shown["angleDeg"], shown["inS"] > 0) == (angle_deg, is_expected)
 
 
-def test_a_number_far_above_the_present_angle_is_never_shown_as_that(page: PageUnderTest, browser: Browser) -> None:
+def test_a_number_far_above_the_present_angle_is_never_shown_as_that(shown_page: ShownPage) -> None:
     motion = {
         "angle_deg": 0.2,
         "u_deg": 0.3,
@@ -147,18 +147,16 @@ def test_a_number_far_above_the_present_angle_is_never_shown_as_that(page: PageU
         "predicted_u_deg": 1.7,
         "time_to_peak_s": 1.5,
     }
-    assert Screen(browser, page.url).page.evaluate(DECIDING, motion)["inS"] == 1.5
+    assert shown_page.screen.page.evaluate(DECIDING, motion)["inS"] == 1.5
 
 
 RADII = """() => [...document.querySelectorAll('#bullseye .limit, #bullseye circle.swing')]
   .map((each) => [each.classList[0], Number(each.getAttribute('r'))])"""
 
 
-def test_seen_from_above_the_limits_stay_and_the_angle_is_the_deciding_one(
-    gateway: FakeGateway, page: PageUnderTest, browser: Browser
-) -> None:
+def test_seen_from_above_the_limits_stay_and_the_angle_is_the_deciding_one(shown_page: ShownPage) -> None:
+    gateway, screen = shown_page
     gateway.scene.azimuth_deg = None  # so that the swing is a circle
-    screen = Screen(browser, page.url)
     limits = [["limit", pytest.approx(98 * 4 / 6)], ["limit", 98]]
     for expected_deg, last_deg, radius in ((3.0, 7.3, 49.0), (12.4, 3.0, 98.0), (1.5, 12.4, 24.5)):
         gateway.scene.expected_deg, gateway.scene.phi_max_deg = expected_deg, last_deg
@@ -182,9 +180,9 @@ MAJOR = """() => import('/bullseye.js').then(({Bullseye}) => {
 })"""
 
 
-def test_a_swing_about_a_lean_is_drawn_as_wide_as_it_is(page: PageUnderTest, browser: Browser) -> None:
+def test_a_swing_about_a_lean_is_drawn_as_wide_as_it_is(shown_page: ShownPage) -> None:
     """It reaches 10 degrees on one side of a lean of 4, and 2 on the other; the limit of 5 is at 98."""
-    assert Screen(browser, page.url).page.evaluate(MAJOR) == pytest.approx(98 * 6 / 5, rel=0.01)
+    assert shown_page.screen.page.evaluate(MAJOR) == pytest.approx(98 * 6 / 5, rel=0.01)
 
 
 TREND = """() => import('/trend.js').then(({Trend}) => {
@@ -201,8 +199,8 @@ TREND = """() => import('/trend.js').then(({Trend}) => {
 })"""
 
 
-def test_one_wide_interval_does_not_change_the_scale_of_the_trend(page: PageUnderTest, browser: Browser) -> None:
-    heights = Screen(browser, page.url).page.evaluate(TREND)
+def test_one_wide_interval_does_not_change_the_scale_of_the_trend(shown_page: ShownPage) -> None:
+    heights = shown_page.screen.page.evaluate(TREND)
     assert len(set(heights)) == 1
     assert 60 <= heights[0] <= 80
 
@@ -210,8 +208,8 @@ def test_one_wide_interval_does_not_change_the_scale_of_the_trend(page: PageUnde
 BAND = "document.querySelector('#gauge .band').style.width"
 
 
-def test_no_interval_stands_beside_a_doubt(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
-    screen = Screen(browser, page.url)
+def test_no_interval_stands_beside_a_doubt(shown_page: ShownPage) -> None:
+    gateway, screen = shown_page
     screen.text("#phi", "2.3°")
     gateway.scene.calibration = "uncalibrated"
     screen.shows("UNCALIBRATED", "slash")
@@ -232,9 +230,9 @@ def test_no_interval_stands_beside_a_doubt(gateway: FakeGateway, page: PageUnder
     assert screen.errors == []
 
 
-def test_no_swing_is_said_of_a_load_at_rest_alone(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
+def test_no_swing_is_said_of_a_load_at_rest_alone(shown_page: ShownPage) -> None:
+    gateway, screen = shown_page
     gateway.scene.phi_max_deg, gateway.scene.phi_max_u_deg = 0.9, 0.9
-    screen = Screen(browser, page.url)
     screen.text("#phi", "0.9°")
     screen.text("#interval", "± 1.8° (95 %)")
     screen.text("#sentence", "Load swings.")
@@ -251,8 +249,8 @@ def test_no_swing_is_said_of_a_load_at_rest_alone(gateway: FakeGateway, page: Pa
     screen.text("#sentence", "Load swings.")
 
 
-def test_a_lean_alarm_shows_the_lean(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
-    screen = Screen(browser, page.url)
+def test_a_lean_alarm_shows_the_lean(shown_page: ShownPage) -> None:
+    gateway, screen = shown_page
     screen.text("#angle-title", "swing: now, or the larger coming peak")
     gateway.scene.level, gateway.scene.rule = "trip", "lean"
     screen.text("#angle-title", "lean of the rope")
@@ -266,10 +264,9 @@ def test_a_lean_alarm_shows_the_lean(gateway: FakeGateway, page: PageUnderTest, 
     assert screen.errors == []
 
 
-def test_the_list_has_the_largest_angle_of_an_alarm(
-    gateway: FakeGateway, page: PageUnderTest, browser: Browser
-) -> None:
+def test_the_list_has_the_largest_angle_of_an_alarm(shown_page: ShownPage) -> None:
+    gateway, screen = shown_page
     gateway.scene.level, gateway.scene.largest_deg, gateway.scene.ends_in_s = "trip", 7.92, 2.5
-    screen = Screen(browser, page.url + "#alerts")
+    screen.page.evaluate("location.hash = '#alerts'")
     screen.text("#sentence", "Limit 6.0° exceeded. Becomes a warning in 3 s.")
-    screen.text("#alert-rows td >> nth=3", "7.9°")
+    screen.text("#alert-rows tr.standing td >> nth=3", "7.9°")

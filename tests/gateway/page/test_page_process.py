@@ -36,6 +36,10 @@ def test_state_health_and_metrics_follow_the_gateway(gateway: FakeGateway, page:
     assert set(state["age_s"]) == set(state["topics"])
     assert page.get("/healthz")[0] == 200
     assert "plumbline_phi_max_degrees{" in page.get("/metrics")[1]
+    assert "drift" not in page.get("/metrics")[1]  # before it is known
+    gateway.scene.drift = {"state": "alarm", "norm_error_mg": 9.0, "limit_mg": 5.0}
+    wait_until(lambda: "plumbline_drift_alarm" in page.get("/metrics")[1], "the drift")
+    assert "plumbline_drift_norm_error_g{" in page.get("/metrics")[1]
 
     gateway.scene.level = "trip"
     wait_until(_is(page, "TRIP"), "TRIP")

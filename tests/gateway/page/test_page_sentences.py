@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser
 
-from tests.gateway.page.conftest import FakeGateway, PageUnderTest
+from tests.gateway.page.conftest import FakeGateway, PageUnderTest, ShownPage
 from tests.gateway.page.screen import Screen
 
 pytestmark = pytest.mark.slow
@@ -28,12 +28,12 @@ YIELDING = """() => import('/steady.js').then(({Steady}) => {
 })"""
 
 
-def test_rest_is_not_held_against_a_number_that_denies_it(page: PageUnderTest, browser: Browser) -> None:
-    assert Screen(browser, page.url).page.evaluate(YIELDING) == ["rest", "free", "free"]
+def test_rest_is_not_held_against_a_number_that_denies_it(shown_page: ShownPage) -> None:
+    assert shown_page.screen.page.evaluate(YIELDING) == ["rest", "free", "free"]
 
 
-def test_a_sentence_keeps_its_form_for_two_seconds(page: PageUnderTest, browser: Browser) -> None:
-    assert Screen(browser, page.url).page.evaluate(STEADY) == ["a", "a", "a", "b", "b", "a", "a"]
+def test_a_sentence_keeps_its_form_for_two_seconds(shown_page: ShownPage) -> None:
+    assert shown_page.screen.page.evaluate(STEADY) == ["a", "a", "a", "b", "b", "a", "a"]
 
 
 ALARM = """([active, value]) => import('/sentence.js').then(({sentence}) =>
@@ -79,10 +79,8 @@ TWO_ALARMS = """(active) => import('/sentence.js').then(({sentence}) =>
   sentence({word: 'TRIP'}, {age_s: {}, topics: {alert: {active}}}, {angleDeg: 4.1, inS: 0, halfDeg: 0.3}))"""
 
 
-def test_an_alarm_says_what_its_limit_is_and_what_follows_and_no_second_angle(
-    page: PageUnderTest, browser: Browser
-) -> None:
-    screen = Screen(browser, page.url)
+def test_an_alarm_says_what_its_limit_is_and_what_follows_and_no_second_angle(shown_page: ShownPage) -> None:
+    screen = shown_page.screen
     for active, value, expected in ALARMS:
         assert screen.page.evaluate(ALARM, [active, value]) == expected
 
@@ -91,16 +89,16 @@ UNTRUSTED = """(value) => import('/sentence.js').then(({sentence}) =>
   sentence({word: 'TRIP'}, {age_s: {}, topics: {condition: {trusted: false}, alert: {active: [ACTIVE]}}}, value))"""
 
 
-def test_an_alarm_stays_while_the_readings_cannot_be_trusted(page: PageUnderTest, browser: Browser) -> None:
-    screen = Screen(browser, page.url)
+def test_an_alarm_stays_while_the_readings_cannot_be_trusted(shown_page: ShownPage) -> None:
+    screen = shown_page.screen
     program = UNTRUSTED.replace("ACTIVE", json.dumps({**LARGE, **FALLS}))
     told = screen.page.evaluate(program, {"angleDeg": 4.1, "inS": 0, "halfDeg": 0.3})
     assert told == "Limit 6.0° exceeded. Stays while the readings cannot be trusted."
     assert screen.page.evaluate(program, None) == f"The angle is not known now, and the alarm stays. {BECOMES_WARNING}"
 
 
-def test_no_end_of_an_alarm_is_told_while_another_of_its_level_stands(page: PageUnderTest, browser: Browser) -> None:
-    screen = Screen(browser, page.url)
+def test_no_end_of_an_alarm_is_told_while_another_of_its_level_stands(shown_page: ShownPage) -> None:
+    screen = shown_page.screen
     swing = {**LARGE, **FALLS, "ends_in_s": 1.0}
     told = screen.page.evaluate(TWO_ALARMS, [swing, {**LEAN, "level": "trip"}])
     assert told == "Limit 6.0° exceeded. The rope leans too far as well."
@@ -135,9 +133,9 @@ UNKNOWN_ALARM = "The angle is not known now, and the alarm stays."
     ],
 )
 def test_only_a_cause_that_is_all_but_certain_is_named(
-    page: PageUnderTest, browser: Browser, motion: dict[str, Any] | None, expected: str
+    shown_page: ShownPage, motion: dict[str, Any] | None, expected: str
 ) -> None:
-    calm, alarm = Screen(browser, page.url).page.evaluate(DOING, motion)
+    calm, alarm = shown_page.screen.page.evaluate(DOING, motion)
     assert calm == expected
     assert alarm == (UNKNOWN_ALARM if expected.startswith("Load") else f"{expected} {UNKNOWN_ALARM}".strip())
 
@@ -165,26 +163,24 @@ BESIDE = """(angle) => Promise.all([import('/peak.js'), import('/sentence.js')])
     ],
 )
 def test_number_and_sentence_say_the_same_of_a_load_at_rest(
-    page: PageUnderTest, browser: Browser, angle: dict[str, Any], shown: tuple[str, bool, bool]
+    shown_page: ShownPage, angle: dict[str, Any], shown: tuple[str, bool, bool]
 ) -> None:
-    assert tuple(Screen(browser, page.url).page.evaluate(BESIDE, angle)) == shown
+    assert tuple(shown_page.screen.page.evaluate(BESIDE, angle)) == shown
 
 
 SILENCE = """() => import('/sentence.js').then(({sentence}) =>
   sentence({word: 'STALE'}, {gateway: true, topics: {}, age_s: {tilt: 1.3, motion: 1.4, swing: 6.8}}))"""
 
 
-def test_silence_is_as_old_as_the_newest_sample(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
+def test_silence_is_as_old_as_the_newest_sample(shown_page: ShownPage) -> None:
     """A swing is estimated once in seconds: its age says nothing of a gateway that has just fallen silent."""
-    screen = Screen(browser, page.url)
+    screen = shown_page.screen
     screen.shows("OK", "circle")
     assert "1 s" in screen.page.evaluate(SILENCE)
 
 
-def test_a_silent_sensor_is_told_from_a_gateway_that_is_gone(
-    gateway: FakeGateway, page: PageUnderTest, browser: Browser
-) -> None:
-    screen = Screen(browser, page.url)
+def test_a_silent_sensor_is_told_from_a_gateway_that_is_gone(shown_page: ShownPage) -> None:
+    gateway, screen = shown_page
     screen.shows("OK", "circle")
     gateway.scene.validity = "no_samples"
     screen.shows("STALE", "hourglass")
