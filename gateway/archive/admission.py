@@ -22,7 +22,7 @@ from gateway.pki.signing_key import read_public_key
 from gateway.recording.chain.chain_verification import VouchedKey, find_vouched_key
 from gateway.recording.chain.file_verification import FileVerification, verify_file
 from gateway.recording.chain.statements import SIGNATURE, hash_of, parse_statement
-from gateway.recording.format.content import ORIGIN
+from gateway.recording.format.content import ORIGIN, segment_number
 from gateway.recording.reading.recording_file import GATEWAY_KEYS, read_index
 from gateway.topics import KEY_PREFIX
 
@@ -121,7 +121,7 @@ def _admit(
         size_bytes=stored.size_bytes,
         status="counted",
         reason=reason,
-        segment=found.segment,
+        segment=found.segment or segment_number(origin) or None,  # a copy claims that of its original
         boot_id=origin.get("boot_id", ""),
         software=origin.get("software", ""),
         public_key="" if statement is None else statement.public_key,

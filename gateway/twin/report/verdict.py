@@ -60,7 +60,8 @@ class Size:
 
 def effect_sizes(effect: NamedEffect) -> tuple[Size, ...]:
     """Return the estimated parameters that say how large an effect is, not when it acted or with which phase."""
-    refitted = {parameter.name for parameter in EFFECTS[effect.name].parameters if parameter.refitted}
+    known = EFFECTS.get(effect.name)
+    refitted = {parameter.name for parameter in known.parameters if parameter.refitted} if known else set()
     return tuple(
         size
         for name, estimate in effect.parameters.items()
@@ -198,7 +199,8 @@ def _stated(effect: NamedEffect) -> str:
 
 
 def _candidate(name: str) -> Finding:
-    return Finding(human_name(name), as_sentence(EFFECTS[name].explains), False, "", ())
+    known = EFFECTS.get(name)
+    return Finding(human_name(name), as_sentence(known.explains) if known else "", False, "", ())
 
 
 def _acted(when_s: tuple[float, float] | None) -> str:
@@ -282,7 +284,8 @@ def ranked_candidates(result: Reconciliation) -> list[Candidate]:
 
 def is_transient(name: str) -> bool:
     """Return whether an effect acts for a time only."""
-    return EFFECTS[name].transient
+    known = EFFECTS.get(name)
+    return known is not None and known.transient
 
 
 def relative_deficit(candidate: Candidate, candidates: list[Candidate]) -> float:
