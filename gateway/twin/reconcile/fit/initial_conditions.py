@@ -11,7 +11,7 @@ from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.initial_states import harmonic_initial_states, initial_state_from_samples
-from gateway.twin.reconcile.fit.least_squares import LARGE_SWING_ITERATIONS, NormalEquations
+from gateway.twin.reconcile.fit.least_squares import LARGE_SWING_ITERATIONS, REFINEMENT_ITERATIONS, NormalEquations
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING, ROPE_RATES, ROPE_TILTS, rotation_about_vertical
 
@@ -48,13 +48,13 @@ def segment_initial_conditions(
     The samples of one segment do not determine its heading. It is set so that the headings of consecutive segments agree.
     """
     n_states, rig = simulator.n_initial_states, simulator.rig
+    segments = _Segments(simulator, observations, effect_values, first_samples)
     if abs(1 - rig.position_m / rig.length_m) < MIN_LATERAL_GAIN:
-        starts = harmonic_initial_states(rig, observations, first_samples, n_states)
+        fitted = segments.fit_each(harmonic_initial_states(rig, observations, first_samples, n_states))
     elif observations.has_large_amplitude or any(EFFECTS[name].hides_small_motion for name in simulator.effect_names):
-        starts = initial_state_from_samples(rig, observations, first_samples, n_states)
-    else:
-        starts = np.zeros((len(first_samples), n_states))
-    fitted = _Segments(simulator, observations, effect_values, first_samples).fit_each(starts)
+        fitted = segments.fit_each(initial_state_from_samples(rig, observations, first_samples, n_states))
+    else:  # steps of its own for each segment end in another minimum of two bodies
+        fitted = segments.refine_each(np.zeros((len(first_samples), n_states)))
     turned_rad = np.concatenate([[0.0], np.cumsum(fitted.ends[:-1, HEADING])])
     starts = rotate_about_vertical(fitted.initial_states, turned_rad, simulator.structure)
     ends = rotate_about_vertical(fitted.ends, turned_rad, simulator.structure)
@@ -101,6 +101,15 @@ class _Segments:
     observations: Observations
     effect_values: Array
     first_samples: Sequence[int]
+
+    def refine_each(self, initial_states: Array) -> _SegmentFits:
+        """Fit the initial state of each segment, in which the readings are nearly linear (Gauss-Newton)."""
+        free = np.arange(self.simulator.n_initial_states) != HEADING
+        fits = self._linearise(initial_states)
+        for _ in range(REFINEMENT_ITERATIONS):
+            steps = [each.step(free, LOCAL_DAMPING) for each in fits.equations]
+            fits = self._linearise(fits.initial_states + np.clip(steps, -MAX_LOCAL_STEP, MAX_LOCAL_STEP))
+        return fits
 
     def fit_each(self, initial_states: Array) -> _SegmentFits:
         """Fit the initial state of each segment by steps of its own, with its own damping (Levenberg-Marquardt)."""

@@ -12,6 +12,8 @@ from gateway.twin.simulator.simulator import Simulator
 Array = NDArray[np.float64]
 FIT_ITERATIONS = 8
 """Iterations of most fits; nearly all converge earlier."""
+REFINEMENT_ITERATIONS = 3
+"""Iterations of a fit that starts near its minimum, or in which the samples are nearly linear."""
 REFINE_ITERATIONS = 20
 """Iterations of a fit that continues along a narrow valley of chi-square."""
 SCREENING_ITERATIONS = 6
