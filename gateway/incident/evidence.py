@@ -140,13 +140,10 @@ def read_evidence(
     )
 
 
-HEALTH = frozenset({"/health"})
-
-
 def _was_stopped(timeline: Timeline) -> bool:
     """Return whether the newest statement of the gateway on itself is that it was stopping."""
     for segment in reversed(timeline.segments):
-        stated = replace(timeline, segments=(segment,)).messages(Selection(None, None, HEALTH))
+        stated = replace(timeline, segments=(segment,)).messages(Selection(None, None, frozenset({"/health"})))
         newest = max(stated, key=lambda message: message.recorded.log_time_ns, default=None)
         if newest is not None:
             content = newest.decode()

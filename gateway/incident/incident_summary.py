@@ -277,6 +277,9 @@ def _after(course: Course, end_s: float) -> str:
     gap = next((each for each in course.holes if abs(each.begin_s - end_s) < MAX_ALERT_SILENCE_S), None)
     if gap is not None:
         return f"the recordings have a gap of {format_fixed(gap.end_s - gap.begin_s, 1)} s ({gap.cause})"
+    restart = next((each for each in course.restarts if 0 <= each.stopped_s - end_s < MAX_ALERT_SILENCE_S), None)
+    if restart is not None:
+        return "the gateway was stopped" if restart.is_announced else "the gateway stopped without notice"
     return "the gateway was stopped or restarted" if course.end_s - end_s > MAX_ALERT_SILENCE_S else "they end"
 
 

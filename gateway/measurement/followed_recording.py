@@ -65,7 +65,7 @@ class _Smoothing:
     """Smooths what the trackers of a monitor find, while they go on."""
 
     def __init__(self, monitor: MotionMonitor, gravity_m_s2: float) -> None:
-        self._monitor, self._gravity_m_s2 = monitor, gravity_m_s2
+        self._monitor = monitor
         self._plain, self._tracker = Smoother(gravity_m_s2), monitor.tracker
         self._sharpened: Smoother | None = None
         self._with_gyro: MotionTracker | None = None

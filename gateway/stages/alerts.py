@@ -108,7 +108,7 @@ def judge(
     """
     if value_rad is None or not math.isfinite(value_rad):
         return _judge_unknown(state, time_s)
-    if is_untrusted or time_s - state.known_s > GRACE_S:
+    if time_s - state.known_s > GRACE_S:
         state = _without_hold(state)
     lowering_rad = math.inf if is_untrusted else value_rad
     clear_since_s = _below_since(lowering_rad, limits.clear_rad, state.below_clear_since_s, time_s)

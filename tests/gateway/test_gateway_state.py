@@ -7,7 +7,7 @@ import pytest
 from gateway.gateway_state import BY_VALIDITY, HEARTBEAT_S, GatewayPresence, GatewayState
 from gateway.messages import Validity
 from tests.gateway.bus.test_alert_sequence import alert
-from tests.gateway.page.conftest import Scene
+from tests.gateway.scene import Scene
 
 NOW_S = 100.0
 PATIENCE_S = 0.6

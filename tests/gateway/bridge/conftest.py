@@ -12,7 +12,7 @@ from gateway.bus.authenticity import Doubt
 from gateway.bus.fleet_inbox import FleetInbox
 from gateway.messages import Message
 from gateway.topics import TOPIC_OF, encode
-from tests.gateway.page.conftest import SAMPLE_TIME_NS, Scene
+from tests.gateway.scene import SAMPLE_TIME_NS, Scene
 
 KEY = "plumbline/v1/north-yard/crane-3/hook"
 NOW_UTC = datetime.fromtimestamp(SAMPLE_TIME_NS / 1e9, UTC)

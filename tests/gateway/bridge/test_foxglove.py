@@ -19,7 +19,7 @@ from gateway.messages import ActiveAlert
 from gateway.recording.format.content import encode_recorded, schema_bytes
 from gateway.topics import encode
 from tests.gateway.bridge.conftest import KEY
-from tests.gateway.page.conftest import Scene
+from tests.gateway.scene import Scene
 from tests.ports import unused_port
 from tests.system.foxglove_client import FoxgloveClient
 

@@ -20,7 +20,7 @@ from gateway.bridge.plant_values import PLANT_VALUES
 from gateway.bus.authenticity import Doubt
 from gateway.messages import Level, Validity
 from tests.gateway.bridge.conftest import KEY, Listener
-from tests.gateway.page.conftest import SAMPLE_TIME_NS
+from tests.gateway.scene import SAMPLE_TIME_NS
 
 MEASURED = (
     "angle_deg",

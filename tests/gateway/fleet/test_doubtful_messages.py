@@ -12,7 +12,7 @@ from gateway.fleet.gateway_status import GatewayStatus
 from gateway.messages import Level
 from gateway.topics import TOPIC_OF, encode
 from tests.gateway.fleet.test_fleet_state import KEY, NOW_UTC
-from tests.gateway.page.conftest import SAMPLE_TIME_NS, Scene
+from tests.gateway.scene import SAMPLE_TIME_NS, Scene
 
 FORGED = Doubt("wrong", "its signature is wrong")
 STRANGER = Doubt("unknown", "nobody here knows the key")

@@ -9,7 +9,7 @@ from gateway.messages import ActiveAlert, Message
 from gateway.page.metrics import Counters, format_exposition, gauge, labelled_gauge, render, with_labels
 from gateway.page.verdict import PageEvidence
 from gateway.topics import TOPIC_OF
-from tests.gateway.page.conftest import Scene
+from tests.gateway.scene import Scene
 
 PLACE = {"site": "y", "crane": "c1", "sensor": "h"}
 

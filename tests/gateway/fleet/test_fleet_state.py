@@ -13,7 +13,7 @@ from gateway.fleet.fleet_state import DUPLICATE_S, FleetState
 from gateway.fleet.gateway_status import GatewayStatus
 from gateway.messages import Message
 from gateway.topics import TOPIC_OF, encode
-from tests.gateway.page.conftest import SAMPLE_TIME_NS, Scene
+from tests.gateway.scene import SAMPLE_TIME_NS, Scene
 
 KEY = "plumbline/v1/north-yard/crane-3/hook"
 NOW_UTC = datetime.fromtimestamp(SAMPLE_TIME_NS / 1e9, UTC)

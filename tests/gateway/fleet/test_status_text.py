@@ -10,7 +10,7 @@ from gateway.fleet.status_text import judge_answer, status_lines
 from gateway.messages import Message
 from gateway.topics import TOPIC_OF, encode
 from tests.gateway.fleet.test_fleet_state import KEY, NOW_UTC
-from tests.gateway.page.conftest import SAMPLE_TIME_NS, Scene
+from tests.gateway.scene import SAMPLE_TIME_NS, Scene
 
 DRIFT = {"at_rest": "not known yet", "by_records": "not known"}
 

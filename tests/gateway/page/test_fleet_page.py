@@ -29,7 +29,8 @@ from gateway.messages import Health
 from gateway.pki.signing_key import SigningKey
 from gateway.stages.condition import DISTURBING, UNUSABLE
 from gateway.topics import TOPIC_OF, encode
-from tests.gateway.page.conftest import PageUnderTest, Scene
+from tests.gateway.page.conftest import PageUnderTest
+from tests.gateway.scene import Scene
 from tests.ports import unused_port
 from tests.waiting import PATIENCE_S, wait_until
 

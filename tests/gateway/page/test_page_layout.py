@@ -12,7 +12,8 @@ from playwright.sync_api import Browser, Page, expect
 from gateway.languages import LANGUAGES, read_texts
 from gateway.messages import NO_SESSION, SessionPose
 from gateway.page.channel import CraneDirections
-from tests.gateway.page.conftest import FakeGateway, PageUnderTest, Scene, ShownPage, open_page
+from tests.gateway.page.conftest import FakeGateway, PageUnderTest, ShownPage, open_page
+from tests.gateway.scene import Scene
 from tests.values import present
 
 pytestmark = pytest.mark.slow

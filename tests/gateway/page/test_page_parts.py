@@ -13,7 +13,7 @@ from gateway.page.hub import MAX_STREAMS_PER_ADDRESS, MAX_WAITING_PUSHES, EventS
 from gateway.page.metrics import Counters, format_exposition
 from gateway.page.verdict import PageEvidence
 from gateway.topics import TOPIC_OF
-from tests.gateway.page.conftest import Scene
+from tests.gateway.scene import Scene
 
 KEY = "plumbline/v1/north-yard/crane-3/hook"
 PARAMETERS = Parameters(key=KEY, warn_deg=4.0, trip_deg=6.0, fd=5)

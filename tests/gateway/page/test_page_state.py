@@ -12,7 +12,7 @@ from gateway.page.history import MAX_HISTORY_POINTS, SPAN_S, History
 from gateway.page.state import PageState
 from gateway.topics import TOPIC_OF, encode
 from tests.gateway.calibration.test_turn_alignment import turning
-from tests.gateway.page.conftest import Scene
+from tests.gateway.scene import Scene
 
 KEY = "plumbline/v1/north-yard/crane-3/hook"
 MS_NS = 1_000_000

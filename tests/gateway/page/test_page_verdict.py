@@ -11,7 +11,7 @@ from gateway.gateway_state import GatewayPresence, GatewayState
 from gateway.messages import NO_SESSION, Alert, Level, Message, Validity
 from gateway.page.verdict import STATED_VERDICTS, STYLES, USUAL_INTERVAL_S, PageEvidence, verdict
 from gateway.topics import TOPIC_OF, TOPICS
-from tests.gateway.page.conftest import Scene
+from tests.gateway.scene import Scene
 from tests.values import present
 
 Change = Callable[[Any], None]
