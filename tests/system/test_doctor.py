@@ -13,6 +13,8 @@ import pytest
 
 from gateway.configuration.loading import load
 from gateway.daemon.doctor.checks import examine, examine_sensor_as_user
+from gateway.pki.signing_key import load_or_create_key
+from gateway.recording.chain.chain_state import read_state, save_state
 from tests.system.conftest import ROOT, JoinBus, Plumbline, RunningGateway, StartGateway
 
 
@@ -198,3 +200,18 @@ def test_doctor_as_root_opens_nothing_that_the_settings_of_another_user_name(
     (result,) = examine_sensor_as_user(configuration)
     assert (result.grade, result.place) == ("bad", "device")
     assert (of_another_user.parent / "victim").read_text() == "precious"
+
+
+@pytest.mark.slow
+def test_doctor_names_a_chain_that_another_key_has_signed(
+    start_gateway: StartGateway, plumbline: Plumbline, tmp_path: Path
+) -> None:
+    ended = start_gateway(arguments=["--duration", "2"])
+    assert ended.wait()[0] == 0
+    data_dir = ended.data_dir
+    config = _config(tmp_path, data_dir, "tcp/127.0.0.1:0")
+    assert " chain  " not in plumbline("doctor", "--config", config).stdout
+    state = read_state(data_dir)
+    assert state is not None
+    save_state(data_dir, state, load_or_create_key(tmp_path / "another-key.pem"))
+    assert "BAD  chain " in plumbline("doctor", "--config", config).stdout

@@ -27,8 +27,8 @@ from gateway.daemon.storage.recording_worker import signing_key_path
 from gateway.errors import PlumblineError
 from gateway.extras import what_is_missing
 from gateway.page.channel import listen_at
-from gateway.pki.signing_key import fingerprint
-from gateway.recording.chain.chain_state import ChainStateError, list_aside, read_state
+from gateway.pki.signing_key import KeyFileError, fingerprint
+from gateway.recording.chain.chain_state import STATE_NAME, ChainStateError, is_signed, list_aside, read_state
 from gateway.recording.chain.segment_chain import newest_signer
 
 LOW_DISK_MB = 500.0
@@ -123,11 +123,9 @@ def _disk(configuration: Configuration) -> Iterator[CheckResult]:
 
 def _chain(configuration: Configuration) -> Iterator[CheckResult]:
     folder = configuration.gateway.data_dir
-    try:
-        read_state(folder)
-    except ChainStateError as error:
+    if problem := _problem_of_state(folder):
         remedy = "the next start keeps it aside, goes on from the recordings, and says what it lost"
-        yield CheckResult("bad", "chain", f"{error}; {remedy}")
+        yield CheckResult("bad", "chain", f"{problem}; {remedy}")
     if kept := list_aside(folder):
         names = ", ".join(path.name for path in kept)
         yield CheckResult(
@@ -135,6 +133,17 @@ def _chain(configuration: Configuration) -> Iterator[CheckResult]:
             "chain",
             f"{folder}: has {names}, kept from damage; copy them for an investigation, then delete them",
         )
+
+
+def _problem_of_state(folder: Path) -> str:
+    try:
+        state, signer = read_state(folder), newest_signer(folder)
+        is_forged = state is not None and bool(state.signature and signer) and not is_signed(state, signer)
+    except ChainStateError as error:
+        return str(error)
+    except KeyFileError:  # without the extra no signature can be checked
+        return ""
+    return f"{folder / STATE_NAME}: is not signed with the key of the newest recording" if is_forged else ""
 
 
 def check_signing_key(configuration: Configuration) -> Iterator[CheckResult]:

@@ -1,12 +1,12 @@
-"""The state of a gateway's chain of segments over a restart: `chain.json` in its data folder, with a checksum.
+"""The state of a gateway's chain of segments over a restart: `chain.json` in its data folder, signed, and with a checksum.
 
-The signed statements in the recordings tell nearly the same. Where the file is damaged the state is taken from them, and the file
-is kept aside.
+The signed statements in the recordings tell nearly the same: where the file is damaged or forged, the state is taken from them,
+and the file is kept aside.
 """
 
 import hashlib
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -15,6 +15,7 @@ import msgspec
 from gateway.atomic_io import sync_folder, write_durably
 from gateway.errors import PlumblineError
 from gateway.file_input import decode_json, read_bounded
+from gateway.pki.signing_key import SigningKey, is_valid
 from gateway.recording.format.content import MAX_SEGMENT_NUMBER
 
 STATE_NAME = "chain.json"
@@ -48,6 +49,8 @@ class ChainState:
     """Number of the first segment after this state was last lost and taken from the recordings; 0: never."""
     deletions: dict[str, str] = field(default_factory=dict)
     """The signed statement about the segments that were deleted; empty: none was made."""
+    signature: str = ""
+    """Of all the others, by the gateway's key. Empty: not signed, or by a version that did not sign it."""
 
 
 def read_state(data_dir: Path) -> ChainState | None:
@@ -68,9 +71,19 @@ def read_state(data_dir: Path) -> ChainState | None:
     return state
 
 
-def save_state(data_dir: Path, state: ChainState) -> None:
-    """Save the state. Raises `OSError`."""
+def save_state(data_dir: Path, state: ChainState, key: SigningKey | None = None) -> None:
+    """Save the state, signed with a key. Raises `OSError`."""
+    state.signature = "" if key is None else key.sign(_signed_text(state))
     write_durably(data_dir / STATE_NAME, _encode(state))
+
+
+def is_signed(state: ChainState, public_key: str) -> bool:
+    """Return whether a key has signed the state. Raises `KeyFileError` where signatures cannot be checked."""
+    return bool(public_key) and is_valid(public_key, _signed_text(state), state.signature)
+
+
+def _signed_text(state: ChainState) -> str:
+    return msgspec.json.encode(replace(state, signature="")).decode()
 
 
 def put_aside(data_dir: Path) -> Path:

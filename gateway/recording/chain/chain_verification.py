@@ -15,12 +15,13 @@ from gateway.file_input import parse_json
 from gateway.messages import NewestStatement
 from gateway.pki.signing_key import fingerprint
 from gateway.recording.chain.chain_files import entire_folders, is_data_folder, place_destroyed
-from gateway.recording.chain.chain_state import STATE_NAME, ChainState, ChainStateError, read_state
+from gateway.recording.chain.chain_state import STATE_NAME, ChainState, ChainStateError, is_signed, read_state
 from gateway.recording.chain.file_verification import FileVerification
 from gateway.recording.chain.statements import (
     NOT_GIVEN,
     REMOVED,
     SIGNATURE,
+    SIGNS_STATE,
     DeletionStatement,
     MissingSegments,
     Statement,
@@ -172,7 +173,7 @@ def verify_chain(
     named = tuple(dict.fromkeys(statement.gateway for _, statement in stated))
     heard, remembered = ([each for each in given if each.gateway in named] for given in (heard, remembered))
     problems += _rewritten(numbered, [*heard, *remembered])
-    states, unproven = _read_states(numbered, folders)
+    states, unproven = _read_states(numbered, folders, problems)
     remarks += unproven
     deletions = _join_deletions([file for file, _ in stated], states, problems)
     proven = max([0, *(state.final_segment for state in states), *(each.segment for each in heard)])
@@ -215,15 +216,24 @@ def _not_given(missing: Sequence[MissingSegments], proven: int) -> Iterator[Miss
             yield replace(each, reason=NOT_GIVEN)
 
 
-def _read_states(numbered: Sequence[FileVerification], folders: Sequence[Path]) -> tuple[list[ChainState], list[str]]:
+def _read_states(
+    numbered: Sequence[FileVerification], folders: Sequence[Path], problems: list[str]
+) -> tuple[list[ChainState], list[str]]:
     """Return what the gateway has saved in the folders, and where that is missing, what cannot be proved without it."""
     states, unproven = [], []
     for folder in folders:
+        here = [file for file in numbered if file.path.parent == folder]
+        signed = [file.statement for file in here if file.statement is not None and file.statement.public_key]
         try:
             state, reason = read_state(folder), f"{folder}: has no {STATE_NAME}"
         except ChainStateError as error:
             state, reason = None, str(error)
-        here = [file for file in numbered if file.path.parent == folder]
+        if state is not None and signed and not is_signed(state, signed[-1].public_key):
+            if state.signature or any(statement.format >= SIGNS_STATE for statement in signed):
+                problems.append(f"FORGED: {folder / STATE_NAME} is not signed with the key of the recordings")
+            else:  # by a version that signed the deletions in it alone
+                states.append(ChainState(deletions=state.deletions))
+            state, reason = None, f"{folder / STATE_NAME}: is not signed"
         if state is not None:
             states.append(state)
         elif any(file.is_final for file in here):

@@ -25,6 +25,7 @@ from gateway.recording.format.frames import (
 )
 from gateway.recording.format.mcap_writer import SummarySection, serialise
 from gateway.recording.format.salvage import DAMAGED, PARSERS, reading_mcap
+from gateway.recording.format.segment_summary import SUMMARY
 from gateway.recording.reading.interval import iso_utc
 
 MAX_END_BYTES = 64_000_000
@@ -174,6 +175,8 @@ class _FileCheck:
         self._claimed: int | None = None
         self._stated_bytes = self._signed_end = 0
         """Bytes that the last statement tells of; place behind it."""
+        self._is_summarised = False
+        """Whether it has the gateway's summary, which closes a segment."""
         self._is_read = False
         """Whether the end of the data was reached."""
         self._readable_bytes = 0
@@ -215,13 +218,14 @@ class _FileCheck:
             self._problem(f"ADDED: content at byte {place}, behind the final signature")
         try:
             self._summary.observe(frame, place)
-            record = PARSERS[opcode](content) if opcode == Opcode.METADATA else None
+            record = PARSERS[opcode](content) if opcode in (Opcode.METADATA, Opcode.ATTACHMENT) else None
         except DAMAGED:
             self._problem(f"ALTERED: the record at byte {place} cannot be read")
             return
         if opcode in (Opcode.CHUNK, Opcode.ATTACHMENT):
             self._places.append(place)
         if not isinstance(record, Metadata):
+            self._is_summarised |= isinstance(record, Attachment) and record.name == SUMMARY
             return
         if record.name == ORIGIN:
             self._origin_places.append(place)
@@ -363,6 +367,10 @@ class _FileCheck:
         found = self._found
         if found.statement is None:
             self._problem("CUT: no signature; its end is cut off, or it was interrupted in its first seconds")
+        elif found.is_closed and not self._is_summarised:
+            self._problem(
+                "CUT: it was closed behind a signature that is not the gateway's last; what followed is missing"
+            )
         elif found.is_closed:
             found.remarks.append("closed, and not compacted yet")
         else:

@@ -14,6 +14,7 @@ from gateway.recording.chain.chain_state import (
     STATE_NAME,
     ChainState,
     ChainStateError,
+    is_signed,
     list_aside,
     put_aside,
     read_state,
@@ -22,6 +23,7 @@ from gateway.recording.chain.chain_state import (
 from gateway.recording.chain.statements import (
     DELETIONS,
     SIGNATURE,
+    SIGNS_STATE,
     Deletion,
     DeletionReason,
     DeletionStatement,
@@ -53,16 +55,17 @@ class SegmentChain:
         """What was lost of the state at the start, in one line; None: nothing."""
 
     def restore(self, newest_first: Sequence[Path]) -> None:
-        """Continue from the saved state; where that is damaged, from the statements in these segments of former runs.
+        """Continue from the saved state; where that is damaged or forged, from the statements in these segments of former runs.
 
         A kill may have kept the number of the newest segment from being saved, so that its own statement counts in any case.
         """
         with self._lock:
             try:
-                saved, problem = read_state(self._data_dir), None
+                saved, problem = self._read_saved(newest_first), None
             except ChainStateError as error:
                 saved, problem = None, str(error)
             self._state = saved or ChainState()
+            was_signed = bool(self._state.signature)
             self._state.newest_segment = max(self._state.newest_segment, self._state.final_segment)
             stated = self._take_deletions(self._state.deletions)
             for path in newest_first if saved is None else newest_first[:1]:
@@ -76,8 +79,26 @@ class SegmentChain:
             if problem is not None:
                 self._state.rebuilt_before = self._state.newest_segment + 1
                 self.loss = f"{problem}{self._put_aside()}; {_describe(self._state)}"
+            if problem is not None or (saved is not None and self.key is not None and not was_signed):
                 with suppress(OSError):  # tried again with the next statement
                     self._save()
+
+    def _read_saved(self, newest_first: Sequence[Path]) -> ChainState | None:
+        """Return the saved state, if there is one. Raises `ChainStateError` where it is damaged, or nobody has signed it.
+
+        A version that did not sign it has not written the newest segment either. With a new key, the former one has signed both.
+        """
+        state = read_state(self._data_dir)
+        if state is None or self.key is None:
+            return state
+        if not state.signature:
+            newest = self._read(newest_first[0])[1] if newest_first else None
+            is_sound = newest is None or newest.format < SIGNS_STATE
+        else:
+            is_sound = any(is_signed(state, key) for key in (self.key.public_hex, newest_signer(self._data_dir)))
+        if not is_sound:
+            raise ChainStateError(f"{self._data_dir / STATE_NAME}: is not signed with the gateway's key")
+        return state
 
     def number_of(self, path: Path) -> int:
         """Return the number of a segment: by its signed statement, or by its metadata; 0: it has none or cannot be read."""
@@ -248,7 +269,7 @@ class SegmentChain:
         return {"statement": text, "signature": "" if self.key is None else self.key.sign(text)}
 
     def _save(self) -> None:
-        save_state(self._data_dir, self._state)
+        save_state(self._data_dir, self._state, self.key)
 
 
 def newest_signer(data_dir: Path) -> str:

@@ -17,6 +17,8 @@ from gateway.pki.signing_key import is_valid
 from gateway.recording.chain.chain_state import SegmentNumber
 
 SIGNATURE = "signature"
+SIGNS_STATE = 2
+"""Format of the statements of a gateway that signs `chain.json` too."""
 StatementKind = Literal["checkpoint", "final"]
 DELETIONS = "deletions"
 DeletionReason = Literal["quota", "disk"]
@@ -41,7 +43,7 @@ SHOWN = 8
 class Statement:
     """What the gateway states about a segment up to the signature; times are gateway times."""
 
-    format: int = 1
+    format: int = SIGNS_STATE
     kind: StatementKind
     gateway: str
     name: str

@@ -239,8 +239,9 @@ class Segment:
     def close(self) -> None:
         """Write the summaries, of the recording and of the MCAP file, and close the file."""
         self._writer.flush()
-        if (summary := self._summary.summary()) is not None:
-            self._attach([AttachedFile(SUMMARY, SUMMARY_MEDIA_TYPE, encode_summary(summary))], summary.to_ns)
+        summary = self._summary.summary()  # also without a message: the signature behind it is the last one
+        content = b"null" if summary is None else encode_summary(summary)
+        self._attach([AttachedFile(SUMMARY, SUMMARY_MEDIA_TYPE, content)], self._newest_ns)
         self._sign()
         self._writer.finish()
         self._file.sync()

@@ -24,7 +24,9 @@ from mcap.records import (
 )
 from mcap.writer import MCAP0_MAGIC
 
+from gateway.recording.chain.file_verification import RecomputedSummary
 from gateway.recording.format.content import ORIGIN
+from gateway.recording.format.frames import next_frame
 from gateway.recording.format.mcap_writer import serialise
 from gateway.recording.format.segment_summary import SUMMARY
 from gateway.recording.reading.recording_file import read_index
@@ -142,6 +144,29 @@ def cut_behind_first_signature(content: bytes) -> bytes:
         if opcode == Opcode.METADATA and record[HEAD.size + 4 :].startswith(b"signature"):
             return content[: place + len(record)]
     raise AssertionError("no signature")
+
+
+def cut_behind_last_checkpoint(content: bytes) -> bytes:
+    """A closed file as it was when it was signed for the last time before that."""
+    ends = [
+        place + len(record)
+        for place, opcode, record in records(content)
+        if opcode == Opcode.METADATA and record[HEAD.size + 4 :].startswith(b"signature")
+    ]
+    return content[: ends[-2]]
+
+
+def closed(content: bytes) -> bytes:
+    """A file that was being written, with the end that a closed one has."""
+    section, stream = RecomputedSummary(len(content)), BytesIO(content)
+    stream.seek(len(MCAP0_MAGIC))
+    while stream.tell() < len(content):
+        place = stream.tell()
+        frame = next_frame(stream, len(content))
+        assert frame is not None
+        section.observe(frame, place)
+    end = serialise(DataEnd(zlib.crc32(content)))
+    return content + end + section.end(len(content) + len(end), b"")
 
 
 def newest_ns(path: Path) -> int:

@@ -110,7 +110,7 @@ def test_the_same_record_is_not_written_twice(make_recorder: MakeRecorder, files
     second = recorder.start(START_NS + SECOND_NS)
     recorder.close()
     assert "calibration-r1.json" in attachments(first)
-    assert set(attachments(present(second))) == {"configuration.toml"}
+    assert set(attachments(present(second))) == {"configuration.toml", "summary.json"}
 
 
 def test_a_swapped_sensor_does_not_inherit_the_record(make_recorder: MakeRecorder, files: CalibrationFiles) -> None:
@@ -122,9 +122,10 @@ def test_a_swapped_sensor_does_not_inherit_the_record(make_recorder: MakeRecorde
     second = recorder.path
     recorder.set_calibration(calibration_files(make_record("r9", "adxl355-0x53-label8"), None), START_NS + SECOND_NS)
     recorder.close()
-    assert set(attachments(first)) == {"configuration.toml", *CERTIFICATES_OF_R1}
+    assert set(attachments(first)) == {"configuration.toml", "summary.json", *CERTIFICATES_OF_R1}
     assert set(attachments(present(second))) == {
         "configuration.toml",
+        "summary.json",
         *(name.replace("r1", "r9") for name in CERTIFICATES_OF_R1),
     }
 

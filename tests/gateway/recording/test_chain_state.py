@@ -22,11 +22,12 @@ from gateway.recording.chain.chain_state import (
 from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
 from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.chain.segment_chain import SegmentChain
-from gateway.recording.chain.statements import hash_of
+from gateway.recording.chain.statements import Statement, hash_of
 from gateway.recording.format.content import segment_number
 from tests.clocks import START_NS
 from tests.gateway.recording.conftest import GATEWAY, SECOND_NS, Record
 from tests.gateway.recording.recorded_files import problems
+from tests.values import present
 
 LATER_NS = 1000 * SECOND_NS
 NEXT: dict[str, Any] = {"segment": 9, "name": "x", "n_bytes": 0, "sha256": "", "from_ns": 0, "to_ns": 0}
@@ -42,6 +43,14 @@ def restored(folder: Path) -> SegmentChain:
     chain = SegmentChain(folder, GATEWAY, load_or_create_key(folder / "signing-key.pem"))
     chain.restore(sorted(folder.glob("*.mcap"), reverse=True))
     return chain
+
+
+def recorded_before(record: Record, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the statements of a version that did not sign its state."""
+    with monkeypatch.context() as patched:
+        patched.setitem(present(Statement.__init__.__kwdefaults__), "format", 1)
+        record(START_NS, folder=folder)
+    return folder
 
 
 def stated(chain: SegmentChain) -> tuple[int, int, str, int]:
@@ -218,7 +227,10 @@ def test_a_disk_that_takes_nothing_leaves_the_state_in_memory(folder: Path, monk
     assert path.read_bytes() == b"damaged"
 
 
-def test_a_file_of_the_version_before_is_believed(record: Record, folder: Path) -> None:
+def test_a_file_of_the_version_before_is_believed(
+    record: Record, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = recorded_before(record, tmp_path / "before", monkeypatch)
     sound = stated(restored(folder))
     (folder / "chain.json").write_text(plain(newest_segment=7, final_sha256=sound[2]))
     chain = restored(folder)
@@ -230,9 +242,9 @@ def test_a_file_of_the_version_before_is_believed(record: Record, folder: Path) 
 
 
 @pytest.mark.slow
-def test_a_number_below_that_of_the_last_final_statement_is_not_given(folder: Path) -> None:
-    (folder / "chain.json").write_text(plain(newest_segment=1, final_segment=9))
-    assert restored(folder).next_segment == 10
+def test_a_number_below_that_of_the_last_final_statement_is_not_given(tmp_path: Path) -> None:
+    (tmp_path / "chain.json").write_text(plain(newest_segment=1, final_segment=9))
+    assert restored(tmp_path).next_segment == 10
 
 
 @pytest.mark.slow
@@ -336,9 +348,61 @@ def test_verification_names_a_removed_segment_after_the_state_was_rebuilt(record
 
 @pytest.mark.slow
 def test_verification_counts_an_absurd_number_of_missing_segments_at_once(folder: Path) -> None:
-    save_state(folder, ChainState(newest_segment=2**31 - 1, final_segment=2**31 - 1, final_sha256="ab" * 32))
+    absurd = ChainState(newest_segment=2**31 - 1, final_segment=2**31 - 1, final_sha256="ab" * 32)
+    save_state(folder, absurd, load_or_create_key(folder / "signing-key.pem"))
     missing = "segments 4 to 2147483647 are missing at the end"
     assert problems(verify(folder)) == [f"REMOVED: {missing}; nothing signed speaks of a deletion by the gateway"]
+
+
+def forged_state(folder: Path, before: bytes, *, keeps_signature: bool) -> bytes:
+    """The state before the newest segment, by somebody without the key: the checksum is right."""
+    numbers = json.loads(before)
+    del numbers["sha256"]
+    numbers["newest_segment"] = numbers["final_segment"] = 2
+    numbers["final_sha256"] = hash_of(verify(folder).files[1].statement_text)
+    return with_checksum(json.dumps(numbers if keeps_signature else numbers | {"signature": ""}, separators=(",", ":")))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("keeps_signature", [True, False])
+def test_nobody_without_the_key_makes_the_newest_segment_unheard_of(
+    record: Record, folder: Path, keeps_signature: bool
+) -> None:
+    path = folder / "chain.json"
+    path.write_bytes(forged_state(folder, path.read_bytes(), keeps_signature=keeps_signature))
+    max(folder.glob("*.mcap")).unlink()
+    found = verify(folder)
+    assert problems(found) == [f"FORGED: {path} is not signed with the key of the recordings"]
+    assert any("whether segments after 2 were removed cannot be proved" in remark for remark in found.remarks)
+    chain = restored(folder)
+    assert chain.loss is not None
+    assert "is not signed with the gateway's key; it is kept as chain.json.damaged-1" in chain.loss
+    record(START_NS + LATER_NS, segments=1)
+    assert any("before segment 3 the gateway had lost chain.json" in remark for remark in verify(folder).remarks)
+
+
+@pytest.mark.slow
+def test_the_state_that_a_former_key_signed_is_believed_by_the_new_one(folder: Path) -> None:
+    (folder / "signing-key.pem").unlink()
+    chain = restored(folder)
+    assert chain.loss is None
+    assert chain.next_segment == 4
+
+
+@pytest.mark.slow
+def test_a_state_that_is_not_signed_proves_nothing_of_the_end(
+    record: Record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = recorded_before(record, tmp_path / "before", monkeypatch)
+    state = read_state(folder)
+    assert state is not None
+    save_state(folder, state)
+    found = verify(folder)
+    assert problems(found) == []
+    assert found.is_extract
+    assert [remark for remark in found.remarks if "is not signed" in remark] == [
+        f"{folder / 'chain.json'}: is not signed: whether segments after 3 were removed cannot be proved"
+    ]
 
 
 def test_the_reason_names_the_file_in_one_line(tmp_path: Path) -> None:

@@ -161,7 +161,7 @@ def test_recording_goes_on_where_signatures_can_no_longer_be_checked(
 
 @pytest.mark.slow
 def test_a_deletion_that_was_written_into_the_saved_state_is_never_believed(record: Record, capsys: Capture) -> None:
-    """The checksum is right, the signature cannot be; the gateway does not sign it at its next start either."""
+    """The checksum is right, the signatures cannot be; the gateway does not sign it at its next start either."""
     first, *_ = record(START_NS, segments=4)
     folder = first.parent
     state = read_state(folder)
@@ -173,7 +173,7 @@ def test_a_deletion_that_was_written_into_the_saved_state_is_never_believed(reco
     first.unlink()
     code, text, _ = verify(capsys, folder)
     assert code == 1
-    assert "FORGED: what chain.json says of deletions" in text
+    assert "chain.json is not signed with the key of the recordings" in text
     record(START_NS + LATER_NS, segments=1)
     code, text, _ = verify(capsys, folder)
     assert code == 1
@@ -251,7 +251,7 @@ def test_recordings_of_a_version_before_are_judged_by_what_they_state(
     assert state is not None
     deleted, first = statement.deleted_up_to, statement.segment
     state.deletions = {}
-    save_state(folder, state)
+    save_state(folder, state, load_or_create_key(folder / "signing-key.pem"))
     unstated = f"the quota had deleted segments up to {deleted}, and which ones is not stated"
     for _ in range(2):  # a start of this version changes nothing
         code, text, result = verify(capsys, folder)

@@ -92,7 +92,7 @@ def test_a_file_states_its_origin(make_recorder: MakeRecorder) -> None:
         assert reader.get_header().profile == "plumbline"
         assert "plumbline 0.1.0" in reader.get_header().library
         metadata = {record.name: record.metadata for record in reader.iter_metadata()}
-        (attachment,) = reader.iter_attachments()
+        attachment, _ = reader.iter_attachments()
     assert metadata["plumbline"].items() >= {"software": "0.1.0", "boot_id": "b00t", "crane": "crane-2"}.items()
     assert metadata["device"].items() >= {"device_id": DEVICE.device_id, "units_per_g": "256000.0"}.items()
     assert (attachment.name, attachment.media_type) == ("configuration.toml", "application/toml")

@@ -111,6 +111,18 @@ def test_unsigned_bytes_of_a_segment_that_others_follow_are_a_difference(record:
     assert "are not signed, though segment 2 follows" in problems(verify(paths))
 
 
+def test_the_newest_segment_that_was_cut_back_to_a_signature_and_closed_anew_is_named(record: Record) -> None:
+    """Every byte of it is signed, every index right."""
+    (path,) = record(START_NS, segments=1, compacted=False)
+    content = path.read_bytes()
+    path.write_bytes(forgery.closed(content[: forgery.data_end(content)]))
+    assert problems(verify([path])) == ""
+    path.write_bytes(forgery.closed(forgery.cut_behind_last_checkpoint(content)))
+    assert problems(verify([path])) == (
+        "CUT: it was closed behind a signature that is not the gateway's last; what followed is missing"
+    )
+
+
 def test_content_of_a_closed_segment_behind_its_last_signature_is_named(record: Record) -> None:
     (path,) = record(START_NS, segments=1, compacted=False)
     content = path.read_bytes()

@@ -185,7 +185,7 @@ def test_a_number_that_a_kill_left_unnoted_is_not_given_twice(record: Record) ->
     state = read_state(path.parent)
     assert state is not None
     state.newest_segment = 0
-    save_state(path.parent, state)
+    save_state(path.parent, state, load_or_create_key(path.with_name("signing-key.pem")))
     found = verify(record(START_NS + 60 * SECOND_NS, segments=1))
     assert problems(found) == []
     assert found.remarks == ()
