@@ -13,7 +13,7 @@ from gateway.configuration.model import MAX_CUTOFF_SHARE, FilterSection
 from gateway.measurement.followed_recording import ConditionSummary, follow_recording
 from gateway.measurement.motion import RecordingMotion, has_motion, is_free_swing, recording_motion, with_smoothed_angle
 from gateway.measurement.source import Source
-from gateway.measurement.swing import cut_to_free_swing, estimate_source_swing
+from gateway.measurement.swing import CutSource, cut_to_free_swing, estimate_source_swing
 from gateway.stages.lowpass import LowPass
 from gateway.stages.tilt import TiltAngles, axial_tilt, fused_tilt, plain_tilt, roll_about_x
 from gateway.swing.detection.free_swing import FreeSwing
@@ -97,9 +97,18 @@ class Measurement:
 def measure(source: Source, *, with_motion: bool = False) -> Measurement:
     """Return the results of a recording; without a position of the housing the swing is not known.
 
-    What was held or moved by hand is not judged. `with_motion`: smooth the motion of a free swing too.
+    What was held or moved by hand is not judged. Where the rest is no free swing either, a crane worked, and no hand.
+    `with_motion`: smooth the motion of a free swing too.
     """
     cut = cut_to_free_swing(source)
+    found = _measure(cut, with_motion=with_motion)
+    if cut.free_swing is None or found.motion is None or not found.motion.crane_worked:
+        return found
+    whole = _measure(CutSource(source, None), with_motion=with_motion)
+    return whole if whole.motion is not None and whole.motion.doubt is None else found
+
+
+def _measure(cut: CutSource, *, with_motion: bool) -> Measurement:
     source = cut.source
     rate_hz = source.recording.rate_hz
     lowpass = LowPass(min(FILTER.cutoff_hz, MAX_CUTOFF_SHARE * rate_hz), FILTER.order, rate_hz)

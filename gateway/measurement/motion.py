@@ -125,7 +125,9 @@ def recording_motion(source: Source, swing: SwingEstimate, smoothed: SmoothedMot
     duration_s = float(source.recording.time_s[-1] - source.recording.time_s[0])
     known_share = float(np.isfinite(history.angle_rad).mean()) * max(0.0, 1 - smoothed.fault_s / duration_s)
     phases = history.phases()
-    doubt = find_doubt(swing, phases, duration_s, find_contradiction(source, source.housing, history))
+    doubt = find_doubt(
+        swing, phases, duration_s, find_contradiction(source, source.housing.moving_with_load(), history)
+    )
     return RecordingMotion(
         source.housing, history, phases, history.largest_angle(), known_share, doubt=doubt, uses_gyro=uses_gyro
     )

@@ -1,8 +1,10 @@
 """A recording, from any supported file, as specific force in the housing frame."""
 
 import math
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -250,7 +252,7 @@ def _from_run(files: Sequence[Path], rig: Rig | None, interval: RecordingInterva
     extreme_c = _extreme_temperature_c(recording, correction)
     widened = correction.widened_by(correction.kelvin_beyond(extreme_c))
     bandwidth_hz = run.device.bandwidth_hz
-    return Source(
+    source = Source(
         files=tuple(each.path for each in run.files),
         recording=recording,
         extent=extent,
@@ -268,6 +270,27 @@ def _from_run(files: Sequence[Path], rig: Rig | None, interval: RecordingInterva
         temperature_warnings=correction.range_warnings(extreme_c),
         remarks=(*run.remarks, *interval.describe_excess(extent), *calibration_remarks),
     )
+    return _without_suspended(source, run)
+
+
+def _without_suspended(source: Source, run: RecordedSamples) -> Source:
+    """Return the source without what the sensor read while somebody recalibrated it, and it did not hang on the rope.
+
+    Raises `InputError` where too little is left.
+    """
+    origin_ns = source.recording.origin_ns or 0
+    for (begin_ns, by), (end_ns, _) in pairwise((*run.suspensions, (sys.maxsize, ""))):
+        time_s, first_s = source.recording.time_s, source.extent.first_s
+        begin_s, end_s = (begin_ns - origin_ns) / 1e9, (end_ns - origin_ns) / 1e9
+        inside = (time_s >= begin_s) & (time_s < end_s) & bool(by)
+        if not inside.any():
+            continue
+        until = "on" if end_ns == sys.maxsize else f"to {end_s - first_s:.1f} s"
+        text = f"from {begin_s - first_s:.1f} s {until} the sensor was being recalibrated by {by}"
+        if (~inside).sum() < 2:
+            raise InputError(f"{text}, and no reading describes the load; choose another time")
+        source = source.keeping(~inside, source.recording.without_invalid(inside), f"{text}; not judged")
+    return source
 
 
 def _filtered_temperature_c(run: RecordedSamples, recording: Recording) -> NDArray[np.float64]:

@@ -11,6 +11,8 @@ from gateway.numerics.stats import NORMAL_975
 
 SHORTEST_PHASE_S = 1.0
 """A shorter phase belongs to its neighbours, unless it is the only one."""
+LONGEST_GAP_S = 2.0
+"""Time without a bin that ends a phase. Basis: live, the motion is unknown a second and a half after the newest bin."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,11 +111,12 @@ class MotionHistory:
             return ()
         begins = _phase_begins(self.time_s, self.state)
         ends = [*list(begins)[1:], len(self.state)]
+        step_s = np.diff(self.time_s, append=self.time_s[-1])
         return tuple(
             MotionPhase(
                 state=state,
                 from_s=float(self.time_s[begin]),
-                to_s=float(self.time_s[min(end, len(self.state) - 1)]),
+                to_s=float(self.time_s[end - 1] + (step_s[end - 1] if step_s[end - 1] <= LONGEST_GAP_S else 0.0)),
                 largest=self._select(begin, end).largest_angle(),
             )
             for (begin, state), end in zip(begins.items(), ends, strict=True)
@@ -121,13 +124,17 @@ class MotionHistory:
 
 
 def _phase_begins(time_s: Array, states: tuple[MotionState, ...]) -> dict[int, MotionState]:
-    """Return the first bin of each phase with its state; a short run of another state belongs to the phase before it."""
-    changes = [i for i in range(len(states)) if i == 0 or states[i] != states[i - 1]]
+    """Return the first bin of each phase with its state; a short run of another state belongs to the phase before it.
+
+    Behind a gap begins a phase of its own.
+    """
+    gaps = {0, *(np.flatnonzero(np.diff(time_s) > LONGEST_GAP_S) + 1).tolist()}
+    changes = [i for i in range(len(states)) if i in gaps or states[i] != states[i - 1]]
     ends_s = [*time_s[changes[1:]], time_s[-1]]
     found: dict[int, MotionState] = {}
     for first, end_s in zip(changes, ends_s, strict=True):
         is_short = end_s - time_s[first] < SHORTEST_PHASE_S
         newest = next(reversed(found.values()), None)
-        if newest is None or (not is_short and states[first] != newest):
+        if first in gaps or (not is_short and states[first] != newest):
             found[first] = states[first]
     return found

@@ -56,7 +56,7 @@ class MotionMonitor:
 
         `gyro`: what is known of the gyroscope; None: there is none. `keeps_steps`: for a smoother.
         """
-        self._rig, self._mount_u_rad, self._noise_g, self._gyro = rig, mount_u_rad, noise_g, gyro
+        self._rig, self._mount_u_rad, self._noise_g, self._gyro = rig.moving_with_load(), mount_u_rad, noise_g, gyro
         self._keeps_steps = keeps_steps
         self._warnings: tuple[Reason, ...] = ()
         self.restart()
@@ -72,7 +72,7 @@ class MotionMonitor:
 
         `change_u_g`: standard uncertainty of how far the offsets have changed, shape (3,); `warnings`: why.
         """
-        self._rig, self._warnings = rig, warnings
+        self._rig, self._warnings = rig.moving_with_load(), warnings
         self.tracker.widen_offset(change_u_g)
         if self.sharpened is not None:
             self.sharpened.tracker.widen_offset(change_u_g)

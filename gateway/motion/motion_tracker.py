@@ -73,7 +73,7 @@ class MotionTracker:
         self._rig, self._noise_g, self._gyro, self._keeps_steps = rig, noise_g, gyro, keeps_steps
         self.ended: list[StepHistory] = []
         """Steps of the accounts that ended because the time went back or their numbers were lost."""
-        self._constants = constants_of(rig, mount_u_rad)
+        self._mount_u_rad = mount_u_rad
         period_s = rig.small_swing_period_s
         self.bin_s = min(LONGEST_BIN_S, period_s / BINS_PER_PERIOD)
         size = max(3, math.ceil(self.bin_s / SHORT_BIN_S - 1e-9))
@@ -151,11 +151,11 @@ class MotionTracker:
                 candidate.filter.widen(GYRO_BIAS, u_rad_s)
 
     def _new_candidates(self) -> list[MotionCandidate]:
-        structures = product(self._rig.possible_structures, (False, True))
-        return [self._new_candidate(mounted_on, floats=floats) for mounted_on, floats in structures]
+        structures = product(self._rig.possible_clamps, self._rig.possible_structures, (False, True))
+        return [self._new_candidate(rig, mounted_on, floats=floats) for rig, mounted_on, floats in structures]
 
-    def _new_candidate(self, mounted_on: MountedOn, *, floats: bool) -> MotionCandidate:
-        constants, on_spreader = self._constants, mounted_on == "spreader"
+    def _new_candidate(self, rig: MountedHousing, mounted_on: MountedOn, *, floats: bool) -> MotionCandidate:
+        constants, on_spreader = constants_of(rig, self._mount_u_rad), mounted_on == "spreader"
         if mounted_on == "converging_ropes":
             shift_m, u_m = CONVERGING * self._rig.length_m, CONVERGING_U * self._rig.length_m
             place_u_m = math.hypot(constants.place_u_m, u_m)
@@ -163,7 +163,7 @@ class MotionTracker:
         model = RopeModel(
             self._rig.gravity_m_s2,
             self._rig.length_m,
-            is_clamped=self._rig.above_load_m is not None,
+            is_clamped=rig.above_load_m is not None,
             on_spreader=on_spreader,
             n_states=N_STATES + (0 if self._gyro is None else N_GYRO_STATES),
         )

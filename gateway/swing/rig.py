@@ -1,6 +1,6 @@
 """The nominal description of the rope and of the housing on it, as the swing estimator needs it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2, small_swing_length_m, small_swing_period_s
 from gateway.configuration.model import PLACED_FROM_LOAD, MountedOn
@@ -86,6 +86,19 @@ class MountedHousing:
         if self.above_load_m is not None and self.above_load_m <= max(SPREADER_REACH_M, SPREADER_REACH * self.length_m):
             found.append("spreader")
         return found
+
+    def moving_with_load(self) -> "MountedHousing":
+        """Return the housing as a hoist moves it: with the load where it is so near that the load would run past it."""
+        clamped = self.possible_clamps[-1]
+        is_near = clamped.above_load_m is not None and clamped.above_load_m <= CONVERGING_REACH * self.length_m
+        return clamped if is_near else self
+
+    @property
+    def possible_clamps(self) -> list["MountedHousing"]:
+        """What a place from the pivot may mean: on a part of the rope that stays, or that a hoist moves with the load."""
+        if self.position_m is None or self.position_m > self.length_m:
+            return [self]
+        return [self, replace(self, position_m=None, above_load_m=self.length_m - self.position_m)]
 
     def length_of(self, rate_1_s: float) -> float:
         """Return the length of a rope on which a small swing has this angular frequency."""

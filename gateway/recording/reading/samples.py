@@ -63,6 +63,9 @@ class SampleReader:
     """UTC of the wall clock minus gateway time, by the last message of the clock in each file."""
     calibrations: list[CalibrationInForce] = field(default_factory=list)
     """The calibration in force at the start, and each later one."""
+    suspensions: list[tuple[int, str]] = field(default_factory=list)
+    """Gateway time of each begin and end of a recalibration in which no reading described the load, and who recalibrated; empty:
+    it ended."""
 
     @property
     def device(self) -> DeviceInfo:
@@ -130,6 +133,10 @@ class SampleReader:
     def _add_calibration(self, calibration: CalibrationInForce) -> None:
         if not self.calibrations or _content(self.calibrations[-1]) != _content(calibration):
             self.calibrations.append(calibration)
+        session = calibration.message.session
+        by = (session.by or "somebody") if session.suspended else ""
+        if by != (self.suspensions[-1][1] if self.suspensions else ""):
+            self.suspensions.append((calibration.log_time_ns, by))
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +149,8 @@ class RecordedSamples:
     """The samples as the device delivered them: times in gateway time, readings in `device.unit`."""
     calibrations: tuple[CalibrationInForce, ...]
     """The calibration in force at the start, and each later one."""
+    suspensions: tuple[tuple[int, str], ...]
+    """As of `SampleReader`."""
     wall_offset_ns: int
     """UTC of the wall clock minus gateway time, by the last message of the clock in the last file."""
     remarks: tuple[str, ...]
@@ -220,6 +229,7 @@ def _gather(reader: SampleReader, span: TimelineSpan | None) -> RecordedSamples:
         files=tuple(reader.files),
         samples=concatenate(samples),
         calibrations=tuple(reader.calibrations),
+        suspensions=tuple(reader.suspensions),
         wall_offset_ns=reader.wall_offsets_ns.get(reader.files[-1].path, 0),
         remarks=tuple(remarks),
         span=span,

@@ -83,6 +83,18 @@ def test_a_drive_leaves_the_largest_angle_with_an_interval(
     assert content["motion"]["known_percent"] == 100
 
 
+@pytest.mark.slow
+def test_a_place_from_the_pivot_is_taken_to_move_with_the_load_where_the_readings_say_so(
+    working: tuple[Source, float], measured: Measurement
+) -> None:
+    """The hoist lifts load and housing by 2 m; a housing on a part of the rope that stays would have come nearer to the load."""
+    stated = replace(HOUSING, above_load_m=None, position_m=HOUSING.length_m - 4.5)
+    swing = measure(replace(working[0], housing=stated)).swing
+    low_rad, high_rad = present(swing.coverage95_rad)
+    assert math.degrees(low_rad) < working[1] < math.degrees(high_rad)
+    assert high_rad - low_rad < 1.2 * np.subtract(*present(measured.swing.coverage95_rad)[::-1])
+
+
 def test_the_phases_cover_the_recording_in_order(measured: Measurement) -> None:
     phases = present(measured.motion).phases
     assert [one.to_s for one in phases[:-1]] == [one.from_s for one in phases[1:]]

@@ -1,6 +1,7 @@
 """The input of `measure`: an interval of one file or of several files of a gateway, and a rig, which may state no rope length."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from gateway import messages
 from gateway.errors import InputError
 from gateway.measurement.rig_file import read_rig_of_recording
 from gateway.measurement.source import read_source
+from gateway.messages.calibration import NO_SESSION
 from gateway.packing import pack
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.pipeline.rig import Rig, RigHousing, RigRope
@@ -46,7 +48,9 @@ def write(tmp_path: Path) -> Write:
         toml: str = "",
         wall_offset_ns: int = 0,
         calibrations: dict[float, str] | None = None,
+        sessions: dict[float, str] | None = None,
     ) -> Path:
+        """`calibrations`: texts by their times; `sessions`: who begins to recalibrate; empty: an end."""
         header = RecordingHeader("0.1.0", "yard", "crane-2", "hook", "b00t", toml)
         recorder = Recorder(tmp_path, header, segment_s=600.0, fsync_s=1.0, quota_mb=100.0)
         time_s = begin_s + np.arange(0, seconds, 1 / RATE_HZ)
@@ -57,6 +61,12 @@ def write(tmp_path: Path) -> Write:
         for at_s, text in (calibrations or {}).items():
             calibration = messages.Calibration(
                 **head, status="factory", device_id="part-7", record={}, in_force={"text": text}, text=text
+            )
+            recorder.write(encode_message("calibration", calibration, START_NS + round(at_s * 1e9)))
+        for at_s, by in (sessions or {}).items():
+            session = replace(NO_SESSION, by=by, suspended=bool(by))
+            calibration = messages.Calibration(
+                **head, status="factory", device_id="part-7", record={}, in_force={}, text="", session=session
             )
             recorder.write(encode_message("calibration", calibration, START_NS + round(at_s * 1e9)))
         clock = messages.ClockOffset(**head, log_time_ns=START_NS, wall_offset_ns=wall_offset_ns, stepped=False)
@@ -155,6 +165,21 @@ def test_change_of_calibration_in_the_interval_is_remarked(write: Write) -> None
     assert remark == "another calibration came into force at 6.000 s and is not used; measure that part with --from"
     assert read_source([path], interval=interval("6")).remarks == ()
     assert read_source([path], interval=interval(None, "6")).remarks == ()
+
+
+def test_readings_of_a_housing_off_the_rope_are_not_judged(write: Write) -> None:
+    path = write("a.mcap", 0, 10, sessions={0.0: "", 3.0: "Carla", 6.0: "", 8.0: "Dan"})
+    source = read_source([path])
+    seconds = np.unique(np.floor(source.recording.time_s + 1e-9)).tolist()
+    assert seconds == [0, 1, 2, 6, 7]
+    assert len(source.force_g) == len(source.recording) == 5 * RATE_HZ
+    assert source.remarks == (
+        "from 3.0 s to 6.0 s the sensor was being recalibrated by Carla; not judged",
+        "from 8.0 s on the sensor was being recalibrated by Dan; not judged",
+    )
+    with pytest.raises(InputError, match="by Carla, and no reading describes the load; choose another time"):
+        read_source([path], interval=interval("4", "5"))
+    assert read_source([path], interval=interval("6", "8")).remarks == ()
 
 
 def test_text_tables_are_not_joined(tmp_path: Path, write: Write) -> None:
