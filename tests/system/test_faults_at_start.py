@@ -15,6 +15,7 @@ import zenoh
 from gateway.configuration.model import Configuration
 from gateway.daemon.doctor.checks import check_signing_key
 from gateway.messages import Health
+from gateway.pki.signing_key import read_public_key
 from gateway.recording.reading.recording_file import open_recording
 from tests.ports import unused_port
 from tests.system.conftest import BusPeer, JoinBus, Plumbline, RunningGateway, StartGateway, listening_on
@@ -199,7 +200,7 @@ def test_a_gateway_whose_chain_is_damaged_records_signs_and_says_what_it_lost(
     recorded = [message for message in open_recording(newest).messages() if message.topic == "/health"]
     health = [open_recording(newest).decode(message) for message in recorded]
     assert any("chain.json" in each.standing_faults.get("chain", "") for each in health if isinstance(each, Health))
-    key = str(first.data_dir / "signing-key.pem.pub")
+    key = read_public_key(str(first.data_dir / "signing-key.pem.pub"))
     verified = plumbline("record", "verify", str(first.data_dir), "--key", key)
     assert verified.returncode == 0, verified.stdout
     assert "before segment 2 the gateway had lost chain.json" in verified.stdout

@@ -48,7 +48,7 @@ def test_who_listened_proves_what_the_holder_of_the_key_writes_again(
     again = start_gateway(environment=SHORT)
     join_bus(again.endpoint).wait_for("health", lambda message: message["newest_statement"])
     again.stop()
-    code, text = run("record", "verify", folder, "--key", folder / "signing-key.pem.pub")
+    code, text = run("record", "verify", folder, "--key", (folder / "signing-key.pem.pub").read_text().strip())
     assert (code, "REWRITTEN: " in text) == (1, True), text
     key = (folder / "signing-key.pem.pub").read_text().strip()
     shutil.rmtree(tmp_path / "state")

@@ -42,6 +42,8 @@ class KnownKey:
     """What this user has heard of the gateway, its key at the first contact."""
     vouched: "VouchedKey | None"
     """What the CA says; None: it is not to be asked."""
+    remark: str = ""
+    """Why the key that is given is not believed; empty: it is, or none is given."""
 
     @property
     def public_key(self) -> str | None:
@@ -85,8 +87,15 @@ def key_of_recordings(given: str | None, ca: Path | None, paths: Sequence[Path])
     from gateway.pki.signing_key import read_public_key
     from gateway.recording.chain.chain_verification import find_vouched_key
 
+    key = None if given is None else read_public_key(given)
+    lies_beside = Path(given or "").is_file() and Path(given or "").resolve().parent in {
+        path.resolve().parent for path in paths
+    }
     return KnownKey(
-        given=None if given is None else read_public_key(given),
+        remark=f"the key {given} lies with the recordings, and proves nothing of who wrote both: keep it apart"
+        if lies_beside
+        else "",
+        given=None if lies_beside else key,
         heard=known_statement(_gateway_of(paths[0])) if paths else None,
         vouched=None if ca is None else find_vouched_key(paths, refusal_by(ca)),
     )

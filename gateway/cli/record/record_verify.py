@@ -169,7 +169,12 @@ class _JudgedChain:
         lines = [line for file in chain.files for line in _file_lines(file)]
         if chain.segments:
             lines.append(f"the files are segments {chain.segments[0]} to {chain.segments[-1]}")
-        said = (*describe_proven(self.proven), *self.stamp_remarks, *self._vouched())
+        said = (
+            *describe_proven(self.proven),
+            *self.stamp_remarks,
+            *self._vouched(),
+            *filter(None, [self.known.remark]),
+        )
         lines += [f"  {text}" for text in (*chain.problems, *chain.remarks, *said)]
         if chain.extract_of is not None:
             lines.append(f"an extract: {_segments(chain)}; the others are not given, and nothing is said of them")

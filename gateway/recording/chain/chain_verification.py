@@ -167,6 +167,7 @@ def verify_chain(
     if len(keys) > 1:
         problems.append(f"WRONG KEY: {len(keys)} keys have signed: {', '.join(map(fingerprint, keys))}")
     problems += _exchanged(numbered)
+    remarks += _copied(numbered)
     for (before, first), (after, second) in pairwise(stated):
         problems += _between(before, first, after, second)
     problems += _not_whole(numbered)
@@ -272,16 +273,31 @@ def _missing(
 
 
 def _exchanged(numbered: Sequence[FileVerification]) -> list[str]:
-    """Return a problem for each pair of files with the same number, or whose names are not in the order of their numbers."""
+    """Return a problem for each pair of different files with one number, and for each file with the name of another segment."""
     problems = []
+    segments = {file.statement.name: file.segment for file in numbered if file.statement is not None}
+    for file in numbered:
+        named = segments.get(file.path.name, file.segment)
+        if named != file.segment:
+            problems.append(f"EXCHANGED: {file.path.name} is segment {file.segment}, with the name of segment {named}")
     for before, after in pairwise(numbered):
-        if before.segment == after.segment:
+        if before.segment == after.segment and not _are_same(before, after):
             problems.append(f"COPIED: {before.path.name} and {after.path.name} are both segment {after.segment}")
-        elif before.path.parent == after.path.parent and before.path.name > after.path.name:
-            problems.append(
-                f"EXCHANGED: {after.path.name} is segment {after.segment}, {before.path.name} segment {before.segment}"
-            )
     return problems
+
+
+def _copied(numbered: Sequence[FileVerification]) -> list[str]:
+    """Return a remark for each file that is there twice, with one content."""
+    return [
+        f"{before.path.name} and {after.path.name} are the same segment {after.segment} twice"
+        for before, after in pairwise(numbered)
+        if _are_same(before, after)
+    ]
+
+
+def _are_same(one: FileVerification, other: FileVerification) -> bool:
+    is_whole = all(file.is_final and not file.problems for file in (one, other))
+    return is_whole and one.statement_text == other.statement_text
 
 
 def _between(before: FileVerification, first: Statement, after: FileVerification, second: Statement) -> list[str]:

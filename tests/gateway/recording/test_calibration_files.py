@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from gateway.calibration.record import CalibrationRecord, content_hash
 from gateway.cli.main import main
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.pki.signing_key import load_or_create_key
+from gateway.pki.signing_key import load_or_create_key, read_public_key
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.segments.copying import recover
@@ -203,7 +203,9 @@ def test_record_verify_names_a_changed_digital_certificate(
     path = recorder.start(START_NS)
     recorder.set_calibration(files, START_NS)
     recorder.close()
-    assert main(["record", "verify", str(path), "--key", str(path.parent / "signing-key.pem.pub")]) == 3  # an extract
+    assert (
+        main(["record", "verify", str(path), "--key", read_public_key(str(path.with_name("signing-key.pem.pub")))]) == 3
+    )  # an extract
     content = path.read_bytes()
     assert content.count(b"<dcc:role>operator<") == 1
     path.write_bytes(content.replace(b"<dcc:role>operator<", b"<dcc:role>examiner<"))

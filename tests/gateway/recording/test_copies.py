@@ -39,7 +39,7 @@ def copy_of(source: Path, path: Path, name: str = CUT) -> Path:
 
 
 def verify(capsys: Capture, folder: Path, *paths: Path) -> tuple[int, str]:
-    code = main(["record", "verify", *map(str, paths), "--key", str(folder / "signing-key.pem.pub")])
+    code = main(["record", "verify", *map(str, paths), "--key", read_public_key(str(folder / "signing-key.pem.pub"))])
     return code, capsys.readouterr().out.rstrip()
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from gateway.cli.main import main
-from gateway.pki.signing_key import load_or_create_key
+from gateway.pki.signing_key import load_or_create_key, read_public_key
 from gateway.recording.chain.chain_state import read_state, save_state
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.statements import MAX_RUNS, SIGNATURE, parse_deletions, parse_statement
@@ -31,7 +31,8 @@ Capture = pytest.CaptureFixture[str]
 
 def verify(capsys: Capture, *paths: Path) -> tuple[int, str, dict[str, Any]]:
     """The exit code, the text and the JSON of the command, with the key."""
-    key = str(paths[0].parent / "signing-key.pem.pub") if paths[0].is_file() else str(paths[0] / "signing-key.pem.pub")
+    folder = paths[0].parent if paths[0].is_file() else paths[0]
+    key = read_public_key(str(folder / "signing-key.pem.pub"))
     arguments = ["record", "verify", *map(str, paths), "--key", key]
     capsys.readouterr()
     code = main(arguments)

@@ -104,6 +104,14 @@ def test_a_file_of_another_gateway_beside_the_own_ones_accuses_none_of_them(
     assert "COPIED" not in text
 
 
+def test_a_key_that_lies_with_the_recordings_proves_nothing(segments: list[Path], key: str, verify: Verify) -> None:
+    beside = segments[0].with_name("signing-key.pem.pub")
+    code, text, found = verify(segments[0].parent, "--key", beside)
+    assert (code, found["answer"]) == (3, "consistent")
+    assert f"the key {beside} lies with the recordings, and proves nothing of who wrote both: keep it apart" in text
+    assert verify(segments[0].parent, "--key", key)[0] == 0
+
+
 def test_a_second_key_is_refused(segments: list[Path], key: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as refused:
         main(["record", "verify", str(segments[0].parent), "--key", key, "--key", key])

@@ -117,6 +117,17 @@ def test_exchanged_segments_are_named(segments: list[Path]) -> None:
     assert any(text.startswith("EXCHANGED") for text in problems(verify(segments)))
 
 
+def test_files_that_were_renamed_or_are_there_twice_are_no_difference(segments: list[Path]) -> None:
+    shutil.copy(segments[1], segments[1].with_name("Kopie von gestern.mcap"))
+    renamed = [
+        path.rename(path.with_name(f"{number}.mcap")) for path, number in zip(segments, (9, 10, 11), strict=True)
+    ]
+    found = verify([*renamed, segments[1].with_name("Kopie von gestern.mcap")])
+    assert problems(found) == []
+    assert any(text.endswith("are the same segment 2 twice") for text in found.remarks)
+    assert any("the gateway wrote it as" in remark for file in found.files for remark in file.remarks)
+
+
 @pytest.mark.slow
 def test_a_segment_of_another_chain_is_named(record: Record, segments: list[Path], tmp_path: Path) -> None:
     folder = tmp_path / "other"
@@ -312,7 +323,7 @@ def test_the_command_names_the_difference_and_exits_with_one(
     segments: list[Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = segments[0].parent
-    key = str(folder / "signing-key.pem.pub")
+    key = read_public_key(str(folder / "signing-key.pem.pub"))
     assert main(["record", "verify", str(folder), "--key", key]) == 0
     by_key = f"(key {fingerprint(key_of(folder))}, given)"
     assert f"genuine: everything is as the gateway's key signed {by_key}\n" in capsys.readouterr().out

@@ -191,7 +191,7 @@ def test_segments_at_the_end_are_missed_as_far_as_somebody_heard(
     heard: dict[str, Any] = {"segment": 3, "sha256": state["final_sha256"], "gateway": GATEWAY, "public_key": "00" * 32}
     kept = tmp_path / "kept.jsonl"
     kept.write_text(json.dumps({"x": 1}) + "\n" + json.dumps({"health": {"newest_statement": heard}}) + "\n")
-    key = folder / "signing-key.pem.pub"
+    key = (folder / "signing-key.pem.pub").rename(tmp_path / "kept.pub")
     assert run("record", "verify", folder, "--key", key, "--heard", kept)[0] == 0
     paths[2].unlink()
     (folder / "chain.json").unlink()
