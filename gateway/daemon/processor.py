@@ -127,7 +127,7 @@ class Processor(Worker[SamplerItem]):
     def _set_session(self, pipeline: Pipeline) -> None:
         if (instruction := self._instruction) is None:
             return
-        pipeline.set_session(instruction.session, instruction.suspended)
+        pipeline.set_session(instruction.session)
         if self._rigger is not None:
             self._rigger.follow(instruction.session)
 
@@ -187,7 +187,7 @@ class Processor(Worker[SamplerItem]):
 
     def _present_calibration(self, correction: Correction) -> PipelineCalibration:
         """Return what a pipeline is made for; a replay finds the same in the recorded messages."""
-        is_suspended = self._instruction is not None and self._instruction.suspended is not None
+        is_suspended = self._instruction is not None and self._instruction.session.suspended
         return PipelineCalibration(correction.calibration_id, correction.status, is_suspended)
 
     def _serve_acknowledgements(self, time_ns: int) -> None:

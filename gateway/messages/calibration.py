@@ -9,6 +9,10 @@ from pydantic import Field
 from gateway.messages.header import CalibrationStatus, Message
 
 SessionPhase = Literal["idle", "collecting", "review", "committed", "rejected"]
+ACTIVE_PHASES: tuple[SessionPhase, ...] = ("collecting", "review")
+CONFIRM = "confirm with plumbline remote cancel that the housing hangs on the rope again"
+STAYS_SUSPENDED = f"; alerts stay suspended: {CONFIRM}"
+"""End of the text of a session that has ended without a person's word."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,6 +60,15 @@ class CalibrationSession:
         list[str] | None,
         Field(description="what to do now, or what was wrong with the pose, as codes; null: not stated"),
     ] = None
+
+    @property
+    def suspension(self) -> str | None:
+        """Why nothing is known of the load; None: it is known."""
+        if not self.suspended:
+            return None
+        if self.phase in ACTIVE_PHASES:
+            return f"SUSPENDED: the sensor is being recalibrated ({self.method}, by {self.by})"
+        return f"SUSPENDED: the recalibration has ended ({self.text.removesuffix(STAYS_SUSPENDED)}); {CONFIRM}"
 
 
 NO_SESSION = CalibrationSession(

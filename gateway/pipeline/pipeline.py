@@ -97,12 +97,10 @@ class Pipeline:
         self._temperature_c: float | None = None
         """The newest known temperature: a sensor may report it less often than its samples."""
         self._session = NO_SESSION
-        self._suspended: str | None = None
 
-    def set_session(self, session: CalibrationSession, suspended: str | None) -> None:
-        """Set the state of a recalibration; `suspended` is the reason why nothing is known of the load, None: it is known."""
+    def set_session(self, session: CalibrationSession) -> None:
+        """Set the state of a recalibration."""
         self._session = session
-        self._suspended = suspended
 
     def process(self, block: SampleBlock, clock: ClockState) -> PipelineOutput:
         """Return everything that follows from a block."""
@@ -146,11 +144,11 @@ class Pipeline:
         if block.temperature_c is not None:
             self._temperature_c = block.temperature_c
         due = self._update_limiter.is_due(now.log_time_ns)
-        if self._suspended is not None:
+        if (why := self._session.suspension) is not None:
             batch = self._forces.take()
             self._lowpassed_g = batch.lowpassed_g[-1]
             yield from self._acceleration(batch, now)
-            yield from self._without_load(Reason("off_rope", self._suspended), due, now)
+            yield from self._without_load(Reason("off_rope", why), due, now)
         elif due or "fresh" in self._condition.gates:  # stale readings are judged again at once
             yield from self._update(self._forces.take(), due, now)
 
@@ -185,8 +183,8 @@ class Pipeline:
         if newest_ns is not None and now.log_time_ns - newest_ns < self._stale_ns:
             return
         words = "no sample yet" if newest_ns is None else "stale: no samples are coming"
-        if self._suspended is not None:
-            words = f"{self._suspended}; {words}"
+        if (suspended := self._session.suspension) is not None:
+            words = f"{suspended}; {words}"
         why = Reason("no_samples", words)
         changed = self._set_unknown(why, {"fresh": False})
         self._motion.set_unknown(why)

@@ -107,11 +107,6 @@ class Recalibration:
         """Progress of the active procedure."""
         return self._progress
 
-    @property
-    def suspension(self) -> str | None:
-        """Why alerts are suspended, or None."""
-        return None if self.session is None else self.session.suspension
-
     def feed(self, block: SampleBlock, now: Timestamp) -> bool:
         """Process a block of raw samples; return whether it has ended the session."""
         readings = self._recent_samples.add(block)

@@ -12,12 +12,11 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter
 from gateway.calibration.acceptance import Acceptance
 from gateway.calibration.pose import Pose
 from gateway.messages import NO_SESSION, CalibrationSession, SessionPhase
+from gateway.messages.calibration import ACTIVE_PHASES, STAYS_SUSPENDED
 
 if TYPE_CHECKING:
     from gateway.calibration.pose_procedure import PoseProgress
 
-ACTIVE_PHASES: tuple[SessionPhase, ...] = ("collecting", "review")
-CONFIRM = "confirm with plumbline remote cancel that the housing hangs on the rope again"
 MAX_IDLE_S = 300.0
 """Longest time without a pose, s; then the session counts as abandoned. Basis: a choice; a housing is turned in seconds, and a
 person who left has forgotten the session."""
@@ -95,13 +94,9 @@ class Session(BaseModel):
         return None if self.candidate is None else str(self.candidate["id"])
 
     @property
-    def suspension(self) -> str | None:
-        """Why alerts are suspended, or None."""
-        if self.is_active:
-            return f"SUSPENDED: the sensor is being recalibrated ({self.method}, by {self.by})"
-        if self.left:
-            return f"SUSPENDED: the recalibration has ended ({self.text}); {CONFIRM}"
-        return None
+    def is_suspended(self) -> bool:
+        """Whether nothing is known of the load, so that alerts are suspended."""
+        return self.is_active or self.left
 
     def with_poses(self, poses: tuple[Pose, ...], now_ns: int) -> "Session":
         """Return the session with these poses."""
@@ -176,7 +171,7 @@ def make_session_message(session: Session | None, progress: "PoseProgress | None
         "record_id": session.record_id,
         "reasons": _reasons(session),
         "committable": session.is_committable,
-        "suspended": session.suspension is not None,
+        "suspended": session.is_suspended,
         "notes": [] if session.judgement is None else session.judgement.notes,
         "text": _text(session, progress),
     }
@@ -197,7 +192,7 @@ def _text(session: Session, progress: "PoseProgress | None") -> str:
         if session.is_committable:
             return "all poses are taken: the record may be committed"
         return "the record may not be committed"
-    return f"{session.text}; alerts stay suspended: {CONFIRM}" if session.left else session.text
+    return f"{session.text}{STAYS_SUSPENDED}" if session.left else session.text
 
 
 def committed_text(record_id: str | None) -> str:

@@ -70,8 +70,6 @@ class PipelineInstruction:
     drift: DriftMonitor
     """The monitor of the record with its state from the disk, for a pipeline that does not monitor this record yet."""
     session: CalibrationSession
-    suspended: str | None
-    """Why nothing is known of the load; None: it is known."""
     changes: int
     """Number of changes of the correction or of the suspension."""
 
@@ -163,9 +161,7 @@ class RecalibrationService:
             drift = self._calibrations.drift_monitor(self._info, correction)
             self.offer = self._calibrations.offer(self._info)
             changes = 0 if before is None else before.changes + 1
-            self.instruction = PipelineInstruction(
-                self._info, correction, drift, session, self._recalibration.suspension, changes
-            )
+            self.instruction = PipelineInstruction(self._info, correction, drift, session, changes)
         elif before is not None and session is not before.session:
             due = session.phase == "collecting" and self._limiter.is_due(self._wall_clock.clock.now_ns())
             if due or _steady(session) != _steady(before.session):

@@ -31,7 +31,7 @@ from gateway.topics import TOPIC_OF, paths_with
 RECOMPUTED_PATHS = paths_with(lambda topic: topic.recomputed)
 IDLE_PATHS = paths_with(lambda topic: topic.sent_idle)
 INPUT_PATHS = paths_with(lambda topic: topic.type in (messages.Condition, messages.Calibration, messages.Alert))
-"""Topics from which the replay learns what it cannot compute: the recalibration, why alerts were suspended, acknowledgements."""
+"""Topics from which the replay learns what it cannot compute: the clock, the recalibration, acknowledgements."""
 First = TypeVar("First", messages.Calibration, messages.Alert)
 
 
@@ -127,8 +127,8 @@ def _read(message: TimelineMessage) -> StepMessage:
 class ReplayPipeline:
     """Computes what follows from each step, in the way of the gateway's processing thread.
 
-    What the gateway was told from outside is taken from the recording: the state of a recalibration, the change of a record, why
-    alerts were suspended, acknowledgements, the number of the first alert, the clock, and when it noted that no samples came.
+    What the gateway was told from outside is taken from the recording: the state of a recalibration, the change of a record,
+    acknowledgements, the number of the first alert, the clock, and when it noted that no samples came.
     """
 
     def __init__(
@@ -143,7 +143,6 @@ class ReplayPipeline:
         self._own_record = record
         self._boot_id: str | None = None
         self._device: DeviceInfo | None = None
-        self._suspension: str | None = None
 
     def compute(self, step: ReplayStep) -> list[OutgoingMessage]:
         """Return what follows from a step. Raises `RecordingError`, `CalibrationError` or `ConfigurationError`."""
@@ -164,7 +163,6 @@ class ReplayPipeline:
         self._headers = HeaderMaker()
         self._incidents = IncidentRegister(self._boot_id, self._last_number(step))
         self._drift = DriftMonitor(None)
-        self._suspension = None
         calibration = self._first(step, messages.Calibration)
         self._session = messages.NO_SESSION if calibration is None else calibration.session
         self._open(calibration, step)
@@ -201,7 +199,7 @@ class ReplayPipeline:
     def _compute(self, step: ReplayStep) -> Iterator[OutgoingMessage]:
         own_calibrations = 0
         # The first messages of a long block are recorded before it: at a start in a step without a block.
-        self._set_session(step)
+        self._pipeline.set_session(self._session)
         if step.block is not None:
             made = self._pipeline.process(step.block, step.clock).messages
             own_calibrations = sum(message.topic == "calibration" for message in made)
@@ -237,19 +235,10 @@ class ReplayPipeline:
         self._session = content.session
         if before is None or _calibration_state(before) != _calibration_state(content):
             self._open(content, step)
-        self._set_session(step)
+        self._pipeline.set_session(self._session)
         return self._pipeline.calibration_message(
             MessageTime(message.recorded.log_time_ns, message.clock or step.clock)
         )
-
-    def _set_session(self, step: ReplayStep) -> None:
-        """Set the state of the recalibration; the reason of a suspension is that of the recorded condition."""
-        for message in step.messages:
-            content = message.content
-            if isinstance(content, messages.Condition) and content.gates.get("on_rope") is False and content.reasons:
-                self._suspension = content.reasons[0]
-                break
-        self._pipeline.set_session(self._session, self._suspension if self._session.suspended else None)
 
 
 def _calibration_state(calibration: messages.Calibration) -> PipelineCalibration:

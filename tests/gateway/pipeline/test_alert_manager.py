@@ -373,7 +373,7 @@ def test_the_end_and_the_return_of_samples_do_not_wait_for_a_heartbeat(crane: He
 @pytest.mark.slow
 def test_a_housing_off_the_rope_suspends_at_once(crane: HearingCrane) -> None:
     before = len(crane.heard)
-    crane.pipeline.set_session(replace(NO_SESSION, id="r-1", suspended=True), "SUSPENDED")
+    crane.pipeline.set_session(replace(NO_SESSION, id="r-1", suspended=True))
     crane.record(0.1)
     assert crane.validities(before)[:1] == ["suspended"]
 

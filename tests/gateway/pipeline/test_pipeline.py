@@ -239,6 +239,7 @@ def test_the_same_blocks_give_identical_messages() -> None:
     assert first.out == again.out
 
 
+OFF_ROPE = replace(NO_SESSION, phase="collecting", method="six-position", by="ann", suspended=True)
 WHY = "SUSPENDED: the sensor is being recalibrated (six-position, by ann)"
 
 
@@ -247,7 +248,7 @@ def test_the_load_is_unknown_during_a_recalibration() -> None:
     run = Run(crane(9.0)).go(20)
     assert run.out["alert"][-1].level == "trip"
     before = {topic: len(messages) for topic, messages in run.out.items()}
-    run.pipeline.set_session(NO_SESSION, WHY)
+    run.pipeline.set_session(OFF_ROPE)
     run.go(5)
     later = {topic: messages[before[topic] :] for topic, messages in run.out.items()}
     assert {alert.level for alert in later["alert"][1:]} == {
@@ -267,7 +268,7 @@ def test_the_load_is_unknown_during_a_recalibration() -> None:
 @pytest.mark.slow
 def test_a_device_lost_during_a_recalibration_gives_both_reasons() -> None:
     run = Run(crane()).go(5)
-    run.pipeline.set_session(NO_SESSION, WHY)
+    run.pipeline.set_session(OFF_ROPE)
     run.go(1)
     run.take(run.pipeline.idle(run.newest_ns + 3_000_000_000, CLOCK).messages)
     reason = run.out["condition"][-1].reasons[0]
@@ -280,7 +281,7 @@ def test_the_calibration_message_contains_the_session() -> None:
     run = Run(crane()).go(1)
     assert run.out["calibration"][-1].session == NO_SESSION
     session = replace(NO_SESSION, id="session-1", phase="collecting")
-    run.pipeline.set_session(session, WHY)
+    run.pipeline.set_session(session)
     message = run.pipeline.calibration_message(MessageTime(run.newest_ns, CLOCK)).message
     assert isinstance(message, messages.Calibration)
     assert message.session == session

@@ -1,6 +1,7 @@
 """The drift watch in the pipeline: fed at rest alone, and its alarm told as a warning of its own."""
 
 from collections import defaultdict
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -133,10 +134,10 @@ def test_drift_within_the_interval_raises_no_warning() -> None:
 @pytest.mark.slow
 def test_the_drift_monitor_gets_no_readings_off_the_rope() -> None:
     crane = Hanging()
-    crane.pipeline.set_session(NO_SESSION, "SUSPENDED: on the bench")
+    crane.pipeline.set_session(replace(NO_SESSION, phase="collecting", suspended=True))
     crane.hour(0).hour(1)
     assert not crane.rest.has_unsaved_readings
-    crane.pipeline.set_session(NO_SESSION, None)
+    crane.pipeline.set_session(NO_SESSION)
     crane.hour(2)
     assert crane.rest.has_unsaved_readings
 
@@ -146,7 +147,7 @@ def test_the_drift_warning_is_unknown_while_alerts_are_suspended() -> None:
     crane = Hanging()
     for hour in range(HOLD_HOURS + 1):
         crane.hour(hour, error_g=2 * DM_G)
-    crane.pipeline.set_session(NO_SESSION, "SUSPENDED: on the bench")
+    crane.pipeline.set_session(replace(NO_SESSION, phase="collecting", suspended=True))
     crane.hour(HOLD_HOURS + 2, seconds=2)
     assert crane.alert.level == "unknown"
     assert "SUSPENDED" in present(calibration_of(crane.alert)).text

@@ -17,7 +17,7 @@ from gateway.calibration.store import CalibrationStore
 from gateway.messages import SessionPhase
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.requests import VERBS, Fetch, RequestAnswer, parse_payload
-from gateway.recalibration.session import Session, Timestamp
+from gateway.recalibration.session import Session, Timestamp, make_session_message
 
 START_NS = 1_767_225_600_000_000_000
 DEVICE = DeviceInfo(kind="test", device_id="part-7", unit="counts", odr_hz=100.0, units_per_g=1000.0)
@@ -131,7 +131,7 @@ class Site:
     @property
     def suspension(self) -> str:
         """The reason of the suspension, empty if there is none."""
-        return self.recalibration.suspension or ""
+        return make_session_message(self.recalibration.session, None).suspension or ""
 
     @property
     def store(self) -> CalibrationStore:
