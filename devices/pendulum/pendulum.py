@@ -37,9 +37,11 @@ def motion_rate(motion: Array, drive_m_s2: Array, length_m: Array | float, lengt
     return rate
 
 
-def runge_kutta_step(rate: Callable[[float, Array], Array], time_s: float, motion: Array, step_s: float) -> Array:
-    """One classical fourth-order step of `rate(time_s, motion)`."""
-    k1 = rate(time_s, motion)
+def runge_kutta_step(
+    rate: Callable[[float, Array], Array], time_s: float, motion: Array, step_s: float, k1: Array | None = None
+) -> Array:
+    """One classical fourth-order step of `rate(time_s, motion)`; `k1` is the rate at its start where that is known."""
+    k1 = rate(time_s, motion) if k1 is None else k1
     k2 = rate(time_s + step_s / 2, motion + step_s / 2 * k1)
     k3 = rate(time_s + step_s / 2, motion + step_s / 2 * k2)
     k4 = rate(time_s + step_s, motion + step_s * k3)

@@ -164,13 +164,13 @@ class Crane:
             at = round(time_s * 2 / STEP_S)
             return np.array(self._rate(motion.tolist(), acting[at], length[at], length_rate[at]))
 
-        motions = [motion]
+        motions, rates = [motion], [rate(0.0, motion)]
         for step in range(STEPS_AT_ONCE):
-            motions.append(pendulum.runge_kutta_step(rate, step * STEP_S, motions[-1], STEP_S))
-        motions[-1] = _project_onto_sphere(motions[-1])
+            end = pendulum.runge_kutta_step(rate, step * STEP_S, motions[-1], STEP_S, rates[-1])
+            motions.append(end if step < STEPS_AT_ONCE - 1 else _project_onto_sphere(end))
+            rates.append(rate((step + 1) * STEP_S, motions[-1]))
         kept = np.arange(first, first + STEPS_AT_ONCE + 1) % HISTORY_STEPS
-        self._motions[kept] = motions
-        self._rates[kept] = [rate(step * STEP_S, each) for step, each in enumerate(motions)]
+        self._motions[kept], self._rates[kept] = motions, rates
         self._newest = first + STEPS_AT_ONCE
         self._schedule.prune_past((self._newest - HISTORY_STEPS) * STEP_S)
 

@@ -3,6 +3,8 @@ uneven light, noise, sRGB, 8 bits. The spot's place on the board is exact.
 """
 
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any
 
 import cv2
 import numpy as np
@@ -54,6 +56,33 @@ class Scene:
 def render(scene: Scene) -> NDArray[np.uint8]:
     """Return the pixels, shape (height, width, 3), blue, green, red."""
     random = np.random.default_rng(scene.seed)
+    place, reflectance, irradiance = _lit_board(replace(scene, **NOT_OF_THE_BOARD))
+    sigma = np.array(scene.spot_sigma_mm)
+    for spot in scene.spots:
+        beam = scene.laser * np.exp(-(((place - np.array(spot)) / sigma) ** 2).sum(axis=2) / 2)
+        colour = np.full(3, 0.01)
+        colour[scene.laser_channel] = 1.0
+        irradiance = irradiance + beam[..., None] * colour
+    seen = cv2.GaussianBlur(reflectance * irradiance, (0, 0), scene.blur_px)
+    encoded = 255 * np.where(seen <= 0.0031308, 12.92 * seen, 1.055 * np.maximum(seen, 1e-9) ** (1 / 2.4) - 0.055)
+    noisy = encoded + scene.noise * random.standard_normal(seen.shape)
+    return np.asarray(np.clip(np.rint(noisy), 0, 255), dtype=np.uint8)
+
+
+NOT_OF_THE_BOARD: dict[str, Any] = {
+    "spots": (),
+    "laser": 0.0,
+    "laser_channel": 2,
+    "blur_px": 0.0,
+    "noise": 0.0,
+    "seed": 0,
+}
+"""What a scene has beside its board and its light."""
+
+
+@lru_cache(maxsize=4)
+def _lit_board(scene: Scene) -> tuple[Array, Array, Array]:
+    """Return the place that each pixel shows (height, width, 2), and reflectance and irradiance of the board without a laser."""
     place = board_places(scene)
     footprint = 1 / scene.px_per_mm
     middle = (np.array([scene.columns, scene.rows]) - 1) / 2
@@ -68,17 +97,7 @@ def render(scene: Scene) -> NDArray[np.uint8]:
     height, width = dots.shape
     across, down = np.linspace(-1, 1, width), np.linspace(-1, 1, height)[:, None]
     light = 0.6 * (1 + scene.uneven * (0.6 * across + 0.4 * down)) * (1 - scene.uneven * 0.3 * (across**2 + down**2))
-    irradiance = light[..., None] * np.array([0.85, 1.0, 1.05])
-    sigma = np.array(scene.spot_sigma_mm)
-    for spot in scene.spots:
-        beam = scene.laser * np.exp(-(((place - np.array(spot)) / sigma) ** 2).sum(axis=2) / 2)
-        colour = np.full(3, 0.01)
-        colour[scene.laser_channel] = 1.0
-        irradiance = irradiance + beam[..., None] * colour
-    seen = cv2.GaussianBlur(reflectance * irradiance, (0, 0), scene.blur_px)
-    encoded = 255 * np.where(seen <= 0.0031308, 12.92 * seen, 1.055 * np.maximum(seen, 1e-9) ** (1 / 2.4) - 0.055)
-    noisy = encoded + scene.noise * random.standard_normal(seen.shape)
-    return np.asarray(np.clip(np.rint(noisy), 0, 255), dtype=np.uint8)
+    return place, reflectance, light[..., None] * np.array([0.85, 1.0, 1.05])
 
 
 def board_places(scene: Scene) -> Array:

@@ -16,8 +16,8 @@ FILE = '[gateway]\nsite = "yard"\n\n[alerts]\ntrip_deg = 6.0  # agreed with the 
 
 @pytest.fixture(scope="module")
 def gateway(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningGateway]:
-    """A gateway whose file is the same after each test that takes it."""
-    gateway = RunningGateway(tmp_path_factory.mktemp("gateway"), FILE)
+    """A gateway with a short trial, whose file is the same after each test that takes it."""
+    gateway = RunningGateway(tmp_path_factory.mktemp("gateway"), FILE, program=("tests.system.short_trial",))
     with closing(BusPeer(gateway.endpoint)) as peer:
         peer.wait_for("health")
     yield gateway

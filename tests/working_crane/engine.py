@@ -142,15 +142,24 @@ def _forces(
     velocity, of_body = np.empty(6), mujoco.mjtObj.mjOBJ_BODY
     last = len(given.time_s) - 1
 
+    # Views of the engine's own arrays: to look them up in each stage would take as long as the stage.
+    of_bodies_n, of_joints_n = data.xfrc_applied, data.qfrc_applied
+    of_pivot_n, pivot_speed, of_load_n = (
+        of_joints_n[first : first + 3],
+        data.qvel[first : first + 3],
+        of_bodies_n[load, :3],
+    )
+    damped = [(body, -damping * mass, of_bodies_n[body, :3]) for body, mass, damping in nodes]
+    linear = velocity[3:]
+
     def apply(_model: mujoco.MjModel, _data: mujoco.MjData) -> None:
         stage = min(round(data.time * half_steps_per_s), last)
-        data.qfrc_applied[first : first + 3] = pivot_n[stage]
-        data.qfrc_applied[paid_out] = hoist_n[stage]
-        pivot_speed = data.qvel[first : first + 3]
-        for body, mass, damping in nodes:
+        of_pivot_n[:] = pivot_n[stage]
+        of_joints_n[paid_out] = hoist_n[stage]
+        for body, factor, force_n in damped:
             mujoco.mj_objectVelocity(model, data, of_body, body, velocity, 0)
-            data.xfrc_applied[body, :3] = -damping * mass * (velocity[3:] - pivot_speed)
-        data.xfrc_applied[load, :3] += wind_n[stage]
+            np.multiply(factor, linear - pivot_speed, out=force_n)
+        of_load_n[:] += wind_n[stage]
 
     return apply
 

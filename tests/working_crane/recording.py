@@ -26,11 +26,11 @@ class Recording:
         return float(self.truth["angle_deg"].max())
 
 
-def record(case: Case) -> Recording:
-    """Simulate the case and sample it."""
+def record(case: Case, duration_s: float = DURATION_S) -> Recording:
+    """Simulate the case, or its beginning, and sample it."""
     per_sample = round(1 / (RATE_HZ * step_s(case.crane)))
     lead_in = round(case.lead_in_s * RATE_HZ)
-    count = round(DURATION_S * RATE_HZ)
+    count = round(duration_s * RATE_HZ)
     half_steps = np.arange(2 * per_sample * (lead_in + count)) - 2 * per_sample * lead_in
     given = commands(case.crane, case.events, case.steady_wind_m_s2, half_steps * step_s(case.crane) / 2)
     motion = simulate(case.crane, given, case.tilt_rad, case.rigging_tilt_rad)

@@ -1,5 +1,6 @@
 """Least-squares harmonics in sliding windows of an evenly spaced series: where it repeats, and with which period."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -97,18 +98,27 @@ class WindowFits:
 
 def resample(time_s: Array, force_g: Array, interval_s: float, noise_g: float | Array | None = None) -> Series:
     """Return samples, shapes (n,) and (n, 3), at even intervals: means of a denser series, a cubic through a sparser one."""
+    return resampler(time_s, force_g, noise_g)(interval_s)
+
+
+def resampler(time_s: Array, force_g: Array, noise_g: float | Array | None = None) -> Callable[[float], Series]:
+    """Return `resample` of these samples for any interval; their spacing and their noise are measured once."""
     spacing_s = float(np.median(np.diff(time_s)))
-    interval_s = max(interval_s, spacing_s)
-    count = int((time_s[-1] - time_s[0]) / interval_s) + 1
-    grid_s = time_s[0] + interval_s * np.arange(count)
-    nearest = np.abs(time_s[np.clip(np.searchsorted(time_s, grid_s), 0, len(time_s) - 1)] - grid_s)
-    before = np.abs(time_s[np.clip(np.searchsorted(time_s, grid_s) - 1, 0, len(time_s) - 1)] - grid_s)
-    known = np.minimum(nearest, before) <= 1.5 * max(interval_s, spacing_s)
-    cells = interval_s / spacing_s
-    values = _cell_means(time_s, force_g, grid_s, interval_s) if cells >= 2 else _cubic(time_s, force_g, grid_s)
-    noise = effective_noise_g(force_g, noise_g) / np.sqrt(max(cells, 1.0))
-    noise = np.maximum(noise, smallest_steps(force_g) / np.sqrt(12))
-    return Series(float(time_s[0]), interval_s, values, known, noise)
+    sample_noise_g, least_noise_g = effective_noise_g(force_g, noise_g), smallest_steps(force_g) / np.sqrt(12)
+
+    def resampled(interval_s: float) -> Series:
+        interval_s = max(interval_s, spacing_s)
+        count = int((time_s[-1] - time_s[0]) / interval_s) + 1
+        grid_s = time_s[0] + interval_s * np.arange(count)
+        nearest = np.abs(time_s[np.clip(np.searchsorted(time_s, grid_s), 0, len(time_s) - 1)] - grid_s)
+        before = np.abs(time_s[np.clip(np.searchsorted(time_s, grid_s) - 1, 0, len(time_s) - 1)] - grid_s)
+        known = np.minimum(nearest, before) <= 1.5 * max(interval_s, spacing_s)
+        cells = interval_s / spacing_s
+        values = _cell_means(time_s, force_g, grid_s, interval_s) if cells >= 2 else _cubic(time_s, force_g, grid_s)
+        noise = np.maximum(sample_noise_g / np.sqrt(max(cells, 1.0)), least_noise_g)
+        return Series(float(time_s[0]), interval_s, values, known, noise)
+
+    return resampled
 
 
 def _cell_means(time_s: Array, force_g: Array, grid_s: Array, interval_s: float) -> Array:
@@ -181,11 +191,12 @@ def fit_windows(series: Series, period: float, length: int, *, drifts: bool, str
 def find_period_s(time_s: Array, force_g: Array, noise_g: float | Array | None = None) -> float | None:
     """Return the shortest period with which most of what repeats in a recording does; None where nothing repeats."""
     base = resample(time_s, force_g, FINEST_S, noise_g)
-    base_s = base.start_s + base.interval_s * np.arange(len(base))
+    base_s: Array = base.start_s + base.interval_s * np.arange(len(base), dtype=np.float64)
     longest_s = min(MAX_PERIOD_S, len(base) * base.interval_s / SEARCH_PERIODS)
     count = int(np.log(max(longest_s / MIN_PERIOD_S, 1.0)) / np.log(PERIOD_RATIO)) + 1
     periods_s = MIN_PERIOD_S * PERIOD_RATIO ** np.arange(count)
-    covered_s = np.array([_covered_s(base_s, base, period_s) for period_s in periods_s.tolist()]).T
+    resampled = resampler(base_s, base.force_g, base.noise_g)
+    covered_s = np.array([_covered_s(resampled, period_s) for period_s in periods_s.tolist()]).T
     best_s = next((row for row in covered_s if row.max() > 0), None)
     if best_s is None:
         return None
@@ -193,11 +204,9 @@ def find_period_s(time_s: Array, force_g: Array, noise_g: float | Array | None =
     return float(periods_s[first + int(best_s[first : first + PEAK_WINDOW].argmax())])
 
 
-def _covered_s(base_s: NDArray[np.floating], base: Series, period_s: float) -> list[float]:
+def _covered_s(resampled: Callable[[float], Series], period_s: float) -> list[float]:
     """Return for each tolerance how much of a series repeats with a period."""
-    series = resample(
-        np.asarray(base_s, dtype=np.float64), base.force_g, period_s / SEARCH_SAMPLES_PER_PERIOD, base.noise_g
-    )
+    series = resampled(period_s / SEARCH_SAMPLES_PER_PERIOD)
     period = period_s / series.interval_s
     stride = max(1, round(period / 4))
     fits = fit_windows(series, period, round(SEARCH_PERIODS * period), drifts=False, stride=stride)

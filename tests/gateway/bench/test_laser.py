@@ -49,8 +49,9 @@ def test_a_displacement_is_measured_to_a_twentieth_of_a_millimetre_at_5_pixels_p
 
 @pytest.mark.slow
 def test_random_scenes_lie_within_their_95_percent_intervals() -> None:
+    """Of the first six scenes these have the largest errors for their intervals."""
     scores = []
-    for seed in range(6):
+    for seed in (0, 2, 3):
         found, error_mm = measure(*random_scene(seed))
         scores.append(error_mm / (1000 * found.u_d_m))
     assert np.max(np.abs(scores)) < 1.96

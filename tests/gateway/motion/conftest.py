@@ -2,14 +2,13 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 import pytest
 
 from devices.pendulum import pendulum
 from devices.pendulum.small_swing import STANDARD_GRAVITY_M_S2
-from devices.simulated.crane import Crane
+from devices.simulated.crane import HISTORY_S, Crane
 from devices.simulated.schedule import Event
 from gateway.motion.estimate import MotionEstimate
 from gateway.motion.motion_tracker import MotionTracker
@@ -58,8 +57,7 @@ def swing(
     start, speed = amplitude_deg * np.exp(1j * rng.uniform(0, 2 * np.pi)), np.sqrt(GRAVITY_M_S2 / length_m)
     side = 0.2 * speed * start * 1j
     motion = pendulum.start_motion(*np.radians([start.real, start.imag, side.real, side.imag]))
-    new_crane = partial(
-        Crane,
+    crane = Crane(
         length_m=length_m,
         position_m=rho * length_m,
         events=tuple(events),
@@ -67,9 +65,17 @@ def swing(
         damping_ratio=damping_ratio,
     )
     time_s: Array = np.arange(round(duration_s * RATE_HZ)) / RATE_HZ
-    force_g = new_crane().specific_force_m_s2(time_s) / GRAVITY_M_S2
+    force_g, angle_rad = sense(crane, time_s)
     force_g += noise_g * rng.normal(size=force_g.shape) + offset_g * rng.normal(size=3)
-    return Recording(time_s, force_g, new_crane().truth(time_s).rope_angle_rad, believed(rng, length_m, rho))
+    return Recording(time_s, force_g, angle_rad, believed(rng, length_m, rho))
+
+
+def sense(crane: Crane, time_s: Array) -> tuple[Array, Array]:
+    """Return the specific force in g at the housing and the rope's true angle, while the crane still remembers both."""
+    parts = np.array_split(time_s, 1 + int((time_s[-1] - time_s[0]) / HISTORY_S))
+    sensed = [(crane.specific_force_m_s2(part), crane.truth(part).rope_angle_rad) for part in parts]
+    force_m_s2, angle_rad = (np.concatenate(each) for each in zip(*sensed, strict=True))
+    return force_m_s2 / GRAVITY_M_S2, angle_rad
 
 
 def believed(rng: np.random.Generator, length_m: float, rho: float) -> MountedHousing:

@@ -27,8 +27,8 @@ from tests.gateway.motion.conftest import (
     swing,
 )
 from tests.values import present
-from tests.working_crane.__main__ import make
-from tests.working_crane.kinds import case_seeds
+from tests.working_crane.kinds import KINDS, case_seeds
+from tests.working_crane.recording import record
 
 BIN_S = 0.1
 LENGTH_M, ABOVE_M = 10.0, 5.0
@@ -182,9 +182,10 @@ def test_bins_with_clipped_samples_are_not_read() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", case_seeds(2401, 6))
 def test_start_in_the_middle_of_a_manoeuvre_gives_an_angle_within_one_period(seed: int) -> None:
-    case, recorded = make("mid_manoeuvre", seed)
+    case = KINDS["mid_manoeuvre"](seed)
     crane = case.crane
     period_s = 2 * np.pi / crane.rate_rad_s
+    recorded = record(case, period_s + 3)
     first = recorded.time_s < period_s + 2
     rig = replace(
         swing(duration_s=1.0).rig, length_m=case.believed_length_m, above_load_m=crane.above_load_m, length_u_rel=0.05

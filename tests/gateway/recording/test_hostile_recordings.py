@@ -1,5 +1,6 @@
 """Recordings that claim or contain far more than their size: refused within bounded memory and time."""
 
+import json
 import os
 import resource
 import struct
@@ -7,7 +8,7 @@ import subprocess
 import sys
 import time
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from io import BytesIO
 from pathlib import Path
 
@@ -149,12 +150,24 @@ INPUT_BYTES = 2_000_000
 MAX_RESIDENT_OF_REPEATED_BYTES = 170_000_000
 """Of a file of so many repeated records: 60 MB of the program itself, and 55 bytes for each of the file."""
 MEASURE = """
-import resource, subprocess, sys
-resource.setrlimit(resource.RLIMIT_CPU, (120, 120))
-code = subprocess.run(sys.argv[2:]).returncode
-open(sys.argv[1], "w").write(f"{code} {resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss}")
+import json, os, resource, sys
+from gateway.cli.main import main
+main(["measure", sys.argv[1]])
+for line in sys.stdin:
+    output, arguments = json.loads(line)
+    child = os.fork()
+    if child == 0:
+        resource.setrlimit(resource.RLIMIT_CPU, (120, 120))
+        os.dup2(os.open(output, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 1)
+        os.dup2(1, 2)
+        sys.exit(main(arguments))
+    _, status, usage = os.wait4(child, 0)
+    print(os.waitstatus_to_exitcode(status), usage.ru_maxrss, flush=True)
 """
-"""Runs a command from a small process: the memory of a child begins at that of its parent. A command without end is ended."""
+"""Runs each command in a fork of a process that has loaded the program, and states its exit code and memory, KiB.
+
+The memory of a fork begins at that of its parent. A command without end is ended.
+"""
 EARLY_INDEX = RECORD_HEAD.pack(Opcode.MESSAGE_INDEX, 6) + struct.pack("<HI", 1, 0)
 DEFINITIONS = serialise(Schema(1, b"{}", "jsonschema", "plumbline.Samples"), Channel(1, "/samples", "json", {}, 1))
 VERBS = [["record", "info"], ["record", "verify"], ["record", "incident", "--list"], ["record", "replay"], ["measure"]]
@@ -207,15 +220,34 @@ HOSTILE: dict[str, Callable[[], bytes]] = {
 }
 
 
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Iterator["subprocess.Popen[str]"]:
+    """A process that runs commands, and says first what it thinks of a recording of nothing."""
+    empty = write(tmp_path_factory.mktemp("empty") / "empty.mcap")
+    with subprocess.Popen(
+        [sys.executable, "-c", MEASURE, str(empty)],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    ) as process:
+        yield process
+        assert process.stdin is not None
+        process.stdin.close()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list(HOSTILE))
-def test_no_hostile_file_costs_more_memory_than_allowed(tmp_path: Path, name: str) -> None:
+def test_no_hostile_file_costs_more_memory_than_allowed(
+    tmp_path: Path, program: "subprocess.Popen[str]", name: str
+) -> None:
     path = write(tmp_path / "hostile.mcap", HOSTILE[name]())
     if name == "a claim of 6 GB":
         os.truncate(path, 6_000_000_100)  # without a block on the disk
     assert path.stat().st_blocks * 512 <= INPUT_BYTES + 8192
     costs = {
-        " ".join(verb): cost_of([*verb, str(path)], tmp_path)
+        " ".join(verb): cost_of(program, [*verb, str(path)], tmp_path / "output")
         for verb in VERBS
         if "GB" not in name or verb[1:] != ["verify"]
     }
@@ -225,18 +257,12 @@ def test_no_hostile_file_costs_more_memory_than_allowed(tmp_path: Path, name: st
         assert resident_bytes <= most_bytes, (verb, costs)
 
 
-def cost_of(arguments: list[str], folder: Path) -> tuple[int, str]:
+def cost_of(program: "subprocess.Popen[str]", arguments: list[str], output: Path) -> tuple[int, str]:
     """The most resident memory of a command, and the end of what it says."""
-    cost, output = folder / "cost", folder / "output"
-    with output.open("wb") as stream:
-        subprocess.run(
-            [sys.executable, "-c", MEASURE, str(cost), sys.executable, "-m", "gateway", *arguments],
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
-            stdout=stream,
-            stderr=stream,
-            check=True,
-        )
+    assert program.stdin is not None
+    assert program.stdout is not None
+    print(json.dumps([str(output), arguments]), file=program.stdin, flush=True)
+    code, resident_kib = map(int, program.stdout.readline().split())
     said = output.read_text(errors="replace")[-2000:]
-    code, resident_kib = map(int, cost.read_text().split())
     assert code in (0, 1, 2, 3), (code, said)
     return resident_kib * 1024, said

@@ -250,8 +250,9 @@ def fit_guessed_effects(table: CandidateTable, context: SearchContext, parent: C
     """Fit the effects beside a parent that are guessed from its residual, until one explains the log."""
     names = [name for name in EFFECTS.choose(is_guessed_from_residual=True) if table.get(parent.names | {name}) is None]
     for several in ([name for name in names if name != DoublePendulum.name], [DoublePendulum.name]):
-        requests = [each for name in several for each in _guessed_requests(table, context, parent, name)]
-        table = context.fit_in_turn(table, requests, lambda now, _: not now.is_explained)
+        if not table.is_explained:  # to choose between the guesses of a double pendulum takes longer than most searches
+            requests = [each for name in several for each in _guessed_requests(table, context, parent, name)]
+            table = context.fit_in_turn(table, requests, lambda now, _: not now.is_explained)
     return table
 
 

@@ -185,30 +185,33 @@ def _swings(
     gust = random.normal(0, weeks.gust, (count, 2))
     gust_rate, gust_phase = rate_1_s * random.uniform(0.05, 0.25, count), random.uniform(0, 2 * np.pi, count)
 
-    def acceleration(time_s: float, position: Values, velocity: Values) -> Values:
-        n = position / length_m[:, None]
-        blow = lean + gust * np.sin(gust_rate * time_s + gust_phase)[:, None]
-        force = np.column_stack([G_M_S2 * blow, np.full(count, -G_M_S2)])
-        size = np.linalg.norm(velocity, axis=1)
-        force -= (damping + drag * size)[:, None] * velocity
-        along = (force * n).sum(axis=1) + size**2 / length_m
-        return np.asarray(force - along[:, None] * n)
-
     step_s, samples = 1 / RATE_HZ, round(duration_s * RATE_HZ) + 1  # a hundredth of a period: good to a millionth
-    position, velocity = length_m[:, None] * n, speed
-    path, pulled = np.empty((count, samples, 3)), np.empty((count, samples, 3))
+    half_steps = np.arange(2 * samples + 1)[:, None] * step_s / 2
+    blow = lean.T[:, None] + gust.T[:, None] * np.sin(gust_rate * half_steps + gust_phase)
+    wind = G_M_S2 * np.stack([*blow, -np.ones_like(half_steps * gust_rate)], axis=1)  # half steps, 3, swings
+
+    def acceleration(force: Values, position: Values, velocity: Values) -> Values:
+        """Return the acceleration under gravity and wind; all are of shape (3, swings)."""
+        n = position / length_m
+        speed2 = (velocity * velocity).sum(axis=0)
+        force = force - (damping + drag * np.sqrt(speed2)) * velocity
+        return np.asarray(force - ((force * n).sum(axis=0) + speed2 / length_m) * n)
+
+    position, velocity = length_m * n.T, speed.T
+    path, pulled = np.empty((samples, 3, count)), np.empty((samples, 3, count))
     for place in range(samples):
-        time_s = place * step_s
-        a1 = acceleration(time_s, position, velocity)
-        path[:, place], pulled[:, place] = position, a1
+        begin, middle, end = wind[2 * place : 2 * place + 3]
+        a1 = acceleration(begin, position, velocity)
+        path[place], pulled[place] = position, a1
         v2 = velocity + step_s / 2 * a1
-        a2 = acceleration(time_s + step_s / 2, position + step_s / 2 * velocity, v2)
+        a2 = acceleration(middle, position + step_s / 2 * velocity, v2)
         v3 = velocity + step_s / 2 * a2
-        a3 = acceleration(time_s + step_s / 2, position + step_s / 2 * v2, v3)
+        a3 = acceleration(middle, position + step_s / 2 * v2, v3)
         v4 = velocity + step_s * a3
-        a4 = acceleration(time_s + step_s, position + step_s * v3, v4)
+        a4 = acceleration(end, position + step_s * v3, v4)
         position = position + step_s / 6 * (velocity + 2 * v2 + 2 * v3 + v4)
         velocity = velocity + step_s / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+    path, pulled = path.transpose(2, 0, 1), pulled.transpose(2, 0, 1)
     place_share = 1 - crane.above_load_m / length_m
     force = np.empty_like(path)
     for number in range(count):
