@@ -2,7 +2,7 @@
 
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -34,6 +34,8 @@ from gateway.swing.rig import MountedHousing
 UNCALIBRATED_NORM_ERROR_G = 0.05
 """Largest error of the norm of an uncalibrated sensor of a phone or radio board at rest. Basis: a choice; data sheets state
 offsets of 0.02 to 0.08 g."""
+LONGEST_END_S = 1.0
+"""Time without a sample at an end of an interval that is worth a remark. Basis: a choice; blocks of samples are shorter."""
 UNALIGNED_MOUNT_U_DEG = 0.57
 """Standard uncertainty of the angle between sensor and rope where nobody has zeroed it: fixed by eye, within one degree. Basis:
 within one degree, uniformly distributed."""
@@ -268,9 +270,24 @@ def _from_run(files: Sequence[Path], rig: Rig | None, interval: RecordingInterva
         gyro=None if recording.gyro_dps is None else device_gyro(run.device),
         mount_u_deg=ALIGNED_MOUNT_U_DEG if configuration is None else configuration.housing.mount_u_deg,
         temperature_warnings=correction.range_warnings(extreme_c),
-        remarks=(*run.remarks, *interval.describe_excess(extent), *calibration_remarks),
+        remarks=(
+            *run.remarks,
+            *interval.describe_excess(extent),
+            *_describe_ends(recording, interval, extent),
+            *calibration_remarks,
+        ),
     )
     return _without_suspended(source, run)
+
+
+def _describe_ends(recording: Recording, interval: RecordingInterval, extent: RecordingExtent) -> Iterator[str]:
+    """Yield a remark for each end of the interval at which the recording has no samples, though it has others beyond."""
+    begin_s, end_s = interval.limits_s(extent)
+    first_s, last_s = float(recording.time_s[0]), float(recording.time_s[-1])
+    for from_s, to_s in ((max(begin_s, extent.first_s), first_s), (last_s, min(end_s, extent.last_s))):
+        if to_s - from_s > LONGEST_END_S:
+            ends = f"{from_s - extent.first_s:.1f} to {to_s - extent.first_s:.1f} s"
+            yield f"{ends}: no samples, or none that can be read; `plumbline record info` and `verify` say why"
 
 
 def _without_suspended(source: Source, run: RecordedSamples) -> Source:

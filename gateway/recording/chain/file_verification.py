@@ -182,6 +182,8 @@ class _FileCheck:
         self._readable_bytes = 0
         """Place behind the last record that can be read."""
         self._deletions: dict[str, str] = {}
+        self._damaged_place = -1
+        """Place of the newest record that cannot be read."""
         self._places: list[int] = []
         """Of the chunks and attachments since the last statement."""
 
@@ -220,7 +222,7 @@ class _FileCheck:
             self._summary.observe(frame, place)
             record = PARSERS[opcode](content) if opcode in (Opcode.METADATA, Opcode.ATTACHMENT) else None
         except DAMAGED:
-            self._problem(f"ALTERED: the record at byte {place} cannot be read")
+            self._note_damage(self._places[-1] if opcode == Opcode.MESSAGE_INDEX and self._places else place)
             return
         if opcode in (Opcode.CHUNK, Opcode.ATTACHMENT):
             self._places.append(place)
@@ -239,6 +241,12 @@ class _FileCheck:
             self._check_signature(record.metadata, place, len(frame[0]) + len(content))
             if serialise(record) != frame[0] + content or set(record.metadata) != {"statement", "signature"}:
                 self._problem(f"ADDED: the record of the signature at byte {place} has more than the signature")
+
+    def _note_damage(self, place: int) -> None:
+        """Name a record that cannot be read, once: the indexes of a damaged chunk cannot either, and are not what was changed."""
+        if place != self._damaged_place:
+            self._problem(f"ALTERED: the record at byte {place} cannot be read")
+        self._damaged_place = place
 
     def _check_signature(self, metadata: dict[str, str], place: int, length: int) -> None:
         text = metadata.get("statement", "")
@@ -355,6 +363,8 @@ class _FileCheck:
             remarks.append("trimmed by the quota to the time around events")
         if statement.repaired:
             since = f": what is later than {iso_utc(statement.repaired_from_ns)} was signed only then"
+            if statement.to_ns <= statement.repaired_from_ns:
+                since = ": nothing in it is later than its last signature"
             remarks.append(
                 "was cut off by a kill or a power failure, and repaired and signed at the next start"
                 + (since if statement.repaired_from_ns else "")

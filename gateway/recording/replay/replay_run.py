@@ -142,7 +142,7 @@ class ReplayRun:
         missing = sequence - self._sequence - 1
         self._sequence = max(self._sequence, sequence)
         if missing > 0 and block is not None:
-            why = f"{missing} blocks of the run are not in these files"
+            why = f"{missing} blocks of the run are not in these files, or cannot be read"
             self._compare_from(int(block.time_ns[0]) + WARM_UP_NS, step, why)
 
     def _end_waiting(self, until_ns: int, *, is_last: bool = False) -> None:

@@ -264,3 +264,10 @@ def test_a_housing_may_be_below_a_length_by_the_period(tmp_path: Path) -> None:
     found = read_rig_of_recording(path, [write_swing(tmp_path / "log.csv", 3.9)])
     assert found.rig.rope.length_m == pytest.approx(LENGTH_M, rel=0.05)
     assert found.rig.housing.position_m == 3.9
+
+
+def test_an_end_of_an_interval_without_samples_is_remarked(write: Write) -> None:
+    paths = [write("a.mcap", 0, 3), write("b.mcap", 20, 4)]
+    assert "3.0 to 10.0 s: no samples" in read_source(paths, interval=interval("2", "10")).remarks[-1]
+    assert "10.0 to 20.0 s: no samples" in read_source(paths, interval=interval("10", "22")).remarks[-1]
+    assert not any("no samples" in remark for remark in read_source(paths, interval=interval("1", "22")).remarks)

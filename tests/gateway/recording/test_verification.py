@@ -79,6 +79,8 @@ def test_the_chunk_that_is_damaged_is_named(segments: list[Path]) -> None:
     (altered,) = (text for text in found.files[1].problems if text.startswith("ALTERED: bytes 0 to "))
     begin, end = chunk.chunk_start_offset, chunk.chunk_start_offset + chunk.chunk_length
     assert f"; damaged: the chunk at bytes {begin} to {end} (gateway time " in altered
+    unread = [text for text in found.files[1].problems if text.endswith("cannot be read")]
+    assert unread == [f"ALTERED: the record at byte {begin} cannot be read"]
     assert found.problems == ()
     assert found.files[0].problems == []
 
