@@ -21,7 +21,7 @@ from gateway.recording.format.segment_summary import (
     TopicCount,
     calibration_key,
 )
-from gateway.recording.format.summary_builder import RecordedAlert, join_alerts, unknown_s
+from gateway.recording.format.summary_builder import RecordedAlert, join_alerts, largest_peak, unknown_s, verdicts_s
 from gateway.recording.reading.interval import WHOLE_RECORDING, RecordingInterval
 from gateway.recording.reading.recording_file import SegmentIndex, Selection, is_altered
 from gateway.recording.reading.timeline import (
@@ -223,9 +223,9 @@ def _build_info(
         faults=_fault_changes(read),
         log=[line for summary in summaries for line in summary.log],
         log_count=sum(summary.log_count for summary in summaries),
-        largest_swing=_largest([summary.largest_swing for summary in summaries]),
-        largest_angle=_largest([summary.largest_angle for summary in summaries]),
-        verdict_s=_verdicts(summaries),
+        largest_swing=largest_peak([summary.largest_swing for summary in summaries]),
+        largest_angle=largest_peak([summary.largest_angle for summary in summaries]),
+        verdict_s=verdicts_s(summaries),
     )
 
 
@@ -278,14 +278,3 @@ def _topic_infos(summaries: Sequence[SegmentSummary], duration_s: float) -> list
         TopicInfo(name, schemas.get(name, ""), each.count, each.count / duration_s if duration_s else None, each.bytes)
         for name, each in sorted(found.items())
     ]
-
-
-def _largest(peaks: Sequence[RecordedPeak | None]) -> RecordedPeak | None:
-    return max(filter(None, peaks), key=lambda peak: peak.phi_max_deg, default=None)
-
-
-def _verdicts(summaries: Sequence[SegmentSummary]) -> dict[str, float]:
-    total: dict[str, float] = {}
-    for verdict, seconds in (entry for summary in summaries for entry in summary.verdict_s.items()):
-        total[verdict] = total.get(verdict, 0.0) + seconds
-    return total

@@ -285,6 +285,20 @@ def _recorded(period: AlertPeriod[AlertState]) -> RecordedAlert | None:
     )
 
 
+def largest_peak(peaks: Iterable[RecordedPeak | None]) -> RecordedPeak | None:
+    """Return the largest of what is known; None: nothing is."""
+    return max(filter(None, peaks), key=lambda peak: peak.phi_max_deg, default=None)
+
+
+def verdicts_s(segments: Iterable[SegmentSummary]) -> dict[str, float]:
+    """Return the seconds of each verdict of the condition."""
+    total_s: defaultdict[str, float] = defaultdict(float)
+    for summary in segments:
+        for verdict, seconds in summary.verdict_s.items():
+            total_s[verdict] += seconds
+    return dict(total_s)
+
+
 def unknown_s(segments: Iterable[SegmentSummary]) -> float:
     """Return for how many seconds no statement on the swing was possible."""
     total_ns = 0

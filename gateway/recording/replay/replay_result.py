@@ -6,7 +6,7 @@ from typing import Any
 
 from gateway import messages
 from gateway.recording.format.segment_summary import RecordedPeak, SegmentSummary
-from gateway.recording.format.summary_builder import RecordedAlert, join_alerts, unknown_s
+from gateway.recording.format.summary_builder import RecordedAlert, join_alerts, largest_peak, unknown_s, verdicts_s
 from gateway.recording.reading.interval import zoned
 from gateway.recording.replay.replay_comparison import AFTER_START
 from gateway.recording.replay.replay_run import ReplayResult
@@ -32,12 +32,13 @@ class ReplayOutcome:
     """Seconds of each verdict of the condition."""
 
 
-def outcome_of(summary: SegmentSummary | None) -> ReplayOutcome:
-    """Return what the messages of a summary told; None: there were none."""
-    if summary is None:
-        return ReplayOutcome([], None, None, 0.0, {})
-    alerts = [replace(each, acknowledged_by=None, acknowledged_utc_ns=None) for each in join_alerts([("", summary)])]
-    return ReplayOutcome(alerts, summary.largest_angle, summary.largest_swing, unknown_s([summary]), summary.verdict_s)
+def outcome_of(runs: Sequence[tuple[str, SegmentSummary]]) -> ReplayOutcome:
+    """Return what runs told, given by boot id and summary in order of time."""
+    alerts = [replace(each, acknowledged_by=None, acknowledged_utc_ns=None) for each in join_alerts(runs)]
+    told = [summary for _, summary in runs]
+    angle = largest_peak(summary.largest_angle for summary in told)
+    swing = largest_peak(summary.largest_swing for summary in told)
+    return ReplayOutcome(alerts, angle, swing, unknown_s(told), verdicts_s(told))
 
 
 def paired_alerts(

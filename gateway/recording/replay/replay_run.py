@@ -1,6 +1,7 @@
 """The replay of a timeline: what is compared, how exactly, and what came of it."""
 
 import platform
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -14,7 +15,7 @@ from gateway.errors import InputError
 from gateway.recording.format.segment_summary import SegmentSummary
 from gateway.recording.format.summary_builder import SummaryBuilder
 from gateway.recording.reading.interval import RecordingInterval, iso_utc
-from gateway.recording.reading.recording_file import RecordingFile, Selection
+from gateway.recording.reading.recording_file import Selection
 from gateway.recording.reading.timeline import (
     SAMPLES,
     SUMMARISED_PATHS,
@@ -51,8 +52,9 @@ class ReplayResult:
     mode: ReplayMode
     """same: with the recorded configuration and calibration; other: what it would have said with others."""
     comparison: ReplayComparison
-    recorded: SegmentSummary | None
-    recomputed: SegmentSummary | None
+    recorded: list[tuple[str, SegmentSummary]]
+    """What each run told, by its boot id, in order of time."""
+    recomputed: list[tuple[str, SegmentSummary]]
     notes: list[str] = field(default_factory=list)
     """How exactly the results are compared, and from when on."""
 
@@ -62,7 +64,7 @@ class ReplayResult:
     @property
     def is_compared(self) -> bool:
         """Something was compared: messages, or with other settings what was told."""
-        return self.recorded is not None if self.mode == "other" else bool(self.comparison.compared)
+        return bool(self.recorded) if self.mode == "other" else bool(self.comparison.compared)
 
 
 class ReplayRun:
@@ -89,7 +91,9 @@ class ReplayRun:
         self._pipeline = ReplayPipeline(timeline, configuration, record)
         self._mode: ReplayMode = "same" if configuration is None and record is None else "other"
         self._comparison = ReplayComparison(EXACT)
-        self._recorded, self._recomputed = SummaryBuilder(), SummaryBuilder()
+        self._recorded: defaultdict[str, SummaryBuilder] = defaultdict(SummaryBuilder)
+        """Of each run, by its boot id."""
+        self._recomputed: defaultdict[str, SummaryBuilder] = defaultdict(SummaryBuilder)
         self._from_ns = self._selection.begin_ns or 0
         """Gateway time from which on the results are compared."""
         self._boot_id: str | None = None
@@ -111,8 +115,8 @@ class ReplayRun:
         result = ReplayResult(
             self._mode,
             self._comparison,
-            self._recorded.summary(),
-            self._recomputed.summary(),
+            _summaries(self._recorded),
+            _summaries(self._recomputed),
             self._notes,
             self._is_from_start,
         )
@@ -191,20 +195,26 @@ class ReplayRun:
                 if self._mode == "same":
                     self._comparison.add_recorded(recorded)
                 if recorded.topic != SAMPLES:
-                    self._note(message, step.file)
+                    self._note(message, step)
         for outgoing in self._pipeline.compute(step):
             if outgoing.log_time_ns >= self._from_ns:
                 if self._mode == "same":
                     self._comparison.add_recomputed(outgoing)
                 if outgoing.topic != "samples":
-                    self._recomputed.count(TOPICS[outgoing.topic].path, outgoing.log_time_ns, 0)
-                    self._recomputed.add(outgoing.message, outgoing.log_time_ns)
+                    told = self._recomputed[step.boot_id]
+                    told.count(TOPICS[outgoing.topic].path, outgoing.log_time_ns, 0)
+                    told.add(outgoing.message, outgoing.log_time_ns)
         if self._mode == "same":
             self._comparison.end_waiting(step.end_ns - MAX_COUNTERPART_DELAY_NS)
 
-    def _note(self, message: StepMessage, file: RecordingFile) -> None:
-        """Add a recorded message to the summary, which knows the others by their number."""
-        recorded = message.recorded
-        self._recorded.count(recorded.topic, recorded.log_time_ns, len(recorded.data))
+    def _note(self, message: StepMessage, step: ReplayStep) -> None:
+        """Add a recorded message to the summary of its run, which knows the others by their number."""
+        recorded, told = message.recorded, self._recorded[step.boot_id]
+        told.count(recorded.topic, recorded.log_time_ns, len(recorded.data))
         if recorded.topic in SUMMARISED_PATHS:
-            self._recorded.add(message.content or file.decode(recorded), recorded.log_time_ns)
+            told.add(message.content or step.file.decode(recorded), recorded.log_time_ns)
+
+
+def _summaries(builders: Mapping[str, SummaryBuilder]) -> list[tuple[str, SegmentSummary]]:
+    found = ((boot_id, builder.summary()) for boot_id, builder in builders.items())
+    return [(boot_id, summary) for boot_id, summary in found if summary is not None]

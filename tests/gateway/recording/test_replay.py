@@ -9,6 +9,7 @@ import pytest
 
 from devices.block import SampleBlock
 from devices.simulated.accelerometer import MAX_COUNT
+from devices.simulated.device import SimulatedCrane
 from gateway import __version__
 from gateway.calibration.correction import Correction, correction_for
 from gateway.calibration.record import CalibrationRecord, content_hash
@@ -22,9 +23,9 @@ from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.reading.samples import read_samples
 from gateway.recording.replay import replay_run as replay_result
 from gateway.recording.replay.replay_pipeline import RECOMPUTED_PATHS
-from tests.clocks import START_NS
+from tests.clocks import START_NS, SleeplessClock
 from tests.gateway.recorded_crane import HastyCrane
-from tests.gateway.recording.recorded_crane import CLOCK, RecordedCrane
+from tests.gateway.recording.recorded_crane import CLOCK, SECOND_NS, RecordedCrane
 from tests.gateway.recording.replaying import replay
 
 
@@ -253,6 +254,23 @@ def test_a_stale_reading_in_a_recalibration_is_replayed(tmp_path: Path, capsys: 
     crane.close()
     code, result = replay(tmp_path, capsys)
     assert (code, result["differing"]) == (0, {})
+
+
+@pytest.mark.slow
+def test_an_alert_that_the_end_of_a_run_cut_does_not_last_into_the_next_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for boot_id, start_ns in (("b00t", START_NS), ("b00t-2", START_NS + 600 * SECOND_NS)):
+        clock = SleeplessClock(start_ns)
+        device = SimulatedCrane(odr_hz=100, block_samples=10, length_m=12.0, position_m=9.0, clock=clock)
+        crane = RecordedCrane(tmp_path, boot_id=boot_id, start_ns=start_ns, device=device)
+        crane.record(33)
+        crane.close()
+    code, result = replay(tmp_path, capsys)
+    assert (code, result["differing"]) == (0, {})
+    first, second = (each for each in result["recomputed"]["alerts"] if each["rule"] == "swing")
+    assert first["ended"] == "gateway ended"
+    assert first["to_utc_ns"] < second["from_utc_ns"] - 500 * SECOND_NS
 
 
 def begin_pipeline(crane: RecordedCrane, correction: Correction) -> None:
