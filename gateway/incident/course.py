@@ -95,6 +95,8 @@ class Course:
     origin_ns: int
     begin_ns: int
     end_ns: int
+    checked_s: float
+    """Up to this time the recordings were searched for changes of the incident, and are checked."""
     wall_offset_ns: int
     """UTC minus gateway time, by the last message of the clock before the origin, or the first one."""
     motion: MotionCourse
@@ -238,11 +240,12 @@ class CourseBuilder:
         causes: AbsenceCauses = NOTHING_STATED,
         *,
         was_stopped: bool = False,
+        checked_ns: int | None = None,
     ) -> Course:
         """Return the course of everything that was added.
 
         `before` and `after`: the blocks next to it in the recordings, None: there is none; `causes`: of what is missing;
-        `was_stopped`: the recordings end with the word that the gateway was stopping.
+        `was_stopped`: the recordings end with the word that the gateway was stopping; `checked_ns`: `Course.checked_s`.
         """
         span_s = (begin_ns - self.origin_ns) / 1e9, (end_ns - self.origin_ns) / 1e9
         acceleration, counts = self._acceleration(before, after, span_s, causes)
@@ -254,6 +257,7 @@ class CourseBuilder:
             origin_ns=self.origin_ns,
             begin_ns=begin_ns,
             end_ns=end_ns,
+            checked_s=((end_ns if checked_ns is None else checked_ns) - self.origin_ns) / 1e9,
             wall_offset_ns=self._wall_offset_ns(),
             motion=self._motion_course(holes_s),
             acceleration=acceleration,

@@ -37,7 +37,6 @@ from gateway.recording.reading.timeline import ReportProgress, Timeline, ignore_
 
 LEVEL_LABELS = {"trip": ("Trip", "trip"), "warn": ("Warning", "warning")}
 NO_ALERT, ALERT_OF_NO_LEVEL = ("No alert", "none"), ("Alert, its level not recorded", "warning")
-ALTERED = "Recordings altered or damaged"
 Pairs = tuple[tuple[str, str], ...]
 PAGE_FILE, CUT_FILE, FACTS_FILE = "incident.html", "incident.mcap", "incident.json"
 Verify = Callable[[Sequence[Path]], RecordVerdict]
@@ -67,7 +66,7 @@ def render_page(
     label, kind = NO_ALERT if incident is None else LEVEL_LABELS.get(incident.level, ALERT_OF_NO_LEVEL)
     label = label if incident is None else f"{label}, {incident.rule}"
     if verification.kind == "differs":
-        label, kind = f"{ALTERED}: {label}", "trip"
+        label, kind = f"{verification.alarm}: {label}", "trip"
     return render(
         "incident.html.j2",
         title=f"Incident report: {', '.join(filter(None, (course.source, evidence.gateway)))}",

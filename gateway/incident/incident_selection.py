@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from gateway.alert_periods import AlertPeriods, AlertState, AlertStep
 from gateway.errors import InputError
 from gateway.messages import LEVEL_RANK, Alert, Level
+from gateway.recording.format.content import CUT
 from gateway.recording.reading.interval import RecordingInterval, RecordingTime
 from gateway.recording.reading.recording_file import Selection, open_recording
 from gateway.recording.reading.timeline import ReportProgress, Timeline, TimelineSpan, ignore_progress
@@ -55,6 +56,11 @@ class AlertIncident:
     """Largest angle by the gateway itself, also of what is not in the recordings; best estimate."""
     largest_upper_deg: float | None
     """Largest upper end of its 95 % interval."""
+
+    def is_changed_by(self, message: Alert | None) -> bool:
+        """Return whether a message at the time of a change is of it; it may be a heartbeat, or have no id."""
+        own = (self.rule, self.id), (self.rule, None), (None, None)
+        return message is not None and (message.rule, message.incident) in own
 
     @property
     def is_raised_before(self) -> bool:
@@ -187,7 +193,8 @@ def _chosen(timeline: Timeline, incidents: Sequence[AlertIncident], choice: Inci
     if not incidents:
         raise InputError(f"{timeline.name}: no alert was raised in it; give --around TIME, or --from and --to")
     if choice.number is None:
-        return incidents[-1]
+        cut_out = {each.metadata.get(CUT, {}).get("incident") for each in timeline.segments}
+        return next((each for each in incidents if each.id in cut_out), incidents[-1])
     if not 1 <= choice.number <= len(incidents):
         raise InputError(f"--alert {choice.number}: {timeline.name} has {len(incidents)}, numbered from 1")
     return incidents[choice.number - 1]

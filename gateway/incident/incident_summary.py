@@ -293,7 +293,9 @@ def where_it_stood(course: Course, incident: AlertIncident) -> str:
 def _acknowledgement(course: Course, clock: ReportClock, incident: AlertIncident, facts: IncidentFacts) -> str:
     known = incident.acknowledgement
     if known is None:
-        return f"The recordings{'' if facts.is_whole else ', as far as they are left,'} state no acknowledgement of it."
+        left = "" if facts.is_whole else ", as far as they are left,"
+        until = f"up to {clock.both(course.checked_s)}, as far as they were read and checked"
+        return f"The recordings{left} state no acknowledgement of it {until}."
     reason = f", with the words: {known.reason}" if known.reason else ""
     text = f"It was acknowledged at {clock.both(course.time_s(known.time_ns))} by {known.acknowledged_by}{reason}"
     before = [change.level for change in incident.changes if change.time_ns < known.time_ns]
