@@ -34,6 +34,8 @@ class IncidentChange:
     """The limit is reached by the upper end alone: the best estimate of the angle is below it."""
     limit_deg: float | None
     clear_deg: float | None
+    expected_in_s: float | None = None
+    """Time until `value_deg` is reached: that of a coming peak, 0 for the angle at that time; None: not stated."""
     acknowledged_by: str | None = None
     """Who acknowledged the incident by this change."""
     reason: str | None = None
@@ -78,9 +80,16 @@ class AlertIncident:
         return next((change.time_ns for change in reversed(self.changes) if change.event == "cleared"), None)
 
     @property
-    def acknowledgement(self) -> IncidentChange | None:
-        """The last acknowledgement, which may come after the end; None where the recordings have none."""
-        return next((change for change in reversed(self.changes) if change.acknowledged_by is not None), None)
+    def acknowledgements(self) -> tuple[IncidentChange, ...]:
+        """The acknowledgements in order of time, which may come after the end."""
+        return tuple(change for change in self.changes if change.acknowledged_by is not None)
+
+    @property
+    def rises(self) -> tuple[IncidentChange, ...]:
+        """The changes by which the alert was raised to its highest level; the first one may be a heartbeat that states it."""
+        highest = self.highest
+        later = (each for each in self.changes if each.event == "raised" and each.level == highest.level)
+        return highest, *(each for each in later if each.time_ns > highest.time_ns)
 
     @property
     def highest(self) -> IncidentChange:
@@ -134,6 +143,7 @@ def _change(step: AlertStep[Alert]) -> IncidentChange:
         is_bound=None if active is None else active.is_bound,
         limit_deg=alert.limit_deg if active is None else active.limit_deg,
         clear_deg=alert.clear_deg if active is None else active.clear_deg,
+        expected_in_s=None if active is None else active.expected_in_s,
         acknowledged_by=alert.acknowledged_by if is_own else None,
         reason=alert.reason if is_own else None,
     )
