@@ -110,7 +110,8 @@ def _smoothed(
         return None, "it cannot be smoothed" if found is None else f"the smoothed motion is unreliable: {found.doubt}"
     history, shift_s = found.history, course.time_s(found.origin_ns)
     phases = [(each.from_s + shift_s, each.to_s + shift_s, str(each.state)) for each in history.phases()]
-    spans = [(begin_s - CAUSE_BEFORE_S, phases[0][0], UNKNOWN), *phases] if phases else phases
+    first_s = phases[0][0] if phases else end_s
+    spans = [(course.begin_s, first_s, UNKNOWN), *phases] if first_s - course.begin_s >= MIN_MOVE_S else phases
     return _SeenMotion(
         spans,
         history.time_s + shift_s,
@@ -152,13 +153,10 @@ def _unseen(course: Course, spans: Spans, peak_s: float) -> tuple[float, tuple[s
     ]
     found = sorted((each for each in absent if each.within_s(begin_s, peak_s) > 0), key=lambda gap: gap.begin_s)
     unseen_s, seen_until_s = 0.0, begin_s
-    causes = []
     for each in found:  # they may overlap
-        if (more_s := each.within_s(seen_until_s, peak_s)) > 0:
-            unseen_s += more_s
-            causes.append(each.cause)
+        unseen_s += each.within_s(seen_until_s, peak_s)
         seen_until_s = max(seen_until_s, each.end_s)
-    return unseen_s, tuple(dict.fromkeys(causes))
+    return unseen_s, tuple(dict.fromkeys(each.cause for each in found))
 
 
 def _moves(seen: _SeenMotion, peak_s: float) -> tuple[CraneMove, ...]:

@@ -45,7 +45,7 @@ class KnownAngle:
     peak: PeakAngle | None
     """None: the angle was not known at any time."""
     unknown_s: float
-    """For how long the angle was not known, though its messages are there."""
+    """For how long the angle was not known, because its messages do not know it, or no samples arrived."""
     missing: tuple[Missing, ...]
     """What else is not known of this time; empty: all messages of it are there."""
 
@@ -193,10 +193,10 @@ def _known_angle(
     if incident is not None and has_end:
         is_later = course.time_s(incident.last_ns) - course.end_s > GRACE_S
         missing += ["report"] if is_later else ["end"] if incident.cleared_ns is None else []
-    unknown_s = 0.0
+    unknown_s = sum(gap.within_s(begin_s, end_s) for gap in course.samples.gaps if not gap.is_hole)
     if np.count_nonzero(inside) > 1:
         unknown = int(np.count_nonzero(np.isnan(motion.angle_deg[inside])))
-        unknown_s = unknown * float(np.median(np.diff(motion.time_s[inside])))
+        unknown_s += unknown * float(np.median(np.diff(motion.time_s[inside])))
     return KnownAngle(_peak(course, inside), unknown_s, tuple(dict.fromkeys(missing)))
 
 

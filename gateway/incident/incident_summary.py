@@ -1,6 +1,7 @@
 """An incident in words: its summary in plain sentences, whose numbers all stand in the recordings."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from gateway.documents.format import (
     format_fixed,
@@ -12,7 +13,7 @@ from gateway.documents.format import (
 from gateway.errors import counted
 from gateway.incident.cause import CAUSE_BEFORE_S, MIN_MOVE_S, CraneMove
 from gateway.incident.course import MAX_ALERT_SILENCE_S, Course
-from gateway.incident.facts import AlertRise, IncidentFacts, KnownAngle, LimitAnswer, PeakAngle
+from gateway.incident.facts import AlertRise, IncidentFacts, KnownAngle, PeakAngle
 from gateway.incident.gateway_runs import GatewayRestart
 from gateway.incident.incident_selection import AlertIncident, IncidentChange
 from gateway.incident.limit_changes import MAX_WORDS_CHARACTERS, LimitChange
@@ -211,17 +212,15 @@ def _how_large(clock: ReportClock, incident: AlertIncident | None, facts: Incide
         )
     if facts.limit_deg is None or incident is None:
         return
-    is_stated = facts.stated_deg is not None and {"recordings", "report"} & set(facts.angle.missing)
-    if facts.stated_deg is not None and is_stated:
+    if facts.stated_deg is not None and {"recordings", "report"} & set(facts.angle.missing):
         largest, upper = (format_fixed(each, 2) for each in facts.stated_deg)
         yield f"By the alert itself it was {largest}°, at most {upper}°, over the whole incident."
-    if len(facts.rises) == 1 or is_stated:
-        yield _limit_text(clock, facts, facts.rises[0], facts.limit_deg, facts.answer)
+    if len(facts.rises) == 1:
+        yield _limit_text(clock, facts, replace(facts.rises[0], answer=facts.answer), "It")
         return
     level = LEVEL_WORDS.get(incident.level, incident.level)
     for rise in facts.rises[:MAX_SUMMARY_RISES]:
-        since = f"After the {level} of {clock.time(rise.raised_s)} UTC it"
-        yield _limit_text(clock, facts, rise, facts.limit_deg, rise.answer, since)
+        yield _limit_text(clock, facts, rise, f"After the {level} of {clock.time(rise.raised_s)} UTC it")
     if more := facts.rises[MAX_SUMMARY_RISES:]:
         reached = sum(each.answer == "reached" for each in more)
         yield f"After {reached} of the {len(more)} later ones it reached that limit."
@@ -234,53 +233,43 @@ def _not_known(clock: ReportClock, facts: IncidentFacts, angle: KnownAngle) -> l
         "report": "a part of the incident is outside the time of this report",
         "end": f"what came after {clock.time(facts.end_s)} is not known",
     }
+    if angle.peak is None:
+        return [*(texts[each] for each in angle.missing), "it was not known at any time"]
     unknown = f"for {format_fixed(angle.unknown_s, 1)} s of the incident it was not known"
     return [*(texts[each] for each in angle.missing), *([unknown] if angle.unknown_s > GRACE_S else [])]
 
 
-def _limit_text(
-    clock: ReportClock,
-    facts: IncidentFacts,
-    rise: AlertRise,
-    limit_deg: float,
-    answer: LimitAnswer | None,
-    subject: str = "It",
-) -> str:
-    """Return whether and when the angle was above the limit from a raise of the alert on; without `subject` in the incident."""
-    limit = f"the limit of {format_limit(limit_deg)}°"
-    if answer == "not_reached":
+def _limit_text(clock: ReportClock, facts: IncidentFacts, rise: AlertRise, subject: str) -> str:
+    """Return whether and when the angle was above the limit from a raise of the alert on, `It` over the whole incident."""
+    limit_deg = facts.limit_deg or 0.0
+    limit, when = f"the limit of {format_limit(limit_deg)}°", _lead_text(rise)
+    if rise.answer == "not_reached":
         return f"{subject} did not reach {limit}: the alert came from an upper bound that was not reached."
+    if rise.answer == "reached":
+        return f"{subject} reached {limit}{when or '; when is not in the recordings'}."
     low_deg, high_deg = (0.0, 0.0) if rise.angle.peak is None else rise.angle.peak.interval_deg
-    when = _lead_text(rise, "the alert" if subject == "It" else "that")
-    if answer == "reached":
-        return (
-            f"{subject} reached {limit}{when}."
-            if when
-            else f"{subject} reached {limit}; when is not in the recordings."
-        )
+    stated_deg = 0.0 if facts.stated_deg is None else facts.stated_deg[1]
     reasons = _not_known(clock, facts, rise.angle)
     if when:
-        reasons.insert(
-            0, f"the best estimate did, and the interval of 95 % reaches down to {format_fixed(low_deg, 2)}°"
-        )
+        why = f"the best estimate did, and the interval of 95 % reaches down to {format_fixed(low_deg, 2)}°"
     elif high_deg >= limit_deg:
-        reasons.insert(0, f"the interval of 95 % reaches up to {format_fixed(high_deg, 2)}°")
-    elif facts.stated_deg is not None and facts.stated_deg[1] >= limit_deg:
-        reasons.insert(0, f"by the alert itself it was at most {format_fixed(facts.stated_deg[1], 2)}°")
+        why = f"the interval of 95 % reaches up to {format_fixed(high_deg, 2)}°"
+    elif stated_deg >= limit_deg and subject == "It":
+        why = f"by the alert itself it was at most {format_fixed(stated_deg, 2)}°"
     else:
-        known = f"{subject.removesuffix('it')}the known angle" if subject != "It" else "The known angle"
+        known = "The known angle" if subject == "It" else f"{subject.removesuffix('it')}the known angle"
         return f"{known} did not reach {limit}; whether the load did is not known: {'; '.join(reasons)}."
-    return f"{subject} may have reached {limit}{when}: {'; '.join(reasons)}."
+    return f"{subject} may have reached {limit}{when}: {'; '.join([why, *reasons])}."
 
 
-def _lead_text(rise: AlertRise, raised: str) -> str:
+def _lead_text(rise: AlertRise) -> str:
     """Return when the angle reached the limit, counted from the raise; empty: that is not known."""
     if rise.reached_s is None:
         return ""
     lead_s = rise.reached_s - rise.raised_s
     if abs(lead_s) <= SAME_TIME_S:
-        return f" when {raised if raised != 'that' else 'it'} was raised"
-    return f" {format_fixed(abs(lead_s), 1)} s {'after' if lead_s > 0 else 'before'} {raised}"
+        return " when the alert was raised"
+    return f" {format_fixed(abs(lead_s), 1)} s {'after' if lead_s > 0 else 'before'} the alert"
 
 
 def cause_sentences(clock: ReportClock, facts: IncidentFacts) -> Iterator[str]:
@@ -292,7 +281,7 @@ def cause_sentences(clock: ReportClock, facts: IncidentFacts) -> Iterator[str]:
     if causes.unseen_s >= MIN_MOVE_S:
         unseen = (
             f"{format_fixed(causes.unseen_s, 1)} s of the {CAUSE_BEFORE_S:.0f} s before {peak} are not known "
-            f"({_listed(causes.unseen_causes)})"
+            f"({', '.join(causes.unseen_causes)})"
         )
     live = "" if causes.live_because is None else "by the gateway's live estimate "
     if not causes.moves and unseen:
@@ -307,13 +296,9 @@ def cause_sentences(clock: ReportClock, facts: IncidentFacts) -> Iterator[str]:
     if unseen:
         yield f"Other moves are possible: {unseen}."
     if causes.live_because is None:
-        yield "What moved is by the motion that was smoothed over these samples afterwards, as by `plumbline measure`."
+        yield "What moved is by the motion that was smoothed over these samples afterwards, as plumbline measure states it."
     else:
         yield f"The live estimate knew only what came before, and may take a gust for a drive; {causes.live_because}."
-
-
-def _listed(causes: Sequence[str]) -> str:
-    return ", ".join(causes)
 
 
 def _move_text(move: CraneMove) -> str:
@@ -394,7 +379,7 @@ def _how_good(course: Course, facts: IncidentFacts) -> Iterator[str]:
     rate = "" if samples.rate_hz is None else f" at {format_short(samples.rate_hz, 4)} Hz"
     if samples.gaps:
         longest_s = max(gap.end_s - gap.begin_s for gap in samples.gaps)
-        causes = _listed(tuple(dict.fromkeys(gap.cause for gap in samples.gaps)))
+        causes = ", ".join(dict.fromkeys(gap.cause for gap in samples.gaps))
         gaps = f"{counted(len(samples.gaps), 'gap')}, the longest {format_fixed(longest_s, 2)} s ({causes})"
     else:
         gaps = "no gap"

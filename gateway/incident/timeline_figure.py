@@ -164,7 +164,7 @@ def timeline_figure(course: Course, incident: AlertIncident | None, facts: Incid
         svg=render_svg("timeline", label, HEIGHT_IN, draw, WIDTH_IN),
         caption="Angle between rope and vertical, limits dashed; acceleration of the rope's upper end along x and y of the "
         "housing; rate of the rope's length, lowering positive; lean of the rope; states. Shaded: intervals of 95 %. Vertical "
-        "lines: begin and end of the incident (solid), largest angle (dotted)."
+        "lines: begin and end of the incident (solid), largest angle (dotted). All of it as the gateway estimated it live."
         f"{hidden_caption(course, course.begin_s, course.end_s)}",
     )
 

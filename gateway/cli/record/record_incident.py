@@ -34,7 +34,7 @@ EXIT_CODES = {"genuine": 0, "differs": ANSWER_IS_NO, "open": WITH_LOSSES}
     "incident",
     "write a report of an incident: one page with figures, and the recording of it",
     "Write a report of an incident into a new folder: a page with a summary, a timeline and figures, and the "
-    "part of the recordings that it is made from. Without a choice, of the last incident. The files of its time, and no "
+    "part of the recordings that it is made from. Without a choice, of the last incident. The files that it is made from, and no "
     "others, are checked as by `record verify`, with the same exit codes: 0 genuine; 1 they differ from what was signed; 3 "
     "consistent in themselves only, because no key is known, or nothing is signed, or the end of a file is not. The report is "
     "written in each case.",

@@ -91,6 +91,21 @@ def test_the_move_before_the_peak_is_the_trolley(report: IncidentReport) -> None
     assert seconds_of_day(move["from"]) == pytest.approx(START_S, abs=1.0)
 
 
+def test_the_command_states_the_smoothed_move_in_the_summary_and_in_its_section(
+    recorded: RecordedCrane, tmp_path: Path
+) -> None:
+    assert main(["record", "incident", str(recorded.folder), "--out", str(tmp_path / "report")]) == 3  # without the key
+    content = json.loads((tmp_path / "report" / "incident.json").read_text())
+    (move,) = content["moves"]
+    assert (content["moves_are_smoothed"], move["state"]) == (True, "driven")
+    assert seconds_of_day(move["from"]) == pytest.approx(START_S, abs=1.0)
+    assert move["probability"] > 0.6
+    page = text_of(tmp_path / "report" / "incident.html")
+    assert page.count("Before the peak, trolley, bridge or jib accelerated") == 2
+    assert page.count("s of the 20 s before the peak are not known (the gateway was started).") == 2
+    assert "live estimate " not in page
+
+
 def test_the_recording_that_was_cut_out_has_every_message_of_its_time(
     recorded: RecordedCrane, make_report: MakeReport
 ) -> None:

@@ -17,6 +17,7 @@ from gateway.messages import Alert, Motion, MotionState
 from gateway.motion.history import MotionHistory
 from gateway.motion.hypotheses import IS_DRIVEN, IS_GUST
 from tests.gateway.incident.stated import HEAD, ORIGIN_NS, active, alert, built, calibration
+from tests.gateway.incident.test_course import block
 
 
 def test_a_recalibration_during_an_alert_is_told_in_words() -> None:
@@ -127,17 +128,17 @@ def course_of(stated: Sequence[Stated], angles: Sequence[Motion], end_s: float) 
         (
             6.1,
             0.1,
-            "it may have reached the limit of 6.0° when it was raised: the best estimate did, and the interval of 95 % reaches "
-            "down to 5.90°.",
+            "it may have reached the limit of 6.0° when the alert was raised: the best estimate did, and the interval of 95 % "
+            "reaches down to 5.90°.",
         ),
-        (6.5, 0.1, "it reached the limit of 6.0° when it was raised."),
+        (6.5, 0.1, "it reached the limit of 6.0° when the alert was raised."),
     ],
 )
 def test_each_trip_has_its_own_answer_and_its_own_lead(first_deg: float, first_u_deg: float, answer: str) -> None:
     angles = [motion(1.0)] * 20 + [motion(first_deg, first_u_deg)] * 20 + [motion(1.0)] * 53 + [motion(7.0)] * 60
     sentences = told(TWO_TRIPS, angles)
     assert f"After the trip of 00:00:02.0 UTC {answer}" in sentences
-    assert "After the trip of 00:00:08.0 UTC it reached the limit of 6.0° 1.3 s after that." in sentences
+    assert "After the trip of 00:00:08.0 UTC it reached the limit of 6.0° 1.3 s after the alert." in sentences
     assert "It was raised to trip again at 00:00:08.0 UTC." in sentences
 
 
@@ -158,6 +159,17 @@ ONE_TRIP = [TWO_TRIPS[0], TWO_TRIPS[1], (9.0, TWO_TRIPS[-1][1])]
 )
 def test_what_is_not_known_is_not_said_to_have_stayed_below_the_limit(angles: list[Motion], answer: str) -> None:
     assert any(each.startswith(answer) for each in told(ONE_TRIP, angles))
+
+
+def test_a_time_without_samples_is_not_said_to_have_stayed_below_the_limit() -> None:
+    (found,) = find_incidents((ORIGIN_NS + round(time_s * 1e9), each) for time_s, each in ONE_TRIP)
+    builder = built(*((0.1 * number, motion(2.0)) for number in (*range(35), *range(60, 100))), *ONE_TRIP)
+    for sequence, first_s in enumerate((0, 1, 2, 3, 6, 7, 8, 9)):
+        builder.add_block(replace(block(first_s), sequence=sequence))
+    course = builder.course(ORIGIN_NS, ORIGIN_NS + 10 * 10**9)
+    facts = incident_facts(course, found)
+    assert facts.angle.unknown_s == pytest.approx(2.1)
+    assert facts.answer == "may_have_been"
 
 
 def test_the_interval_of_the_largest_angle_reaches_to_each_upper_end() -> None:
