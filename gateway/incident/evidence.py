@@ -3,7 +3,7 @@
 import hashlib
 import re
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO, Literal
@@ -95,8 +95,7 @@ def read_evidence(
     samples = CalibratedReader(timeline, Selection(window.begin_ns, window.end_ns + 1), needs_axes=False)
     files: dict[Path, RecordingFile] = {}
     wanted = Selection(window.begin_ns - CONTEXT_LEAD_NS, window.end_ns + 1)
-    before_ns, after_ns = _changes_elsewhere(window)
-    elsewhere = _copy_changes(timeline, window, before_ns, copier)
+    elsewhere = _copy_changes(timeline, window, copier, lambda time_ns: time_ns < window.begin_ns)
     for message in timeline.messages(wanted, report):
         for ended in list(files.values())[-1:] if message.file.path not in files else ():
             copier.describe(ended)  # what stands behind its last message
@@ -115,7 +114,7 @@ def read_evidence(
         builder.add_device_kind(file.metadata.get(names.DEVICE, {}).get("kind", ""))
     for newest in list(files.values())[-1:]:
         copier.describe(newest)
-    elsewhere |= _copy_changes(timeline, window, after_ns, copier)
+    elsewhere |= _copy_changes(timeline, window, copier, lambda time_ns: time_ns > window.end_ns)
     before, after = _neighbours(timeline, window, builder)
     read = {each.path for each in timeline.segments if wanted.may_contain(each.from_ns, each.to_ns)}
     neighbours = {each.segment.path for each in (before, after) if each is not None}
@@ -148,23 +147,19 @@ def read_evidence(
     )
 
 
-def _changes_elsewhere(window: IncidentWindow) -> tuple[list[int], list[int]]:
-    """Return the times of the changes of an incident before and after its report, such as a late acknowledgement."""
-    times_ns = sorted({change.time_ns for change in window.incident.changes} if window.incident else ())
-    return [each for each in times_ns if each < window.begin_ns], [each for each in times_ns if each > window.end_ns]
-
-
 def _copy_changes(
-    timeline: Timeline, window: IncidentWindow, times_ns: Iterable[int], copier: RecordCopier
+    timeline: Timeline, window: IncidentWindow, copier: RecordCopier, is_wanted: Callable[[int], bool]
 ) -> set[Path]:
-    """Copy the messages of changes of the incident at some times; return the files that they are in."""
-    found = set()
-    for time_ns in times_ns:
-        for message in timeline.messages(Selection(time_ns, time_ns + 1, ALERTS)):
-            alert, schema_id = message.decode(), message.recorded.channel.schema_id
-            if window.incident is not None and window.incident.is_changed_by(alert):
+    """Copy the changes of the incident at some times, such as a late acknowledgement; return the files that they are in."""
+    found: set[Path] = set()
+    incident = window.incident
+    for time_ns in sorted({change.time_ns for change in incident.changes} if incident else ()):
+        chosen = Selection(time_ns, time_ns + 1, ALERTS)
+        for message in timeline.messages(chosen) if is_wanted(time_ns) else ():
+            if incident is not None and incident.is_changed_by(message.decode()):
                 copier.describe(message.file)
-                copier.add_message(message.recorded, message.file.schemas.get(schema_id))
+                schema = message.file.schemas.get(message.recorded.channel.schema_id)
+                copier.add_message(message.recorded, schema)
                 found.add(message.segment.path)
     return found
 

@@ -222,14 +222,17 @@ def _rises(
     first, *later = incident.rises
     first_s = course.time_s(incident.raised_ns if first is incident.changes[0] else first.time_ns)
     later_s = [time_s for each in later if begin_s < (time_s := course.time_s(each.time_ns)) < end_s]
+    is_begin_seen = not incident.is_raised_before and course.time_s(incident.raised_ns) >= course.begin_s
     found = []
     for raised_s, (from_s, to_s) in zip([first_s, *later_s], pairwise([begin_s, *later_s, end_s]), strict=True):
         ends = {"has_begin": from_s == begin_s, "has_end": to_s == end_s}
         angle = _known_angle(course, incident, from_s, to_s, **ends)
-        answer = None if limit_deg is None else angle.answer(limit_deg)
-        is_first_seen = not (ends["has_begin"] and incident.is_raised_before) and from_s >= course.begin_s
-        reached_s = _first_at(course, limit_deg, from_s, to_s) if limit_deg is not None and is_first_seen else None
-        found.append(AlertRise(raised_s, angle, answer, reached_s))
+        if limit_deg is None:
+            found.append(AlertRise(raised_s, angle, None, None))
+            continue
+        is_first_seen = is_begin_seen or not ends["has_begin"]
+        reached_s = _first_at(course, limit_deg, from_s, to_s) if is_first_seen else None
+        found.append(AlertRise(raised_s, angle, angle.answer(limit_deg), reached_s))
     return tuple(found)
 
 

@@ -246,7 +246,7 @@ def _limit_text(clock: ReportClock, facts: IncidentFacts, rise: AlertRise, subje
     if rise.answer == "not_reached":
         return f"{subject} did not reach {limit}: the alert came from an upper bound that was not reached."
     if rise.answer == "reached":
-        return f"{subject} reached {limit}{when or '; when is not in the recordings'}."
+        return f"{subject} reached {limit}{when or '; when is not in this report'}."
     low_deg, high_deg = (0.0, 0.0) if rise.angle.peak is None else rise.angle.peak.interval_deg
     stated_deg = 0.0 if facts.stated_deg is None else facts.stated_deg[1]
     reasons = _not_known(clock, facts, rise.angle)

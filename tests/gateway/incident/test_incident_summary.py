@@ -161,6 +161,15 @@ def test_what_is_not_known_is_not_said_to_have_stayed_below_the_limit(angles: li
     assert any(each.startswith(answer) for each in told(ONE_TRIP, angles))
 
 
+def test_what_is_outside_the_time_of_a_report_is_neither_known_nor_timed() -> None:
+    (found,) = find_incidents((ORIGIN_NS + round(time_s * 1e9), each) for time_s, each in ONE_TRIP)
+    motions = ((0.1 * number, motion(7.0)) for number in range(40, 70))
+    course = built(*motions, *ONE_TRIP).course(ORIGIN_NS + 4 * 10**9, ORIGIN_NS + 7 * 10**9)
+    sentences = summary_sentences(course, found, incident_facts(course, found))
+    assert "It reached the limit of 6.0°; when is not in this report." in sentences
+    assert any(each.endswith(": a part of the incident is outside the time of this report.") for each in sentences)
+
+
 def test_a_time_without_samples_is_not_said_to_have_stayed_below_the_limit() -> None:
     (found,) = find_incidents((ORIGIN_NS + round(time_s * 1e9), each) for time_s, each in ONE_TRIP)
     builder = built(*((0.1 * number, motion(2.0)) for number in (*range(35), *range(60, 100))), *ONE_TRIP)
