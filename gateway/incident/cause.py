@@ -12,6 +12,7 @@ from gateway.incident.sample_gaps import TimeGap
 from gateway.motion.history import MotionHistory
 from gateway.motion.hypotheses import IS_DRIVEN, IS_GUST, IS_HOISTING
 from gateway.numerics.array import Array
+from gateway.stages.alerts import GRACE_S
 
 CAUSE_BEFORE_S = 20.0
 """What moved within this time before the peak is stated as what went before it. Basis: three periods of a rope of 10 m."""
@@ -122,10 +123,11 @@ def _smoothed(
 
 
 def _smoothed_part(course: Course, peak_s: float) -> tuple[float, float]:
-    """Return begin and end of what is smoothed: nothing breaks the motion in it, and one calibration is in force."""
+    """Return begin and end of what is smoothed: no long gap breaks the motion in it, and one calibration is in force."""
     changed_s = [time_s for time_s, _ in course.calibrations[1:]]
-    begins_s = [*(gap.end_s for gap in course.hidden), *changed_s]
-    ends_s = [*(gap.begin_s for gap in course.hidden), *changed_s]
+    gaps = [gap for gap in course.hidden if gap.end_s - gap.begin_s > GRACE_S]
+    begins_s = [*(gap.end_s for gap in gaps), *changed_s]
+    ends_s = [*(gap.begin_s for gap in gaps), *changed_s]
     return (
         max([course.begin_s, peak_s - SMOOTHED_BEFORE_S, *(each for each in begins_s if each <= peak_s)]),
         min([course.end_s, peak_s + SMOOTHED_AFTER_S, *(each for each in ends_s if each >= peak_s)]),

@@ -250,6 +250,22 @@ def test_the_smoothed_motion_says_what_moved_the_load() -> None:
     assert "live estimate" not in text
 
 
+@pytest.mark.parametrize(("gap_s", "begin_s"), [(0.4, 0.0), (2.0, 4.0)])
+def test_the_motion_is_smoothed_over_short_gaps_and_from_the_end_of_a_long_one_on(gap_s: float, begin_s: float) -> None:
+    builder = built(*((0.1 * number, motion(7.0 if number == 80 else 2.0)) for number in range(100)), *ONE_TRIP)
+    for sequence, first_s in enumerate((0.0, 1.0, 4.0 - gap_s - 0.9, *range(4, 10))):
+        builder.add_block(replace(block(first_s), sequence=sequence))
+    course, begins_ns = builder.course(ORIGIN_NS, ORIGIN_NS + 10 * 10**9), list[int]()
+    (found,) = find_incidents((ORIGIN_NS + round(time_s * 1e9), each) for time_s, each in ONE_TRIP)
+
+    def smooth(recording: Path, begin_ns: int, end_ns: int) -> SmoothedMotion:
+        begins_ns.append(begin_ns)
+        return smoothed_gust(recording, begin_ns, end_ns)
+
+    incident_facts(course, found, Path("cut.mcap"), smooth)
+    assert begins_ns == [ORIGIN_NS + round(begin_s * 1e9)]
+
+
 @pytest.mark.parametrize(
     ("doubt", "said"),
     [(None, "the motion was not smoothed"), ("a long drive", "the smoothed motion is unreliable: a long drive")],
