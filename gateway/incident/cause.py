@@ -30,7 +30,7 @@ Spans = Sequence[tuple[float, float, str]]
 
 
 @dataclass(frozen=True, slots=True)
-class SmoothedMotion:
+class MotionAroundPeak:
     """The motion by all samples before and after each time, as `measure` states it."""
 
     origin_ns: int
@@ -40,7 +40,7 @@ class SmoothedMotion:
     """Why it is unreliable; None: nothing speaks against it."""
 
 
-SmoothMotion = Callable[[Path, int, int], SmoothedMotion | None]
+SmoothMotion = Callable[[Path, int, int], MotionAroundPeak | None]
 """Takes a recording and two gateway times of it; None: the motion cannot be known. Raises `PlumblineError`."""
 
 

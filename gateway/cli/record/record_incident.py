@@ -18,7 +18,7 @@ from gateway.errors import ANSWER_IS_NO, WITH_LOSSES
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from gateway.incident.cause import SmoothedMotion
+    from gateway.incident.cause import MotionAroundPeak
     from gateway.incident.incident_report import CauseAnalysis
     from gateway.incident.incident_selection import AlertIncident, IncidentChoice, IncidentWindow
     from gateway.recording.reading.timeline import Timeline
@@ -179,12 +179,12 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
     return EXIT_CODES[written.verification.kind]
 
 
-def smooth_motion(recording: Path, begin_ns: int, end_ns: int) -> "SmoothedMotion | None":
+def smooth_motion(recording: Path, begin_ns: int, end_ns: int) -> "MotionAroundPeak | None":
     """Return the motion of a recording between two gateway times as `measure` states it; None: it cannot be known.
 
     Raises `InputError` and `RecordingError` where the recording does not describe the crane.
     """
-    from gateway.incident.cause import SmoothedMotion
+    from gateway.incident.cause import MotionAroundPeak
     from gateway.measurement.measure import measure
     from gateway.measurement.source import read_source
     from gateway.recording.reading.interval import RecordingInterval, RecordingTime
@@ -196,7 +196,7 @@ def smooth_motion(recording: Path, begin_ns: int, end_ns: int) -> "SmoothedMotio
     motion = measure(source, with_motion=True).motion
     if motion is None or source.recording.origin_ns is None:
         return None
-    return SmoothedMotion(source.recording.origin_ns, motion.history, motion.doubt)
+    return MotionAroundPeak(source.recording.origin_ns, motion.history, motion.doubt)
 
 
 def analyse_cause(recording: Path) -> "CauseAnalysis":

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.incident.cause import SmoothedMotion
+from gateway.incident.cause import MotionAroundPeak
 from gateway.incident.course import Course
 from gateway.incident.facts import incident_facts
 from gateway.incident.incident_selection import AlertIncident, find_incidents
@@ -208,7 +208,7 @@ def test_the_largest_angle_is_taken_up_to_the_last_message_of_a_run_that_was_cut
 WIND = IS_GUST & ~IS_DRIVEN
 
 
-def smoothed_gust(_: Path, begin_ns: int, end_ns: int) -> SmoothedMotion:
+def smoothed_gust(_: Path, begin_ns: int, end_ns: int) -> MotionAroundPeak:
     """Return a motion that is free but for a gust from 4 s to 6 s."""
     time_s = np.arange(begin_ns - ORIGIN_NS, end_ns - ORIGIN_NS, 10**8) / 1e9
     is_gust = (time_s >= 4.0) & (time_s < 6.0)
@@ -228,7 +228,7 @@ def smoothed_gust(_: Path, begin_ns: int, end_ns: int) -> SmoothedMotion:
         probabilities=np.where(is_gust[:, None], WIND / WIND.sum(), ~WIND / (~WIND).sum()) * 1.0,
         state=tuple("wind" if gust else "free" for gust in is_gust),
     )
-    return SmoothedMotion(ORIGIN_NS, history, None)
+    return MotionAroundPeak(ORIGIN_NS, history, None)
 
 
 LIVE: list[Motion] = (
@@ -258,7 +258,7 @@ def test_the_motion_is_smoothed_over_short_gaps_and_from_the_end_of_a_long_one_o
     course, begins_ns = builder.course(ORIGIN_NS, ORIGIN_NS + 10 * 10**9), list[int]()
     (found,) = find_incidents((ORIGIN_NS + round(time_s * 1e9), each) for time_s, each in ONE_TRIP)
 
-    def smooth(recording: Path, begin_ns: int, end_ns: int) -> SmoothedMotion:
+    def smooth(recording: Path, begin_ns: int, end_ns: int) -> MotionAroundPeak:
         begins_ns.append(begin_ns)
         return smoothed_gust(recording, begin_ns, end_ns)
 
@@ -275,7 +275,7 @@ def test_the_live_estimate_is_called_so_and_blames_no_drive_for_what_it_called_a
 ) -> None:
     course, found = course_of(ONE_TRIP, LIVE, 12.0)
 
-    def doubted(recording: Path, begin_ns: int, end_ns: int) -> SmoothedMotion:
+    def doubted(recording: Path, begin_ns: int, end_ns: int) -> MotionAroundPeak:
         return replace(smoothed_gust(recording, begin_ns, end_ns), doubt=doubt)
 
     facts = incident_facts(course, found, Path("cut.mcap"), None if doubt is None else doubted)
