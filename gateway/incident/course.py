@@ -8,7 +8,14 @@ from numpy.typing import NDArray
 
 from gateway.documents.format import human_name
 from gateway.incident.gateway_runs import GatewayRestart, HolesS, RunRegister, StateCourse
-from gateway.incident.limit_changes import AuditEntry, ConfigurationInForce, LimitChange, limit_changes, parse_audit
+from gateway.incident.limit_changes import (
+    DEFAULT_FSYNC_S,
+    AuditEntry,
+    ConfigurationInForce,
+    LimitChange,
+    limit_changes,
+    parse_audit,
+)
 from gateway.incident.sample_gaps import BlockPlace, TimeGap, find_gaps
 from gateway.messages import (
     NO_SESSION,
@@ -33,6 +40,8 @@ from gateway.recording.reading.sample_calibration import CalibratedBlock
 COURSE_TOPICS = frozenset({"/motion", "/condition", "/alert", "/health", "/calibration", "/mark", "/clock", "/log"})
 """The topics of which a course is made, beside the samples."""
 MOTION_NUMBERS = ("angle_deg", "u_deg", "azimuth_deg", "hoist_m_s", "hoist_u_m_s", "length_m", "lean_deg", "lean_u_deg")
+MAX_ALERT_SILENCE_S = 5.0
+"""An alert is stated each second. Basis: after a longer silence the gateway has ended."""
 TRUSTED_TEXT = "trusted"
 BEFORE_REPORT = "before the time of this report"
 CUT_OFF = "Nothing says that the gateway was stopped: it was killed, lost its power, still runs, or files are missing"
@@ -49,12 +58,20 @@ class TimedText:
 
 @dataclass(frozen=True, slots=True)
 class ForceCourse:
-    """Specific force in the housing frame, by the calibration in force, at the full rate."""
+    """Specific force in the housing frame while it hung on the rope, by the calibration in force, at the full rate."""
 
     time_s: Array
     """Gateway time from the origin of the course, shape (n,)."""
     force_g: Array
     """Shape (n, 3)."""
+
+    def part(self, kept: NDArray[np.bool_]) -> "ForceCourse":
+        """Return some of the samples, by a mask of shape (n,)."""
+        return ForceCourse(self.time_s[kept], self.force_g[kept])
+
+    def between(self, begin_s: float, end_s: float) -> "ForceCourse":
+        """Return the samples between two times."""
+        return self.part((self.time_s >= begin_s) & (self.time_s <= end_s))
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +104,11 @@ class MotionCourse:
     states: StateCourse
     """`rest`, `free`, `driven`, `hoisting`, `wind` or `unknown`."""
 
+    def angle_at_deg(self, time_s: float) -> float | None:
+        """Return the angle of the last message up to a time; None where there is none, or it was not known."""
+        place = int(np.searchsorted(self.time_s, time_s, side="right")) - 1
+        return float(self.angle_deg[place]) if place >= 0 and np.isfinite(self.angle_deg[place]) else None
+
 
 @dataclass(frozen=True, slots=True)
 class Course:
@@ -95,6 +117,8 @@ class Course:
     origin_ns: int
     begin_ns: int
     end_ns: int
+    checked_s: float
+    """Up to this time the recordings were searched for changes of the incident, and are checked."""
     wall_offset_ns: int
     """UTC minus gateway time, by the last message of the clock before the origin, or the first one."""
     motion: MotionCourse
@@ -141,6 +165,26 @@ class Course:
         return not any(gap.within_s(begin_s, end_s) for gap in self.holes)
 
     @property
+    def suspensions(self) -> tuple[TimeGap, ...]:
+        """The times in which the sensor was recalibrated, off the rope, and no alert was judged."""
+        spans = self.suspended.spans(self.end_s)
+        return tuple(TimeGap(begin_s, end_s, f"recalibrated by {by}") for begin_s, end_s, by in spans if by)
+
+    @property
+    def hidden(self) -> tuple[TimeGap, ...]:
+        """The times in which the load's motion is not in the samples: there are none, or the sensor was off the rope."""
+        return tuple(sorted((*self.samples.gaps, *self.suspensions), key=lambda gap: gap.begin_s))
+
+    def recorded_until_s(self, time_s: float) -> float:
+        """Return up to when something follows a time: to the end of that run, of the recordings, or to a hole in them.
+
+        An alert that stood at that time is no longer stated after it: where much follows, that time itself.
+        """
+        ends_s = [each.stopped_s for each in self.restarts] + [gap.begin_s for gap in self.holes] + [self.end_s]
+        until_s = min((each for each in ends_s if each >= time_s), default=time_s)
+        return until_s if until_s - time_s <= MAX_ALERT_SILENCE_S else time_s
+
+    @property
     def begin_s(self) -> float:
         """Begin of the course."""
         return self.time_s(self.begin_ns)
@@ -154,9 +198,18 @@ class Course:
         """Return a gateway time as a time of the course."""
         return (time_ns - self.origin_ns) / 1e9
 
+    def fsync_s(self, time_s: float) -> float:
+        """Return how long the gateway may have run after what is recorded last, by the configuration in force."""
+        known = [each.fsync_s for each in self.configurations if each.time_s <= time_s]
+        return known[-1] if known else DEFAULT_FSYNC_S
+
+    def gateway_ns(self, time_s: float) -> int:
+        """Return the gateway time of a time of the course."""
+        return self.origin_ns + round(time_s * 1e9)
+
     def utc_ns(self, time_s: float) -> int:
         """Return the UTC of a time of the course."""
-        return self.origin_ns + self.wall_offset_ns + round(time_s * 1e9)
+        return self.gateway_ns(time_s) + self.wall_offset_ns
 
 
 @dataclass(slots=True)
@@ -238,22 +291,28 @@ class CourseBuilder:
         causes: AbsenceCauses = NOTHING_STATED,
         *,
         was_stopped: bool = False,
+        checked_ns: int | None = None,
     ) -> Course:
         """Return the course of everything that was added.
 
         `before` and `after`: the blocks next to it in the recordings, None: there is none; `causes`: of what is missing;
-        `was_stopped`: the recordings end with the word that the gateway was stopping.
+        `was_stopped`: the recordings end with the word that the gateway was stopping; `checked_ns`: `Course.checked_s`.
         """
         span_s = (begin_ns - self.origin_ns) / 1e9, (end_ns - self.origin_ns) / 1e9
         acceleration, counts = self._acceleration(before, after, span_s, causes)
         holes_s = [(gap.begin_s, gap.end_s) for gap in counts.gaps if gap.is_hole]
         states = {name: self._state_course(rows, holes_s) for name, rows in self._states.items()}
         nothing = self._state_course([], [])
+        suspended = states.get("suspended", nothing)
+        for from_s, to_s, by in suspended.spans(span_s[1]):
+            if by:
+                acceleration = acceleration.part((acceleration.time_s < from_s) | (acceleration.time_s > to_s))
         alert_levels = {rule: states[rule] for rule in RULE_NAMES if rule in states}
         return Course(
             origin_ns=self.origin_ns,
             begin_ns=begin_ns,
             end_ns=end_ns,
+            checked_s=((end_ns if checked_ns is None else checked_ns) - self.origin_ns) / 1e9,
             wall_offset_ns=self._wall_offset_ns(),
             motion=self._motion_course(holes_s),
             acceleration=acceleration,
@@ -270,7 +329,7 @@ class CourseBuilder:
             limit_changes=limit_changes(self._configurations, self._audit),
             log=tuple(self._log),
             sessions=tuple(self._sessions),
-            suspended=states.get("suspended", nothing),
+            suspended=suspended,
             marks=tuple(self._marks),
             faults=tuple(self._faults),
             last_health=self._health,

@@ -8,7 +8,7 @@ from gateway.documents.plots import add_panels, label_decades, plot_curve, rende
 from gateway.incident.course import Course, ForceCourse
 from gateway.incident.facts import IncidentFacts
 from gateway.incident.sample_gaps import broken_at
-from gateway.incident.timeline_figure import ReportClock, label_times
+from gateway.incident.timeline_figure import ReportClock, hidden_caption, label_times, mark_hidden
 from gateway.numerics.array import Array
 
 AROUND_PEAK_S = 5.0
@@ -35,17 +35,18 @@ def acceleration_figure(course: Course, facts: IncidentFacts) -> Figure | None:
     clock = ReportClock(course)
     middle_s = _middle_s(course, facts)
     begin_s, end_s = max(course.begin_s, middle_s - AROUND_PEAK_S), min(course.end_s, middle_s + AROUND_PEAK_S)
-    part = _between(course.acceleration, begin_s, end_s)
+    part = course.acceleration.between(begin_s, end_s)
     if not len(part.time_s):
         return None
 
     def draw(canvas: Canvas) -> None:
         panels = add_panels(canvas, gap=0.15, top_margin_in=0.1)[:, 0]
         for column, (axes, (name, colour)) in enumerate(zip(panels, AXIS_COLOURS, strict=True)):
-            time_s, force_g = broken_at(course.samples.gaps, part.time_s, part.force_g[:, column])
+            time_s, force_g = broken_at(course.hidden, part.time_s, part.force_g[:, column])
             plot_curve(axes, time_s, force_g, colour, points=MAX_AXIS_POINTS)
             axes.set_ylabel(f"{name}, g")
             axes.axvline(middle_s, color=EVENT, linewidth=0.9, linestyle=":")
+            mark_hidden(axes, course)
             for change_s in (facts.raised_s, facts.cleared_s):
                 if change_s is not None and begin_s < change_s < end_s:
                     axes.axvline(change_s, color="black", linewidth=0.9)
@@ -55,18 +56,20 @@ def acceleration_figure(course: Course, facts: IncidentFacts) -> Figure | None:
     return Figure(
         svg=render_svg("acceleration", "Specific force of x, y and z around the largest angle", 3.6, draw),
         caption=f"Every sample{rate} within {AROUND_PEAK_S:.0f} s of the largest angle (dotted), by the calibration in force. "
-        "Specific force in the housing's axes: +1 g on the axis that points up at rest.",
+        "Specific force in the housing's axes: +1 g on the axis that points up at rest."
+        f"{hidden_caption(course, begin_s, end_s)}",
     )
 
 
 def spectrum_figure(course: Course, facts: IncidentFacts) -> Figure | None:
     """Return the amplitude spectrum of the incident; None for too few samples or too many missing."""
     begin_s, end_s = facts.begin_s, facts.end_s
-    part = _between(course.acceleration, begin_s, end_s)
+    part = course.acceleration.between(begin_s, end_s)
     spectrum = _amplitude_spectrum(part)
     if spectrum is None:
         return None
     frequency_hz, amplitude_mg = spectrum
+    which = "of the incident that are in the recordings" if facts.angle.missing else "from begin to end of the incident"
 
     def draw(canvas: Canvas) -> None:
         axes = canvas.subplots(gridspec_kw={"left": 0.11, "right": 0.985, "bottom": 0.17, "top": 0.97})
@@ -85,8 +88,7 @@ def spectrum_figure(course: Course, facts: IncidentFacts) -> Figure | None:
     return Figure(
         svg=render_svg("spectrum", "Amplitude spectrum of the specific force of x, y and z", 2.6, draw),
         caption=f"Amplitude of a sine at each frequency, Hann window over the {end_s - begin_s:.1f} s "
-        f"{'from begin to end of the incident' if facts.is_whole else 'of the incident that are in the recordings'}, mean and "
-        "trend removed.",
+        f"{which}, mean and trend removed.",
     )
 
 
@@ -120,11 +122,6 @@ def _middle_s(course: Course, facts: IncidentFacts) -> float:
     if facts.peak is not None:
         return facts.peak.time_s
     return (course.begin_s + course.end_s) / 2 if facts.raised_s is None else facts.raised_s
-
-
-def _between(acceleration: ForceCourse, begin_s: float, end_s: float) -> ForceCourse:
-    inside = (acceleration.time_s >= begin_s) & (acceleration.time_s <= end_s)
-    return ForceCourse(acceleration.time_s[inside], acceleration.force_g[inside])
 
 
 def _amplitude_spectrum(part: ForceCourse) -> tuple[Array, Array] | None:

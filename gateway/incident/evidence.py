@@ -3,7 +3,7 @@
 import hashlib
 import re
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO, Literal
@@ -16,12 +16,13 @@ from gateway.calibration.record import CalibrationRecord
 from gateway.certificate.page import render_certificate
 from gateway.errors import counted
 from gateway.incident.course import COURSE_TOPICS, Course, CourseBuilder
-from gateway.incident.incident_selection import IncidentWindow
+from gateway.incident.incident_selection import ALERTS, IncidentWindow
 from gateway.incident.sample_gaps import BlockPlace
 from gateway.messages import Health
 from gateway.pki.signing_key import KeyFileError, fingerprint
 from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
 from gateway.recording.chain.file_verification import verify_file
+from gateway.recording.chain.statements import REMOVED, list_missing
 from gateway.recording.export.gaps import AbsenceCauses
 from gateway.recording.format import content as names
 from gateway.recording.format.mcap_writer import DENSE, McapWriter
@@ -44,6 +45,8 @@ NOTHING_READ = "no message of this time could be read"
 CONTEXT_LEAD_NS = 15_000_000_000
 """Calibration and clock are read from so long before the begin. Basis: both are recorded more often, calibrations every 10 s."""
 GENUINE = "genuine, "
+WRONG_KEY = "WRONG KEY: "
+"""Definition: how a verification begins what it says of a file that another key has signed."""
 VerdictKind = Literal["genuine", "differs", "open"]
 
 
@@ -92,6 +95,7 @@ def read_evidence(
     samples = CalibratedReader(timeline, Selection(window.begin_ns, window.end_ns + 1), needs_axes=False)
     files: dict[Path, RecordingFile] = {}
     wanted = Selection(window.begin_ns - CONTEXT_LEAD_NS, window.end_ns + 1)
+    elsewhere = _copy_changes(timeline, window, copier, lambda time_ns: time_ns < window.begin_ns)
     for message in timeline.messages(wanted, report):
         for ended in list(files.values())[-1:] if message.file.path not in files else ():
             copier.describe(ended)  # what stands behind its last message
@@ -108,19 +112,26 @@ def read_evidence(
             builder.add_block(block)
     for file in files.values():
         builder.add_device_kind(file.metadata.get(names.DEVICE, {}).get("kind", ""))
+    for newest in list(files.values())[-1:]:
+        copier.describe(newest)
+    elsewhere |= _copy_changes(timeline, window, copier, lambda time_ns: time_ns > window.end_ns)
     before, after = _neighbours(timeline, window, builder)
+    read = {each.path for each in timeline.segments if wanted.may_contain(each.from_ns, each.to_ns)}
+    neighbours = {each.segment.path for each in (before, after) if each is not None}
+    used = read | elsewhere | neighbours
+    segments = _segments_to_check(timeline, used, is_first=before is None, is_last=after is None)
     course = builder.course(
         window.begin_ns,
         window.end_ns,
         before,
         after,
-        AbsenceCauses.of(timeline.segments),
+        AbsenceCauses.of(segments),
         was_stopped=after is None and _was_stopped(timeline),
+        checked_ns=max(segment.to_ns for segment in segments),
     )
     if not course.samples.count:
         raise RecordingError(f"{timeline.name}: has no samples in this time; choose another")
     newest = list(files.values())[-1]
-    copier.describe(newest)
     copier.add_metadata(names.CUT, _cut_metadata(timeline, window, course, list(files)))
     writer.finish()
     attachments = {name: each for file in files.values() for name, each in file.attachments.items()}
@@ -128,16 +139,50 @@ def read_evidence(
         gateway=timeline.gateway,
         window=window,
         course=course,
-        sources=tuple(
-            _source(segment, files.get(segment.path))
-            for segment in timeline.segments
-            if wanted.may_contain(segment.from_ns, segment.to_ns)
-        ),
+        sources=tuple(_source(each, files.get(each.path), is_read=each.path in read) for each in segments),
         device=newest.metadata.get(names.DEVICE, {}),
         configuration_toml=newest.configuration_toml,
         certificates=make_certificates({name: each.data for name, each in attachments.items()}),
         remarks=(*timeline.remarks, *samples.remarks()),
     )
+
+
+def _copy_changes(
+    timeline: Timeline, window: IncidentWindow, copier: RecordCopier, is_wanted: Callable[[int], bool]
+) -> set[Path]:
+    """Copy the changes of the incident at some times, such as a late acknowledgement; return the files that they are in."""
+    found: set[Path] = set()
+    incident = window.incident
+    for time_ns in sorted({change.time_ns for change in incident.changes} if incident else ()):
+        chosen = Selection(time_ns, time_ns + 1, ALERTS)
+        for message in timeline.messages(chosen) if is_wanted(time_ns) else ():
+            if incident is not None and incident.is_changed_by(message.decode()):
+                copier.describe(message.file)
+                schema = message.file.schemas.get(message.recorded.channel.schema_id)
+                copier.add_message(message.recorded, schema)
+                found.add(message.segment.path)
+    return found
+
+
+def _segments_to_check(
+    timeline: Timeline, used: Set[Path], *, is_first: bool, is_last: bool
+) -> tuple[SegmentIndex, ...]:
+    """Return the segments that are checked: from the first to the last one that is used, so that none is missed in between.
+
+    They go on to the newest one where only it can state that the quota has deleted what is missing between or before them.
+    """
+    segments = timeline.segments
+    places = [place for place, segment in enumerate(segments) if segment.path in used]
+    first, end = places[0], len(segments) if is_last else places[-1] + 1
+    part = segments[first:end]
+    numbers = sorted({names.segment_number(each.origin) for each in part} - {0})
+
+    def are_removed(stating: Sequence[SegmentIndex]) -> bool:
+        begin = 1 if is_first else numbers[0]
+        missing = list_missing(numbers, begin, numbers[-1], AbsenceCauses.of(stating).stated)
+        return any(each.reason == REMOVED for each in missing)
+
+    return segments[first:] if numbers and are_removed(part) and not are_removed(segments[first:]) else part
 
 
 def _was_stopped(timeline: Timeline) -> bool:
@@ -202,8 +247,8 @@ def _cut_metadata(timeline: Timeline, window: IncidentWindow, course: Course, pa
     }
 
 
-def _source(segment: SegmentIndex, file: RecordingFile | None) -> SourceFile:
-    """Return a file with its hash; `file` is None where no message of it could be read."""
+def _source(segment: SegmentIndex, file: RecordingFile | None, *, is_read: bool) -> SourceFile:
+    """Return a file with its hash; `file` is None where no message of the time of the report, if it `is_read`, could be read."""
     return SourceFile(
         path=segment.path,
         size_bytes=segment.size_bytes,
@@ -212,7 +257,7 @@ def _source(segment: SegmentIndex, file: RecordingFile | None) -> SourceFile:
         to_ns=segment.to_ns,
         software=segment.origin.get("software", "unknown"),
         boot_id=segment.boot_id,
-        losses=(NOTHING_READ,) if file is None else tuple(describe_losses(file.losses)),
+        losses=tuple(describe_losses(file.losses)) if file is not None else (NOTHING_READ,) if is_read else (),
     )
 
 
@@ -228,6 +273,8 @@ class RecordVerdict:
     """Which files were checked, as a sentence."""
     problems: tuple[str, ...] = ()
     """Those of the sentences that say what differs."""
+    alarm: str = ""
+    """What differs, in some words above everything else; empty: nothing does."""
 
     @property
     def line(self) -> str:
@@ -238,11 +285,10 @@ class RecordVerdict:
 def scope_text(checked: int, given: int) -> str:
     """Return which of the files that were given were checked, as a sentence."""
     if checked == given:
-        return f"Checked: {counted(checked, 'file')}, all that were given; whether one is missing was not."
+        return f"Checked: {counted(checked, 'file')}, all that were given; whether others are missing was not."
     rest = given - checked
-    return (
-        f"Checked: the {counted(checked, 'file')} of this time; the other {rest} {'was' if rest == 1 else 'were'} not."
-    )
+    report = f"the {counted(checked, 'file')} that this report is made from"
+    return f"Checked: {report}; the other {rest} {'was' if rest == 1 else 'were'} not."
 
 
 def judge_recordings(
@@ -265,10 +311,19 @@ def judge_recordings(
         )
     remarks = (*chain.remarks, *(f"{file.path.name}: {text}" for file in chain.files for text in file.remarks))
     if chain.answer == "differs" or refusal is not None:
-        differ = "THEY DIFFER FROM WHAT THE GATEWAY SIGNED"
-        label = differ if chain.answer == "differs" else "THE SITE’S CA DOES NOT VOUCH FOR THEM"
-        problems = (*_problems(chain), *([refusal] if refusal else []))
-        return RecordVerdict("differs", label, (*problems, *remarks), problems=problems)
+        found = _problems(chain)
+        if found and all(WRONG_KEY in each for each in found):
+            label, alarm = "SIGNED BY ANOTHER KEY THAN THE ONE GIVEN", "Recordings signed by another key"
+            remarks = (
+                "Either the key that was given is not that of this gateway, or another one wrote them.",
+                *remarks,
+            )
+        elif found:
+            label, alarm = "THEY DIFFER FROM WHAT THE GATEWAY SIGNED", "Recordings altered, damaged or incomplete"
+        else:
+            label, alarm = "THE SITE’S CA DOES NOT VOUCH FOR THEM", "Recordings without a voucher"
+        problems = (*found, *([refusal] if refusal else []))
+        return RecordVerdict("differs", label, (*problems, *remarks), problems=problems, alarm=alarm)
     if not chain.public_keys:
         return RecordVerdict("open", "chained by hashes, not signed", remarks)
     signer = fingerprint(chain.public_keys[0])

@@ -15,6 +15,7 @@ from gateway.documents.environment import render
 from gateway.documents.figures import Figure
 from gateway.documents.format import format_fixed, format_short, printable_text
 from gateway.errors import InputError
+from gateway.incident.cause import SmoothMotion
 from gateway.incident.course import Course
 from gateway.incident.detail_figures import acceleration_figure, direction_figure, spectrum_figure
 from gateway.incident.event_table import event_table
@@ -29,7 +30,7 @@ from gateway.incident.evidence import (
 )
 from gateway.incident.facts import IncidentFacts, facts_json, incident_facts
 from gateway.incident.incident_selection import IncidentWindow
-from gateway.incident.incident_summary import summary_sentences
+from gateway.incident.incident_summary import cause_sentences, summary_sentences
 from gateway.incident.timeline_figure import ReportClock, timeline_figure
 from gateway.messages import Calibration, Health
 from gateway.recording.reading.interval import iso_utc
@@ -37,7 +38,6 @@ from gateway.recording.reading.timeline import ReportProgress, Timeline, ignore_
 
 LEVEL_LABELS = {"trip": ("Trip", "trip"), "warn": ("Warning", "warning")}
 NO_ALERT, ALERT_OF_NO_LEVEL = ("No alert", "none"), ("Alert, its level not recorded", "warning")
-ALTERED = "Recordings altered or damaged"
 Pairs = tuple[tuple[str, str], ...]
 PAGE_FILE, CUT_FILE, FACTS_FILE = "incident.html", "incident.mcap", "incident.json"
 Verify = Callable[[Sequence[Path]], RecordVerdict]
@@ -67,7 +67,7 @@ def render_page(
     label, kind = NO_ALERT if incident is None else LEVEL_LABELS.get(incident.level, ALERT_OF_NO_LEVEL)
     label = label if incident is None else f"{label}, {incident.rule}"
     if verification.kind == "differs":
-        label, kind = f"{ALTERED}: {label}", "trip"
+        label, kind = f"{verification.alarm}: {label}", "trip"
     return render(
         "incident.html.j2",
         title=f"Incident report: {', '.join(filter(None, (course.source, evidence.gateway)))}",
@@ -82,6 +82,7 @@ def render_page(
         is_shortened=evidence.window.is_shortened,
         verification=verification,
         cause=cause,
+        moved=tuple(cause_sentences(ReportClock(course), facts)),
         sources=tuple(_source_row(source, course.wall_offset_ns) for source in evidence.sources),
         remarks=evidence.remarks,
         losses=tuple((source.path.name, ", ".join(source.losses)) for source in evidence.sources if source.losses),
@@ -106,7 +107,7 @@ def _figures(evidence: IncidentEvidence, facts: IncidentFacts) -> tuple[tuple[st
         (
             "Spectrum",
             spectrum_figure(evidence.course, facts),
-            "No spectrum: too few samples, too many of them missing, or no calibration.",
+            "No spectrum: too few samples, too many of them missing or off the rope, or no calibration.",
         ),
     )
 
@@ -189,12 +190,13 @@ def write_report(
     verify: Verify,
     computed: Mapping[str, str],
     analyse: AnalyseCause | None = None,
+    smooth: SmoothMotion | None = None,
     report: ReportProgress = ignore_progress,
 ) -> IncidentReport:
     """Write the page, its numbers as JSON, the recording that was cut out, and the certificates, into a new folder.
 
-    `computed` states when and how the report was made. Raises `RecordingError`, and `InputError` where the folder exists or
-    cannot be written; nothing is left behind then.
+    `computed` states when and how the report was made, `smooth` what moved the load. Raises `RecordingError`, and `InputError`
+    where the folder exists or cannot be written; nothing is left behind then.
     """
     try:
         with _new_folder(folder) as partial:
@@ -206,7 +208,7 @@ def write_report(
             )
             if evidence.course.source:  # nothing simulated is called genuine
                 verification = replace(verification, label=verification.label.removeprefix(GENUINE))
-            facts = incident_facts(evidence.course, window.incident)
+            facts = incident_facts(evidence.course, window.incident, partial / CUT_FILE, smooth)
             page = render_page(
                 evidence,
                 facts,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from gateway.alert_periods import AlertPeriods, AlertState, AlertStep
 from gateway.errors import InputError
 from gateway.messages import LEVEL_RANK, Alert, Level
+from gateway.recording.format.content import CUT
 from gateway.recording.reading.interval import RecordingInterval, RecordingTime
 from gateway.recording.reading.recording_file import Selection, open_recording
 from gateway.recording.reading.timeline import ReportProgress, Timeline, TimelineSpan, ignore_progress
@@ -33,6 +34,8 @@ class IncidentChange:
     """The limit is reached by the upper end alone: the best estimate of the angle is below it."""
     limit_deg: float | None
     clear_deg: float | None
+    expected_in_s: float | None = None
+    """Time until `value_deg` is reached: that of a coming peak, 0 for the angle at that time; None: not stated."""
     acknowledged_by: str | None = None
     """Who acknowledged the incident by this change."""
     reason: str | None = None
@@ -56,6 +59,11 @@ class AlertIncident:
     largest_upper_deg: float | None
     """Largest upper end of its 95 % interval."""
 
+    def is_changed_by(self, message: Alert | None) -> bool:
+        """Return whether a message at the time of a change is of it; it may be a heartbeat, or have no id."""
+        own = (self.rule, self.id), (self.rule, None), (None, None)
+        return message is not None and (message.rule, message.incident) in own
+
     @property
     def is_raised_before(self) -> bool:
         """Its raise is not in the recordings: before them, or in a gap."""
@@ -72,9 +80,16 @@ class AlertIncident:
         return next((change.time_ns for change in reversed(self.changes) if change.event == "cleared"), None)
 
     @property
-    def acknowledgement(self) -> IncidentChange | None:
-        """The last acknowledgement, which may come after the end; None where the recordings have none."""
-        return next((change for change in reversed(self.changes) if change.acknowledged_by is not None), None)
+    def acknowledgements(self) -> tuple[IncidentChange, ...]:
+        """The acknowledgements in order of time, which may come after the end."""
+        return tuple(change for change in self.changes if change.acknowledged_by is not None)
+
+    @property
+    def rises(self) -> tuple[IncidentChange, ...]:
+        """The changes by which the alert was raised to its highest level; the first one may be a heartbeat that states it."""
+        highest = self.highest
+        later = (each for each in self.changes if each.event == "raised" and each.level == highest.level)
+        return highest, *(each for each in later if each.time_ns > highest.time_ns)
 
     @property
     def highest(self) -> IncidentChange:
@@ -128,6 +143,7 @@ def _change(step: AlertStep[Alert]) -> IncidentChange:
         is_bound=None if active is None else active.is_bound,
         limit_deg=alert.limit_deg if active is None else active.limit_deg,
         clear_deg=alert.clear_deg if active is None else active.clear_deg,
+        expected_in_s=None if active is None else active.expected_in_s,
         acknowledged_by=alert.acknowledged_by if is_own else None,
         reason=alert.reason if is_own else None,
     )
@@ -187,7 +203,8 @@ def _chosen(timeline: Timeline, incidents: Sequence[AlertIncident], choice: Inci
     if not incidents:
         raise InputError(f"{timeline.name}: no alert was raised in it; give --around TIME, or --from and --to")
     if choice.number is None:
-        return incidents[-1]
+        cut_out = {each.metadata.get(CUT, {}).get("incident") for each in timeline.segments}
+        return next((each for each in incidents if each.id in cut_out), incidents[-1])
     if not 1 <= choice.number <= len(incidents):
         raise InputError(f"--alert {choice.number}: {timeline.name} has {len(incidents)}, numbered from 1")
     return incidents[choice.number - 1]

@@ -1,6 +1,7 @@
 """An incident in words: its summary in plain sentences, whose numbers all stand in the recordings."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from gateway.documents.format import (
     format_fixed,
@@ -10,13 +11,13 @@ from gateway.documents.format import (
     printable_text,
 )
 from gateway.errors import counted
-from gateway.incident.course import Course
-from gateway.incident.facts import CAUSE_BEFORE_S, MIN_MOVE_S, CraneMove, IncidentFacts, PeakAngle
+from gateway.incident.cause import CAUSE_BEFORE_S, MIN_MOVE_S, CraneMove
+from gateway.incident.course import MAX_ALERT_SILENCE_S, Course
+from gateway.incident.facts import AlertRise, IncidentFacts, KnownAngle, PeakAngle
 from gateway.incident.gateway_runs import GatewayRestart
-from gateway.incident.incident_selection import AlertIncident
+from gateway.incident.incident_selection import AlertIncident, IncidentChange
 from gateway.incident.limit_changes import MAX_WORDS_CHARACTERS, LimitChange
 from gateway.incident.timeline_figure import ReportClock
-from gateway.pipeline.alert_rules import SWING
 from gateway.stages.alerts import GRACE_S
 
 MAX_SUMMARY_MARKS = 3
@@ -24,9 +25,17 @@ MAX_SUMMARY_MARKS = 3
 them."""
 MAX_SUMMARY_RESTARTS = 3
 """Restarts in the summary. Basis: as of the marks."""
-MAX_ALERT_SILENCE_S = 5.0
-"""An alert is stated each second. Basis: after a longer silence the gateway has ended."""
+MAX_SUMMARY_RISES = 5
+"""Raises to the highest level in the summary. Basis: as of the marks."""
+SAME_TIME_S = 0.05
+"""Up to this difference two times are the same. Definition: seconds are printed to a tenth."""
 LEVEL_WORDS = {"warn": "warning", "trip": "trip"}
+STOOD_WORDS = {
+    "warn": "while it stood at warning",
+    "trip": "while it stood at trip",
+    "unknown": "while its level was not known",
+    "normal": "after its end",
+}
 CLOCKS = {
     "synchronised": "The gateway's clock was synchronised.",
     "free_running": "The gateway's clock was not synchronised: UTC is only as good as when it was last set.",
@@ -49,7 +58,7 @@ def summary_sentences(course: Course, incident: AlertIncident | None, facts: Inc
             _what_was_raised(course, clock, incident, facts),
             _which_limits_were_changed(course, clock, incident),
             _how_large(clock, incident, facts),
-            _what_went_before(clock, facts),
+            cause_sentences(clock, facts),
             _when_it_ended(course, clock, incident, facts),
             _which_calibrations_changed(course, clock, facts),
             suspension_texts(course, clock),
@@ -102,11 +111,34 @@ def _what_was_raised(
         if highest_s - facts.raised_s > 0.05:
             first = LEVEL_WORDS.get(incident.changes[0].level, incident.changes[0].level)
             yield f"The incident began {format_fixed(highest_s - facts.raised_s, 1)} s before, with a {first}."
-    if highest.event == "raised" and highest.is_bound and highest.value_deg is not None:
-        yield (
-            f"The {format_fixed(highest.value_deg, 1)}° that raised it were an upper bound, of a coming peak or of the angle "
-            "at that time, which was estimated below the limit."
-        )
+    yield from _why_it_was_raised(clock, highest)
+    if again := [clock.time(each.raised_s) for each in facts.rises[1:]]:
+        yield f"It was raised to {level} again at {_few(again)} UTC."
+
+
+def _why_it_was_raised(clock: ReportClock, raised: IncidentChange) -> Iterator[str]:
+    """Yield what the value was that raised an alert, where the angle itself was below the limit."""
+    if raised.event != "raised" or not raised.is_bound or raised.value_deg is None:
+        return
+    course = clock.course
+    angle_deg = course.motion.angle_at_deg(course.time_s(raised.time_ns))
+    then = "" if angle_deg is None else f" of {format_fixed(angle_deg, 1)}°"
+    value = f"The {format_fixed(raised.value_deg, 1)}° that raised it were"
+    if raised.expected_in_s is None:
+        yield f"{value} an upper bound; the angle at that time{then} was estimated below the limit."
+    elif raised.expected_in_s > 0:
+        expected = f"a peak that was expected {format_fixed(raised.expected_in_s, 1)} s later"
+        yield f"{value} the upper bound of {expected}; the angle at that time{then} was below the limit."
+    else:
+        yield f"{value} the upper bound of the angle at that time, whose best estimate{then} was below the limit."
+
+
+def _few(texts: Sequence[str]) -> str:
+    """Return the first texts, and how many others there are."""
+    more = len(texts) - MAX_SUMMARY_RISES
+    return " and ".join(
+        [", ".join(texts[:MAX_SUMMARY_RISES]), *([f"{more} times more, last {texts[-1]}"] if more > 0 else [])]
+    )
 
 
 def _which_limits_were_changed(course: Course, clock: ReportClock, incident: AlertIncident | None) -> Iterator[str]:
@@ -157,84 +189,116 @@ def _when_it_was_restarted(course: Course, clock: ReportClock) -> Iterator[str]:
 
 def restart_text(clock: ReportClock, restart: GatewayRestart) -> str:
     """Return when the gateway stopped and was started again, and for how long no alert was judged."""
-    stopped = "was stopped" if restart.is_announced else "stopped without notice"
-    times = f"at {clock.both(restart.stopped_s)} and was started again at {clock.time(restart.started_s)} UTC"
+    stopped = f"was stopped at {clock.both(restart.stopped_s)}"
+    if not restart.is_announced:
+        longer = f"it may have run up to {format_short(clock.course.fsync_s(restart.stopped_s), 3)} s longer"
+        stopped = f"stopped without notice (recorded up to {clock.both(restart.stopped_s)}; {longer})"
+    times = f"{stopped} and was started again at {clock.time(restart.started_s)} UTC"
     if restart.judged_s is None:
-        return f"The gateway {stopped} {times}: alerts were not judged until it ended or this report ends."
-    return f"The gateway {stopped} {times}: alerts were not judged for {format_fixed(restart.judged_s - restart.stopped_s, 1)} s."
+        return f"The gateway {times}: alerts were not judged until it ended or this report ends."
+    return f"The gateway {times}: alerts were not judged for {format_fixed(restart.judged_s - restart.stopped_s, 1)} s."
 
 
 def _how_large(clock: ReportClock, incident: AlertIncident | None, facts: IncidentFacts) -> Iterator[str]:
     if facts.peak is None:
         yield "The angle was not known at any time of it."
-        return
-    gaps = [] if facts.is_whole else ["a part of the incident is not in the recordings"]
-    unseen = [f"what came after {clock.time(facts.end_s)} is not known"] if facts.is_open else []
-    unknown = []
-    if facts.unknown_s > GRACE_S:
-        unknown = [f"for {format_fixed(facts.unknown_s, 1)} s of the incident it was not known"]
-    known, least = "known " if unknown else "", "at least " if gaps or unseen else ""
-    reasons = "; ".join((*gaps, *unseen, *unknown))
-    yield (
-        f"The largest {known}angle between rope and vertical was {least}{angle_text(facts.peak)} at "
-        f"{clock.both(facts.peak.time_s)}{': ' if reasons else ''}{reasons}."
-    )
-    if incident is None or incident.highest.limit_deg is None or incident.rule != SWING.name:
-        return
-    limit_deg, (low_deg, high_deg) = incident.highest.limit_deg, facts.peak.interval_deg
-    highest_s = clock.course.time_s(incident.highest.time_ns)
-    if not facts.is_whole and not facts.is_open and incident.largest_deg is not None:
-        upper = (
-            "" if incident.largest_upper_deg is None else f", at most {format_fixed(incident.largest_upper_deg, 2)}°"
-        )
-        yield f"By the alert itself it was {format_fixed(incident.largest_deg, 2)}°{upper}, over the whole incident."
-    if facts.reached_s is not None:
-        lead_s = facts.reached_s - highest_s
-        when = f"{format_fixed(lead_s, 1)} s after the alert" if lead_s > 0.05 else "when the alert was raised"
-        sure = (
-            ""
-            if low_deg >= limit_deg
-            else f"; the interval reaches down to {format_fixed(low_deg, 2)}°, so this is not certain"
-        )
-        yield f"It reached the limit of {format_limit(limit_deg)}° {when}{sure}."
-    elif not facts.is_whole:
-        largest_deg = max(facts.peak.angle_deg, incident.largest_deg or 0.0)
-        yield (
-            f"It reached the limit of {format_limit(limit_deg)}°; when is not in the recordings."
-            if largest_deg >= limit_deg
-            else f"Whether it reached the limit of {format_limit(limit_deg)}° is not in the recordings."
-        )
-    elif high_deg < limit_deg:
-        upper = "the alert came from an upper bound that was not reached"
-        yield f"It did not reach the limit of {format_limit(limit_deg)}°: {upper}."
     else:
-        yield f"It may have reached the limit of {format_limit(limit_deg)}°: the interval of 95 % ends above it."
+        reasons = _not_known(clock, facts, facts.angle)
+        known = "known " if facts.angle.unknown_s > GRACE_S else ""
+        least = "at least " if facts.angle.missing else ""
+        yield (
+            f"The largest {known}angle between rope and vertical was {least}{angle_text(facts.peak)} at "
+            f"{clock.both(facts.peak.time_s)}{': ' if reasons else ''}{'; '.join(reasons)}."
+        )
+    if facts.limit_deg is None or incident is None:
+        return
+    if facts.stated_deg is not None and {"recordings", "report"} & set(facts.angle.missing):
+        largest, upper = (format_fixed(each, 2) for each in facts.stated_deg)
+        yield f"By the alert itself it was {largest}°, at most {upper}°, over the whole incident."
+    if len(facts.rises) == 1:
+        yield _limit_text(clock, facts, replace(facts.rises[0], answer=facts.answer), "It")
+        return
+    level = LEVEL_WORDS.get(incident.level, incident.level)
+    for rise in facts.rises[:MAX_SUMMARY_RISES]:
+        yield _limit_text(clock, facts, rise, f"After the {level} of {clock.time(rise.raised_s)} UTC it")
+    if more := facts.rises[MAX_SUMMARY_RISES:]:
+        reached = sum(each.answer == "reached" for each in more)
+        yield f"After {reached} of the {len(more)} later ones it reached that limit."
 
 
-def _what_went_before(clock: ReportClock, facts: IncidentFacts) -> Iterator[str]:
+def _not_known(clock: ReportClock, facts: IncidentFacts, angle: KnownAngle) -> list[str]:
+    """Return what is not known of the angle, and why."""
+    texts = {
+        "recordings": "a part of the incident is not in the recordings",
+        "report": "a part of the incident is outside the time of this report",
+        "end": f"what came after {clock.time(facts.end_s)} is not known",
+    }
+    if angle.peak is None:
+        return [*(texts[each] for each in angle.missing), "it was not known at any time"]
+    unknown = f"for {format_fixed(angle.unknown_s, 1)} s of the incident it was not known"
+    return [*(texts[each] for each in angle.missing), *([unknown] if angle.unknown_s > GRACE_S else [])]
+
+
+def _limit_text(clock: ReportClock, facts: IncidentFacts, rise: AlertRise, subject: str) -> str:
+    """Return whether and when the angle was above the limit from a raise of the alert on, `It` over the whole incident."""
+    limit_deg = facts.limit_deg or 0.0
+    limit, when = f"the limit of {format_limit(limit_deg)}°", _lead_text(rise)
+    if rise.answer == "not_reached":
+        return f"{subject} did not reach {limit}: the alert came from an upper bound that was not reached."
+    if rise.answer == "reached":
+        return f"{subject} reached {limit}{when or '; when is not in this report'}."
+    low_deg, high_deg = (0.0, 0.0) if rise.angle.peak is None else rise.angle.peak.interval_deg
+    stated_deg = 0.0 if facts.stated_deg is None else facts.stated_deg[1]
+    reasons = _not_known(clock, facts, rise.angle)
+    if when:
+        why = f"the best estimate did, and the interval of 95 % reaches down to {format_fixed(low_deg, 2)}°"
+    elif high_deg >= limit_deg:
+        why = f"the interval of 95 % reaches up to {format_fixed(high_deg, 2)}°"
+    elif stated_deg >= limit_deg and subject == "It":
+        why = f"by the alert itself it was at most {format_fixed(stated_deg, 2)}°"
+    else:
+        known = "The known angle" if subject == "It" else f"{subject.removesuffix('it')}the known angle"
+        return f"{known} did not reach {limit}; whether the load did is not known: {'; '.join(reasons)}."
+    return f"{subject} may have reached {limit}{when}: {'; '.join([why, *reasons])}."
+
+
+def _lead_text(rise: AlertRise) -> str:
+    """Return when the angle reached the limit, counted from the raise; empty: that is not known."""
+    if rise.reached_s is None:
+        return ""
+    lead_s = rise.reached_s - rise.raised_s
+    if abs(lead_s) <= SAME_TIME_S:
+        return " when the alert was raised"
+    return f" {format_fixed(abs(lead_s), 1)} s {'after' if lead_s > 0 else 'before'} the alert"
+
+
+def cause_sentences(clock: ReportClock, facts: IncidentFacts) -> Iterator[str]:
+    """Yield what moved the load before its largest angle, and by which estimate."""
     if facts.peak is None:
         return
-    unseen = ""
-    if facts.unseen_s >= MIN_MOVE_S:
+    causes, unseen = facts.causes, ""
+    peak = "the peak" if facts.angle.is_known else "the largest known angle"
+    if causes.unseen_s >= MIN_MOVE_S:
         unseen = (
-            f"{format_fixed(facts.unseen_s, 1)} s of the {CAUSE_BEFORE_S:.0f} s before the peak are not known "
-            f"({_listed(facts.unseen_causes)})"
+            f"{format_fixed(causes.unseen_s, 1)} s of the {CAUSE_BEFORE_S:.0f} s before {peak} are not known "
+            f"({', '.join(causes.unseen_causes)})"
         )
-    if not facts.moves and unseen:
+    live = "" if causes.live_because is None else "by the gateway's live estimate "
+    if not causes.moves and unseen:
         yield f"What moved the load cannot be told: {unseen}."
-    elif not facts.moves:
-        yield (
-            f"In the {CAUSE_BEFORE_S:.0f} s before the peak neither the pivot nor the winch was seen to move, and no gust was "
-            "seen."
-        )
-    for move in facts.moves:
-        yield f"Before the peak, {_move_text(move)} from {clock.time(move.begin_s)} to {clock.time(move.end_s)} UTC."
-    if facts.moves and unseen:
+        return
+    if not causes.moves:
+        seen = "neither the pivot nor the winch was seen to move, and no gust was seen"
+        yield f"In the {CAUSE_BEFORE_S:.0f} s before {peak} {live}{seen}."
+    for move in causes.moves:
+        sure = "" if move.probability is None else f" (probability {format_percent(100 * move.probability)})"
+        yield f"Before {peak}, {live}{_move_text(move)} from {clock.time(move.begin_s)} to {clock.time(move.end_s)} UTC{sure}."
+    if unseen:
         yield f"Other moves are possible: {unseen}."
-
-
-def _listed(causes: Sequence[str]) -> str:
-    return ", ".join(causes)
+    if causes.live_because is None:
+        yield "What moved is by the motion that was smoothed over these samples afterwards, as plumbline measure states it."
+    else:
+        yield f"The live estimate knew only what came before, and may take a gust for a drive; {causes.live_because}."
 
 
 def _move_text(move: CraneMove) -> str:
@@ -245,6 +309,8 @@ def _move_text(move: CraneMove) -> str:
         case "hoisting":
             size = "" if move.hoist_m_s is None else f" at up to {format_short(abs(move.hoist_m_s), 2)} m/s"
             return f"the winch {'lowered' if (move.hoist_m_s or 0) > 0 else 'hoisted'}{size}"
+        case "driven_or_wind":
+            return "a gust pushed the load, or trolley, bridge or jib moved: the estimate changed from the second to the first"
         case _:
             return "a gust pushed the load"
 
@@ -255,8 +321,8 @@ def _when_it_ended(
     if incident is None or facts.raised_s is None:
         return
     if facts.cleared_s is None:
-        after = _after(course, facts.end_s)
-        yield f"The recordings state no end of it: it stood at {clock.both(facts.end_s)}, after which {after}."
+        stood, after = clock.both(min(course.time_s(incident.last_ns), course.end_s)), _after(course, facts.end_s)
+        yield f"The recordings state no end of it: it stood at {stood}, after which {after}."
         if course.end_cause:
             yield f"{course.end_cause}."
     else:
@@ -267,7 +333,7 @@ def _when_it_ended(
         if incident.is_raised_before:
             own = next(change.text for change in reversed(incident.changes) if change.event == "cleared")
             yield f"The gateway's own words: {printable_text(own, MAX_WORDS_CHARACTERS)}."
-    yield _acknowledgement(course, clock, incident, facts)
+    yield from _who_acknowledged(clock, incident, facts)
     for mark in course.marks[:MAX_SUMMARY_MARKS]:
         yield f"Mark at {clock.both(mark.time_s)}, by {mark.text}."
 
@@ -290,17 +356,22 @@ def where_it_stood(course: Course, incident: AlertIncident) -> str:
     return "stands where the recordings end" if course.end_cause else ""
 
 
-def _acknowledgement(course: Course, clock: ReportClock, incident: AlertIncident, facts: IncidentFacts) -> str:
-    known = incident.acknowledgement
-    if known is None:
-        return f"The recordings{'' if facts.is_whole else ', as far as they are left,'} state no acknowledgement of it."
-    reason = f", with the words: {known.reason}" if known.reason else ""
-    text = f"It was acknowledged at {clock.both(course.time_s(known.time_ns))} by {known.acknowledged_by}{reason}"
-    before = [change.level for change in incident.changes if change.time_ns < known.time_ns]
-    if known.time_ns >= incident.highest.time_ns or not before:
-        return f"{text}."
-    highest = LEVEL_WORDS.get(incident.highest.level, incident.highest.level)
-    return f"{text}, as a {LEVEL_WORDS.get(before[-1], before[-1])}; the recordings state no acknowledgement of the {highest}."
+def _who_acknowledged(clock: ReportClock, incident: AlertIncident, facts: IncidentFacts) -> Iterator[str]:
+    """Yield who acknowledged what, and up to when the recordings were searched for more."""
+    course, known = clock.course, incident.acknowledgements
+    left = ", as far as they are left," if "recordings" in facts.angle.missing else ""
+    searched = f"up to {clock.both(course.checked_s)}, as far as they were read and checked"
+    if not known:
+        yield f"The recordings{left} state no acknowledgement of it {searched}."
+        return
+    for each in known[-MAX_SUMMARY_MARKS:]:
+        reason = f", with the words: {each.reason}" if each.reason else ""
+        stood = STOOD_WORDS.get(each.level, "")
+        yield f"It was acknowledged at {clock.both(course.time_s(each.time_ns))} by {each.acknowledged_by}, {stood}{reason}."
+    level = LEVEL_WORDS.get(incident.level, incident.level)
+    later = [clock.time(each.raised_s) for each in facts.rises if each.raised_s > course.time_s(known[-1].time_ns)]
+    if later:
+        yield f"The recordings{left} state no acknowledgement of the {level} of {_few(later)} UTC that followed, {searched}."
 
 
 def _how_good(course: Course, facts: IncidentFacts) -> Iterator[str]:
@@ -308,7 +379,7 @@ def _how_good(course: Course, facts: IncidentFacts) -> Iterator[str]:
     rate = "" if samples.rate_hz is None else f" at {format_short(samples.rate_hz, 4)} Hz"
     if samples.gaps:
         longest_s = max(gap.end_s - gap.begin_s for gap in samples.gaps)
-        causes = _listed(tuple(dict.fromkeys(gap.cause for gap in samples.gaps)))
+        causes = ", ".join(dict.fromkeys(gap.cause for gap in samples.gaps))
         gaps = f"{counted(len(samples.gaps), 'gap')}, the longest {format_fixed(longest_s, 2)} s ({causes})"
     else:
         gaps = "no gap"

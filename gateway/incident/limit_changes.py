@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
+from gateway.configuration.model import RecorderSection
 from gateway.documents.format import format_limit, human_name, printable_text
 from gateway.file_input import parse_json, parse_toml
 
@@ -13,6 +14,8 @@ AUDIT = "audit "
 """Definition: begin of a line of the log that is an entry of an audit."""
 MAX_WORDS_CHARACTERS = 260
 """Longest words of a person or of the log in a report. Basis: a choice; two or three lines of the table of events."""
+DEFAULT_FSYNC_S = RecorderSection().fsync_s
+RIG_SECTIONS = ("rope", "housing", "site", "device")
 KEY_CHANGE = re.compile(r"alerts\.(?P<key>\w+): (?P<before>.+) -> (?P<after>.+)")
 """Definition: a change of a key of the alerts in an audit, as `KeyChange` writes it."""
 LIMIT_NAMES = {
@@ -42,11 +45,27 @@ class ConfigurationInForce:
     @property
     def limits(self) -> dict[str, float]:
         """The numbers of the section of the alerts; none where it cannot be read."""
+        return self._numbers("alerts")
+
+    @property
+    def rig(self) -> tuple[object, ...]:
+        """The sections with which the motion is computed."""
+        return tuple(self._section(name) for name in RIG_SECTIONS)
+
+    @property
+    def fsync_s(self) -> float:
+        """The most that a kill costs, in seconds."""
+        return self._numbers("recorder").get("fsync_s", DEFAULT_FSYNC_S)
+
+    def _numbers(self, name: str) -> dict[str, float]:
+        section = self._section(name)
+        return {key: value for key, value in section.items() if _is_number(value)} if isinstance(section, dict) else {}
+
+    def _section(self, name: str) -> object:
         try:
-            alerts = parse_toml(self.toml).get("alerts")
+            return parse_toml(self.toml).get(name)
         except ValueError:
-            return {}
-        return {key: value for key, value in alerts.items() if _is_number(value)} if isinstance(alerts, dict) else {}
+            return None
 
 
 @dataclass(frozen=True, slots=True)

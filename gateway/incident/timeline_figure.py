@@ -153,25 +153,34 @@ def timeline_figure(course: Course, incident: AlertIncident | None, facts: Incid
         _draw_motion(panels[1:4], course)
         _draw_states(panels[4], course)
         for axes in panels:
-            _mark_gaps(axes, course)
+            mark_hidden(axes, course)
             _mark_incident(axes, facts)
         label_times(panels[-1], clock, course.begin_s, course.end_s)
         label_local_times(panels[0], clock, course.begin_s, course.end_s)
         canvas.align_ylabels(panels[:4])
 
-    causes = ", ".join(dict.fromkeys(gap.cause for gap in course.samples.gaps))
     label = "Timeline of angle, pivot acceleration, hoisting, lean and states; the tables and sentences state the same"
     return Figure(
         svg=render_svg("timeline", label, HEIGHT_IN, draw, WIDTH_IN),
         caption="Angle between rope and vertical, limits dashed; acceleration of the rope's upper end along x and y of the "
         "housing; rate of the rope's length, lowering positive; lean of the rope; states. Shaded: intervals of 95 %. Vertical "
-        f"lines: begin and end of the incident (solid), largest angle (dotted). Hatched: no samples{causes and f' ({causes})'}.",
+        "lines: begin and end of the incident (solid), largest angle (dotted). All of it as the gateway estimated it live."
+        f"{hidden_caption(course, course.begin_s, course.end_s)}",
     )
+
+
+def hidden_caption(course: Course, begin_s: float, end_s: float) -> str:
+    """Return why some times between two are hatched; empty: none are."""
+    found = []
+    for what, gaps in (("no samples", course.samples.gaps), ("the sensor off the rope", course.suspensions)):
+        if causes := ", ".join(dict.fromkeys(each.cause for each in gaps if each.within_s(begin_s, end_s))):
+            found.append(f"{what} ({causes})")
+    return f" Hatched: {'; '.join(found)}." if found else ""
 
 
 def _draw_angle(axes: Axes, course: Course, incident: AlertIncident | None, facts: IncidentFacts) -> None:
     motion = course.motion
-    _draw_band(axes, course.samples.gaps, motion.time_s, motion.angle_deg, motion.u_deg)
+    _draw_band(axes, course.hidden, motion.time_s, motion.angle_deg, motion.u_deg)
     axes.set_ylabel("angle, °")
     limit_deg = 0.0 if incident is None else incident.highest.limit_deg or 0.0
     levels = {} if incident is None or incident.rule != SWING.name else levels_in_force(course, incident)
@@ -230,7 +239,7 @@ def _largest(values: Array) -> float:
 
 
 def _draw_motion(panels: Sequence[Axes], course: Course) -> None:
-    motion, gaps = course.motion, course.samples.gaps
+    motion, gaps = course.motion, course.hidden
     pivot, hoist, lean = panels
     for column, (name, colour) in enumerate((("x", AFTER), ("y", BEFORE))):
         time_s, pivot_m_s2 = broken_at(gaps, motion.time_s, motion.pivot_m_s2[:, column])
@@ -313,6 +322,7 @@ def _mark_incident(axes: Axes, facts: IncidentFacts) -> None:
         axes.axvline(facts.peak.time_s, color=EVENT, linewidth=0.9, linestyle=":")
 
 
-def _mark_gaps(axes: Axes, course: Course) -> None:
-    for gap in course.samples.gaps:
+def mark_hidden(axes: Axes, course: Course) -> None:
+    """Hatch the times in which the load's motion is not in the samples."""
+    for gap in course.hidden:
         axes.axvspan(gap.begin_s, gap.end_s, facecolor="none", edgecolor=FAINT, hatch="////", linewidth=0)

@@ -54,9 +54,16 @@ class RecordedCrane:
         return [each for each in found if isinstance(each, Alert) and each.incident == f"{BOOT_ID}-1"]
 
     @property
+    def known_motions(self) -> list[Motion]:
+        """The motions whose angle is known, while the incident lasts."""
+        found = (each.message for each in self.messages)
+        begin_ns, end_ns = self.changes[0].time_ns, self.changes[-1].time_ns
+        motions = [each for each in found if isinstance(each, Motion) and begin_ns <= each.time_ns <= end_ns]
+        return [each for each in motions if each.angle_deg is not None]
+
+    @property
     def largest(self) -> Motion:
-        found = [each.message for each in self.messages if isinstance(each.message, Motion)]
-        return max((each for each in found if each.angle_deg is not None), key=lambda each: each.angle_deg or 0.0)
+        return max(self.known_motions, key=lambda each: each.angle_deg or 0.0)
 
 
 class HastyCrane(recorded_crane.RecordedCrane):

@@ -18,6 +18,7 @@ from gateway.errors import ANSWER_IS_NO, WITH_LOSSES
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from gateway.incident.cause import MotionAroundPeak
     from gateway.incident.incident_report import CauseAnalysis
     from gateway.incident.incident_selection import AlertIncident, IncidentChoice, IncidentWindow
     from gateway.recording.reading.timeline import Timeline
@@ -33,7 +34,7 @@ EXIT_CODES = {"genuine": 0, "differs": ANSWER_IS_NO, "open": WITH_LOSSES}
     "incident",
     "write a report of an incident: one page with figures, and the recording of it",
     "Write a report of an incident into a new folder: a page with a summary, a timeline and figures, and the "
-    "part of the recordings that it is made from. Without a choice, of the last incident. The files of its time, and no "
+    "part of the recordings that it is made from. Without a choice, of the last incident. The files that it is made from, and no "
     "others, are checked as by `record verify`, with the same exit codes: 0 genuine; 1 they differ from what was signed; 3 "
     "consistent in themselves only, because no key is known, or nothing is signed, or the end of a file is not. The report is "
     "written in each case.",
@@ -168,6 +169,7 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
                 "Command": shlex.join(["plumbline", *sys.argv[1:]]),
             },
             analyse=analyse_cause if arguments.reconcile else None,
+            smooth=smooth_motion,
             report=bar.update,
         )
     verdict = written.verification
@@ -175,6 +177,26 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
     lines.append(f"report: {folder / PAGE_FILE}")
     show("\n".join(lines), written.content, arguments.json)
     return EXIT_CODES[written.verification.kind]
+
+
+def smooth_motion(recording: Path, begin_ns: int, end_ns: int) -> "MotionAroundPeak | None":
+    """Return the motion of a recording between two gateway times as `measure` states it; None: it cannot be known.
+
+    Raises `InputError` and `RecordingError` where the recording does not describe the crane.
+    """
+    from gateway.incident.cause import MotionAroundPeak
+    from gateway.measurement.measure import measure
+    from gateway.measurement.source import read_source
+    from gateway.recording.reading.interval import RecordingInterval, RecordingTime
+    from gateway.recording.reading.timeline import open_timeline
+
+    first_ns = open_timeline([recording]).span().first_ns
+    begin, end = (RecordingTime("", each - first_ns, "first_sample") for each in (begin_ns, end_ns))
+    source = read_source([recording], None, RecordingInterval(begin, end))
+    motion = measure(source, with_motion=True).motion
+    if motion is None or source.recording.origin_ns is None:
+        return None
+    return MotionAroundPeak(source.recording.origin_ns, motion.history, motion.doubt)
 
 
 def analyse_cause(recording: Path) -> "CauseAnalysis":

@@ -1,5 +1,6 @@
 """The course of an incident, its events and its evidence, from single messages and records."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from gateway.messages import (
     Log,
     Mark,
 )
+from gateway.recording.format.content import ORIGIN, SEGMENT
 from gateway.recording.reading.recording_file import SegmentIndex
 from gateway.recording.reading.sample_calibration import CalibratedBlock
 from tests.gateway.calibration.test_acceptance import make_parent
@@ -50,6 +52,17 @@ def test_a_missing_block_is_a_gap() -> None:
     assert (course.samples.count, course.samples.lost) == (20, 10)
     assert course.samples.rate_hz == pytest.approx(10.0)
     assert course.acceleration.force_g[:, 0] == pytest.approx([0.0] * 10 + [2.0] * 10)
+
+
+@pytest.mark.parametrize(("numbers", "cause"), [((3, 4), "gateway restarted"), ((3, 5), "not in these files")])
+def test_a_segment_that_is_missing_between_two_runs_is_no_restart(numbers: tuple[int, int], cause: str) -> None:
+    builder = CourseBuilder(ORIGIN_NS)
+    for first_s, boot, number in zip((0.0, 5.0), ("a", "b"), numbers, strict=True):
+        builder.add_run(ORIGIN_NS + round(first_s * 1e9), boot, None)
+        segment = SegmentIndex(Path(boot), 0, metadata={ORIGIN: {SEGMENT: str(number)}})
+        builder.add_block(replace(block(first_s), segment=segment))
+    (gap,) = (each for each in builder.course(ORIGIN_NS, ORIGIN_NS + 5_900_000_000).samples.gaps)
+    assert gap.cause == cause
 
 
 def test_each_step_of_a_recalibration_is_stated_once_with_its_person() -> None:

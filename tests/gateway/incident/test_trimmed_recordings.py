@@ -55,6 +55,8 @@ def test_what_was_before_the_recordings_is_not_stated_of_what_is_left(
 ) -> None:
     text, content = " ".join(report.sentences), report.content
     largest_deg = present(recorded.changes[-1].largest_deg)
+    largest_upper_deg = present(recorded.changes[-1].largest_upper_deg)
+    assert content["limit_answer"] == "may_have_been"
     assert content["peak"]["angle_deg"] < largest_deg
     assert content["largest_deg"] == pytest.approx(largest_deg, abs=0.001)
     assert (content["is_raised_before"], content["is_whole"]) == (True, False)
@@ -62,8 +64,9 @@ def test_what_was_before_the_recordings_is_not_stated_of_what_is_left(
     assert f"what was before: {BY_QUOTA}." in report.sentences[1]
     assert "had stood so since 2026-01-01 00:00:" in text
     assert "was at least" in text
-    assert f"By the alert itself it was {largest_deg:.2f}°" in text
-    assert "It reached the limit of 5.0°; when is not in the recordings." in text
+    assert f"By the alert itself it was {largest_deg:.2f}°, at most {largest_upper_deg:.2f}°" in text
+    (answer,) = (each for each in report.sentences if each.startswith("It may have reached the limit of 5.0°: "))
+    assert answer.endswith("; a part of the incident is not in the recordings.")
     assert "that raised it" not in text
     assert f"The gateway's own words: {recorded.changes[-1].change}" in text
 
@@ -71,7 +74,7 @@ def test_what_was_before_the_recordings_is_not_stated_of_what_is_left(
 def test_the_time_before_the_recordings_exonerates_nobody(report: IncidentReport) -> None:
     assert "neither the pivot nor the winch was seen to move" not in " ".join(report.sentences)
     (sentence,) = (each for each in report.sentences if each.startswith("What moved the load cannot be told: "))
-    assert sentence.endswith(f"s of the 20 s before the peak are not known ({BY_QUOTA}).")
+    assert sentence.endswith(f"s of the 20 s before the largest known angle are not known ({BY_QUOTA}).")
     assert report.content["unseen_before_peak_s"] > 15.0
 
 

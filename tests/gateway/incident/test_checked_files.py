@@ -1,0 +1,123 @@
+"""Which files a report is made from, and whether it says so: each of them is checked, listed, and in the cut."""
+
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from gateway.incident.evidence import judge_recordings
+from gateway.incident.incident_report import IncidentReport
+from gateway.incident.incident_selection import find_incidents
+from gateway.messages import Alert
+from gateway.pipeline.outgoing_message import OutgoingMessage
+from gateway.pki.signing_key import read_public_key
+from gateway.recording.reading.recording_file import open_recording
+from tests.gateway.incident.conftest import write_report_of
+from tests.gateway.recorded_crane import HastyCrane, RecordedCrane
+from tests.gateway.recording.recorded_crane import BOOT_ID
+
+pytestmark = pytest.mark.slow
+
+MARGIN_S = 3.0
+"""The report ends in the fourth file; the acknowledgement is in the sixth."""
+ACKNOWLEDGED_S, END_S = 52.0, 58.0
+
+
+@pytest.fixture(scope="module")
+def acknowledged(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The recordings of an incident that somebody acknowledges twenty seconds after its end."""
+    folder = tmp_path_factory.mktemp("acknowledged") / "data"
+    crane = HastyCrane(folder)
+    crane.record(ACKNOWLEDGED_S)
+    cleared = [each.message for each in crane.sent if isinstance(each.message, Alert)]
+    ended = next(each for each in reversed(cleared) if each.event == "cleared" and each.incident == f"{BOOT_ID}-1")
+    known = replace(
+        ended, event="acknowledged", acknowledged_by="Bob Crane", reason="seen from the cab", change="known"
+    )
+    crane.write(OutgoingMessage("alert", crane.newest_ns, known))
+    crane.record(END_S - ACKNOWLEDGED_S)
+    crane.close()
+    return folder
+
+
+Change = Callable[[list[Path]], None]
+
+
+@pytest.fixture
+def report_of(acknowledged: Path, tmp_path: Path) -> Callable[..., IncidentReport]:
+    """Return the report of a copy of the recordings that was changed."""
+
+    def make(change: Change = lambda _: None, margin_s: float = MARGIN_S) -> IncidentReport:
+        copy = shutil.copytree(acknowledged, tmp_path / "copy")
+        change(sorted(copy.glob("*.mcap")))
+        key = read_public_key(str(acknowledged / "signing-key.pem.pub"))
+        return write_report_of([copy], folder=tmp_path / "report", margin_s=margin_s, key=key)
+
+    return make
+
+
+def acknowledgements(report: IncidentReport) -> list[str]:
+    return [each for each in report.sentences if "acknowledged" in each]
+
+
+def flip_byte(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+
+
+def test_the_file_of_a_late_acknowledgement_is_checked_listed_and_in_the_cut(
+    report_of: Callable[..., IncidentReport],
+) -> None:
+    report = report_of()
+    assert any("acknowledged at 2026-01-01 00:00:52" in each and "Bob Crane" in each for each in report.sentences)
+    assert (report.content["verification"]["verdict"], len(report.content["sources"])) == ("genuine", 6)
+    file = open_recording(report.folder / "incident.mcap")
+    alerts = [(each.log_time_ns, file.decode(each)) for each in file.messages() if each.topic == "/alert"]
+    (incident,) = find_incidents(alerts)
+    assert [each.acknowledged_by for each in incident.acknowledgements] == ["Bob Crane"]
+    again = write_report_of([report.folder / "incident.mcap"], folder=report.folder / "again", margin_s=MARGIN_S)
+    assert set(acknowledgements(again)) == set(acknowledgements(report)) != set()
+
+
+@pytest.mark.parametrize("place", [4, 5])
+def test_a_change_between_the_incident_and_its_acknowledgement_is_a_difference(
+    report_of: Callable[..., IncidentReport], place: int
+) -> None:
+    report = report_of(lambda files: flip_byte(files[place]))
+    assert report.verification.kind == "differs"
+    assert "ALTERED" in " ".join(report.verification.problems)
+
+
+def test_no_acknowledgement_is_stated_up_to_the_end_of_what_was_checked(
+    report_of: Callable[..., IncidentReport],
+) -> None:
+    report = report_of(lambda files: files[5].unlink())
+    (told,) = (each for each in report.sentences if "acknowledgement" in each)
+    assert told == (
+        "The recordings state no acknowledgement of it up to 2026-01-01 00:00:40.3 UTC, as far as they were read and checked."
+    )
+    assert len(report.content["sources"]) == 4
+
+
+def remove_two(files: list[Path]) -> None:
+    files[3].unlink()
+    files[5].unlink()
+
+
+@pytest.mark.parametrize("margin_s", [3.0, 20.0])
+def test_a_segment_that_is_missing_inside_the_time_of_a_report_is_a_difference(
+    report_of: Callable[..., IncidentReport], margin_s: float
+) -> None:
+    """Also where the report ends before the hole does."""
+    report = report_of(remove_two, margin_s=margin_s)
+    assert report.verification.kind == "differs"
+    assert report.verification.problems[0].startswith("REMOVED: segment 4 is missing in the middle")
+
+
+def test_another_key_than_the_one_given_is_called_so(recorded: RecordedCrane) -> None:
+    verdict = judge_recordings(recorded.files, "0" * 64)
+    assert (verdict.kind, verdict.label) == ("differs", "SIGNED BY ANOTHER KEY THAN THE ONE GIVEN")
+    assert verdict.alarm == "Recordings signed by another key"
