@@ -1,5 +1,6 @@
 """An interval of a recording, between times that a user gives."""
 
+import re
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from math import isfinite
@@ -8,6 +9,8 @@ from typing import Literal
 from gateway.errors import InputError
 
 DAY_NS = 86_400_000_000_000
+HOURS_MINUTES = re.compile(r"([01]\d|2[0-3]):[0-5]\d")
+"""A time of day as people write it, which from the start of a recording is minutes and seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +45,12 @@ class RecordingTime:
     """Whether midnight is that of this computer's time zone, instead of UTC."""
 
     def time_s(self, extent: RecordingExtent) -> float:
-        """Return the time in seconds on the time axis of the recording. Raises `InputError` for UTC where it is not known."""
+        """Return the time in seconds on the time axis of the recording.
+
+        Raises `InputError` for UTC where it is not known, and for `22:46` where that is a time of day of the recording too.
+        """
         if self.since == "first_sample":
+            self._require_clear(extent)
             return extent.first_s + self.value_ns / 1e9
         first_ns = extent.utc_ns(extent.first_s)
         last_ns = extent.utc_ns(extent.last_s)
@@ -55,6 +62,16 @@ class RecordingTime:
             if utc_ns < first_ns and self._on_day(first_ns + DAY_NS) <= last_ns:  # a recording across midnight
                 utc_ns = self._on_day(first_ns + DAY_NS)
         return extent.first_s + (utc_ns - first_ns) / 1e9
+
+    def _require_clear(self, extent: RecordingExtent) -> None:
+        if HOURS_MINUTES.fullmatch(self.text) is None or extent.origin_utc_ns is None:
+            return
+        at_s = parse_recording_time(f"{self.text}:00", is_local=self.is_local).time_s(extent)
+        if extent.first_s - 60 < at_s <= extent.last_s:
+            seconds = f"{self.value_ns / 1e9:g}"
+            raise InputError(
+                f"{self.text}: is {self.text}:00 of this recording's day, or {seconds} s from its start; write which"
+            )
 
     def _on_day(self, utc_ns: int) -> int:
         """Return the UTC of this time of day on the day of another time."""
@@ -115,7 +132,7 @@ def parse_recording_time(text: str, *, is_local: bool = False) -> RecordingTime:
     if len(longer) > 2 or (longer and seconds >= 60) or (text.endswith("Z") and len(longer) < 2):
         raise ValueError(text)
     if len(longer) < 2:
-        return RecordingTime(text, round((60 * sum(longer) + seconds) * 1e9), "first_sample")
+        return RecordingTime(text, round((60 * sum(longer) + seconds) * 1e9), "first_sample", is_local)
     hours, minutes = longer
     if hours >= 24 or minutes >= 60 or len(fields[0]) != 2:  # 1:00:00 might mean an hour from the start
         raise ValueError(text)

@@ -250,6 +250,15 @@ def test_other_texts_are_no_times(text: str) -> None:
         parse_recording_time(text)
 
 
+def test_hours_and_minutes_of_the_recording_are_not_taken_for_minutes_in_silence() -> None:
+    with pytest.raises(
+        InputError, match="07:35: is 07:35:00 of this recording's day, or 455 s from its start; write which"
+    ):
+        parse_recording_time("07:35").time_s(extent())
+    assert parse_recording_time("07:35").time_s(extent("2026-11-22T09:00:00")) == 455.0
+    assert parse_recording_time("7:35").time_s(extent()) == 455.0
+
+
 def test_time_of_day_after_midnight_is_on_the_next_day() -> None:
     night = extent("2026-11-22T23:59:00", 120.0)
     assert parse_recording_time("00:00:30").time_s(night) == 90.0
