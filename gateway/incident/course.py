@@ -280,7 +280,8 @@ class CourseBuilder:
 
     def place(self, time_ns: NDArray[np.int64], segment: SegmentIndex, boot_id: str, sequence: int) -> BlockPlace:
         """Return the place of a block."""
-        return BlockPlace((time_ns - self.origin_ns) / 1e9, segment, boot_id, sequence)
+        unread_ns = segment.to_ns - int(time_ns[-1])
+        return BlockPlace((time_ns - self.origin_ns) / 1e9, segment, boot_id, sequence, unread_ns)
 
     def course(
         self,
@@ -299,6 +300,8 @@ class CourseBuilder:
         `was_stopped`: the recordings end with the word that the gateway was stopping; `checked_ns`: `Course.checked_s`.
         """
         span_s = (begin_ns - self.origin_ns) / 1e9, (end_ns - self.origin_ns) / 1e9
+        if after is not None:  # a restart that comes later belongs to the end of the run
+            self._runs.add((after.segment.from_ns - self.origin_ns) / 1e9, after.boot_id)
         acceleration, counts = self._acceleration(before, after, span_s, causes)
         holes_s = [(gap.begin_s, gap.end_s) for gap in counts.gaps if gap.is_hole]
         states = {name: self._state_course(rows, holes_s) for name, rows in self._states.items()}
@@ -324,7 +327,7 @@ class CourseBuilder:
             clock=states.get("clock", nothing),
             clock_steps_s=tuple(time_s for time_s, clock in self._clock if clock.stepped),
             calibrations=tuple(self._calibrations),
-            restarts=self._runs.restarts(states.get("health", nothing), alert_levels),
+            restarts=self._runs.restarts(states.get("health", nothing), alert_levels, counts.gaps),
             configurations=tuple(self._configurations),
             limit_changes=limit_changes(self._configurations, self._audit),
             log=tuple(self._log),

@@ -275,6 +275,8 @@ class RecordVerdict:
     """Those of the sentences that say what differs."""
     alarm: str = ""
     """What differs, in some words above everything else; empty: nothing does."""
+    signed_late_ns: tuple[tuple[int, int], ...] = ()
+    """From and to when a gateway that had been cut off signed its last messages at its next start alone, in gateway time."""
 
     @property
     def line(self) -> str:
@@ -340,7 +342,9 @@ def judge_recordings(
         kind, label = "genuine", f"{GENUINE}{label}"
     else:
         kind, label = "open", f"{label} {chain.signed_up_to or 'of those that are signed; copies are among them'}"
-    return RecordVerdict(kind, label, sentences)
+    stated = [file.statement for file in chain.files if file.statement is not None and file.statement.repaired]
+    late_ns = tuple((each.repaired_from_ns, each.to_ns) for each in stated if each.repaired_from_ns)
+    return RecordVerdict(kind, label, sentences, signed_late_ns=late_ns)
 
 
 def _problems(chain: ChainVerification) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ from math import inf
 
 import numpy as np
 
+from gateway.incident.sample_gaps import TimeGap
 from gateway.numerics.array import Array
 
 HolesS = Sequence[tuple[float, float]]
@@ -65,6 +66,8 @@ class GatewayRestart:
     """The gateway had stated that it was stopping."""
     judged_s: float | None
     """Time from which on every alert rule was judged again; None: not before the run or the course ends."""
+    unseen: str
+    """Why the recordings have a hole between the two, so that when the gateway stopped is not known; empty: they have none."""
 
 
 @dataclass(slots=True)
@@ -90,14 +93,17 @@ class RunRegister:
         ]
         return StateCourse(time_s, np.array(until_s, dtype=np.float64), states)
 
-    def restarts(self, health: StateCourse, alert_levels: Mapping[str, StateCourse]) -> tuple[GatewayRestart, ...]:
-        """Return the restarts in order of time."""
+    def restarts(
+        self, health: StateCourse, alert_levels: Mapping[str, StateCourse], gaps: Sequence[TimeGap]
+    ) -> tuple[GatewayRestart, ...]:
+        """Return the restarts in order of time; `gaps`: the times without samples."""
         return tuple(
             GatewayRestart(
                 before.end_s,
                 after.begin_s,
                 _last_state(health, before) == "stopping",
                 _judged_s(alert_levels, after),
+                next((gap.cause for gap in gaps if gap.is_hole and gap.within_s(before.end_s, after.begin_s) > 0), ""),
             )
             for before, after in pairwise(self.runs)
         )

@@ -209,6 +209,8 @@ def write_report(
             if evidence.course.source:  # nothing simulated is called genuine
                 verification = replace(verification, label=verification.label.removeprefix(GENUINE))
             facts = incident_facts(evidence.course, window.incident, partial / CUT_FILE, smooth)
+            late = _signed_late(evidence.course, facts, verification)
+            verification = replace(verification, scope=f"{verification.scope}{late}")
             page = render_page(
                 evidence,
                 facts,
@@ -225,6 +227,20 @@ def write_report(
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror}); choose another --out") from error
     return IncidentReport(folder, summary_sentences(evidence.course, window.incident, facts), verification, content)
+
+
+def _signed_late(course: Course, facts: IncidentFacts, verification: RecordVerdict) -> str:
+    """Return that the largest angle was signed when the gateway had been down in between; empty: it was not, or is not known."""
+    if facts.peak is None:
+        return ""
+    peak_ns = course.gateway_ns(facts.peak.time_s)
+    for from_ns, to_ns in verification.signed_late_ns:
+        if from_ns < peak_ns <= to_ns:
+            return (
+                f" The largest angle lies in the {format_fixed((to_ns - from_ns) / 1e9, 1)} s before the end of a run that were "
+                "signed at the next start alone: who could write to the files in between could change it."
+            )
+    return ""
 
 
 @contextmanager

@@ -193,8 +193,8 @@ def choose_window(
         if not span.first_ns - margin_ns <= around_ns <= span.last_ns + margin_ns:
             raise InputError(f"--around {choice.around.text}: is outside the recording, which is {span.extent}")
         begin_ns, end_ns = around_ns - margin_ns, around_ns + margin_ns
-        found = _window(span, incidents, _worst(_within(incidents, begin_ns, end_ns)), begin_ns, end_ns)
-        return found if found.incident is not None else _window(span, incidents, None, begin_ns, end_ns, around_ns)
+        incident = _nearest(_within(incidents, begin_ns, end_ns), around_ns)
+        return _window(span, incidents, incident, begin_ns, end_ns, around_ns if incident is None else None)
     incident = _chosen(timeline, incidents, choice)
     return _window(span, incidents, incident, incident.raised_ns - margin_ns, incident.last_ns + margin_ns)
 
@@ -228,6 +228,13 @@ def _window(
 
 def _within(incidents: Sequence[AlertIncident], begin_ns: int, end_ns: int) -> list[AlertIncident]:
     return [each for each in incidents if each.raised_ns <= end_ns and each.last_ns >= begin_ns]
+
+
+def _nearest(incidents: Sequence[AlertIncident], time_ns: int) -> AlertIncident | None:
+    """Return the incident in which a time lies, of several the worst, or else the nearest one."""
+    if (inside := _worst(_within(incidents, time_ns, time_ns))) is not None:
+        return inside
+    return min(incidents, key=lambda each: max(each.raised_ns - time_ns, time_ns - each.last_ns), default=None)
 
 
 def _worst(incidents: Sequence[AlertIncident]) -> AlertIncident | None:

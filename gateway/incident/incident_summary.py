@@ -189,10 +189,16 @@ def _when_it_was_restarted(course: Course, clock: ReportClock) -> Iterator[str]:
 
 def restart_text(clock: ReportClock, restart: GatewayRestart) -> str:
     """Return when the gateway stopped and was started again, and for how long no alert was judged."""
+    if restart.unseen:
+        times = f"from {clock.both(restart.stopped_s)} to {clock.both(restart.started_s)}"
+        return f"What the gateway did {times} is not known ({restart.unseen}); by then it had been started again."
     stopped = f"was stopped at {clock.both(restart.stopped_s)}"
     if not restart.is_announced:
-        longer = f"it may have run up to {format_short(clock.course.fsync_s(restart.stopped_s), 3)} s longer"
+        lost = format_short(clock.course.fsync_s(restart.stopped_s), 3)
+        longer = f"it may have run up to {lost} s longer, or more where somebody has cut its file"
         stopped = f"stopped without notice (recorded up to {clock.both(restart.stopped_s)}; {longer})"
+    if restart.started_s > clock.course.end_s:
+        return f"The gateway {stopped} and was started again at {clock.both(restart.started_s)}, after the time of this report."
     times = f"{stopped} and was started again at {clock.time(restart.started_s)} UTC"
     if restart.judged_s is None:
         return f"The gateway {times}: alerts were not judged until it ended or this report ends."
@@ -246,7 +252,7 @@ def _limit_text(clock: ReportClock, facts: IncidentFacts, rise: AlertRise, subje
     if rise.answer == "not_reached":
         return f"{subject} did not reach {limit}: the alert came from an upper bound that was not reached."
     if rise.answer == "reached":
-        return f"{subject} reached {limit}{when or '; when is not in this report'}."
+        return f"{subject} reached {limit}{when or '; when first is not in this report'}."
     low_deg, high_deg = (0.0, 0.0) if rise.angle.peak is None else rise.angle.peak.interval_deg
     stated_deg = 0.0 if facts.stated_deg is None else facts.stated_deg[1]
     reasons = _not_known(clock, facts, rise.angle)
@@ -322,7 +328,10 @@ def _when_it_ended(
         return
     if facts.cleared_s is None:
         stood, after = clock.both(min(course.time_s(incident.last_ns), course.end_s)), _after(course, facts.end_s)
-        yield f"The recordings state no end of it: it stood at {stood}, after which {after}."
+        if after:
+            yield f"The recordings state no end of it: it stood at {stood}, after which {after}."
+        else:
+            yield f"It stood at {stood}, where this report ends; the recordings go on."
         if course.end_cause:
             yield f"{course.end_cause}."
     else:
@@ -339,14 +348,16 @@ def _when_it_ended(
 
 
 def _after(course: Course, end_s: float) -> str:
-    """Return what is behind the last message of an alert that has no end."""
+    """Return what is behind the last message of an alert that has no end; empty: the report ends, and the recordings go on."""
     gap = next((each for each in course.holes if abs(each.begin_s - end_s) < MAX_ALERT_SILENCE_S), None)
     if gap is not None:
         return f"the recordings have a gap of {format_fixed(gap.end_s - gap.begin_s, 1)} s ({gap.cause})"
     restart = next((each for each in course.restarts if 0 <= each.stopped_s - end_s < MAX_ALERT_SILENCE_S), None)
     if restart is not None:
         return "the gateway was stopped" if restart.is_announced else "the gateway stopped without notice"
-    return "the gateway was stopped or restarted" if course.end_s - end_s > MAX_ALERT_SILENCE_S else "they end"
+    if course.end_s - end_s > MAX_ALERT_SILENCE_S:
+        return "the gateway was stopped or restarted"
+    return "they end" if course.end_cause else ""
 
 
 def where_it_stood(course: Course, incident: AlertIncident) -> str:
@@ -378,9 +389,11 @@ def _how_good(course: Course, facts: IncidentFacts) -> Iterator[str]:
     samples = course.samples
     rate = "" if samples.rate_hz is None else f" at {format_short(samples.rate_hz, 4)} Hz"
     if samples.gaps:
-        longest_s = max(gap.end_s - gap.begin_s for gap in samples.gaps)
+        longest = max(samples.gaps, key=lambda gap: gap.end_s - gap.begin_s)
+        longest_s = longest.end_s - longest.begin_s
+        least = "at least " if longest.begin_s <= course.begin_s or longest.end_s >= course.end_s else ""
         causes = ", ".join(dict.fromkeys(gap.cause for gap in samples.gaps))
-        gaps = f"{counted(len(samples.gaps), 'gap')}, the longest {format_fixed(longest_s, 2)} s ({causes})"
+        gaps = f"{counted(len(samples.gaps), 'gap')}, the longest {least}{format_fixed(longest_s, 2)} s ({causes})"
     else:
         gaps = "no gap"
     yield f"The report covers {samples.count} samples{rate}, with {gaps}, {samples.lost} lost and {samples.invalid} invalid."

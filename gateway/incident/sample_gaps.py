@@ -7,8 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from gateway.numerics.array import Array
-from gateway.recording.export.gaps import NOT_ARRIVED, RECORDED, RESTARTED, AbsenceCauses
-from gateway.recording.format.content import segment_number
+from gateway.recording.export.gaps import NOT_ARRIVED, RECORDED, AbsenceCauses
 from gateway.recording.format.segment_summary import MIN_GAP_PERIODS
 from gateway.recording.reading.recording_file import SegmentIndex
 
@@ -43,6 +42,8 @@ class BlockPlace:
     boot_id: str
     sequence: int
     """Number in the run of the gateway."""
+    unread_ns: int
+    """Time of its file behind it."""
 
 
 def find_gaps(
@@ -90,7 +91,5 @@ def _late_samples(block: BlockPlace, period_s: float) -> list[tuple[float, float
 
 def _cause(earlier: BlockPlace, later: BlockPlace, causes: AbsenceCauses) -> str:
     if earlier.boot_id != later.boot_id:
-        numbers = [segment_number(each.segment.origin) for each in (earlier, later)]
-        is_whole = 0 in numbers or numbers[1] - numbers[0] <= 1
-        return RESTARTED if is_whole else causes.between(earlier.segment, later.segment, 1)
+        return causes.between_runs(earlier.segment, later.segment, earlier.unread_ns)
     return causes.between(earlier.segment, later.segment, later.sequence - earlier.sequence - 1)

@@ -7,11 +7,14 @@ from itertools import pairwise
 from gateway.recording.chain.statements import DELETED, DELETIONS, DeletionStatement, list_missing, parse_deletions
 from gateway.recording.format.content import CUT, ORIGIN, TRIMMED, segment_number
 from gateway.recording.format.segment_summary import SampleSummary, SegmentSummary, gap_between, is_gap
-from gateway.recording.reading.recording_file import SegmentIndex
+from gateway.recording.reading.recording_file import SegmentIndex, is_altered
 
 SummarisedSegment = tuple[SegmentIndex, SegmentSummary]
 NOT_ARRIVED, RESTARTED, NOT_GIVEN = "no samples arrived", "gateway restarted", "not in these files"
 TRIMMED_BEFORE = "not in these files, which the quota had trimmed"
+LONGEST_SILENCE_NS = 2_000_000_000
+"""Time of a file without samples at its end from which on a damaged one is asked why. Basis: the gateway tells its health once a
+second."""
 MISSING_INSIDE = "missing inside its file, which is damaged, or dropped while recording"
 STARTED = "the gateway was started"
 RECORDED = frozenset({NOT_ARRIVED, RESTARTED, STARTED})
@@ -44,6 +47,13 @@ class AbsenceCauses:
         if before.path == after.path and not {CUT, TRIMMED} & before.metadata.keys():
             return MISSING_INSIDE
         return self._absence({*before.metadata, *after.metadata}, _number(before) + 1, _number(after))
+
+    def between_runs(self, before: SegmentIndex, after: SegmentIndex, unread_ns: int) -> str:
+        """Return why there is a gap between samples of two runs; `unread_ns`: time of the first one's file behind its last."""
+        numbers = _number(before), _number(after)
+        if 0 not in numbers and numbers[1] - numbers[0] > 1:
+            return self._absence({*before.metadata, *after.metadata}, numbers[0] + 1, numbers[1])
+        return MISSING_INSIDE if unread_ns > LONGEST_SILENCE_NS and is_altered(before) else RESTARTED
 
     def before(self, first: SegmentIndex, first_sequence: int) -> str:
         """Return why there is nothing before the first sample of all, whose block has this number in its run."""
@@ -172,7 +182,8 @@ def _gaps_between(parts: Sequence[_Part], causes: AbsenceCauses) -> list[Recordi
 
 def _cause(before: _Part, after: _Part, causes: AbsenceCauses) -> str:
     if before.segment.boot_id != after.segment.boot_id:
-        return RESTARTED
+        unread_ns = before.segment.to_ns - before.samples.last_ns
+        return causes.between_runs(before.segment, after.segment, unread_ns)
     return causes.between(before.segment, after.segment, _missing_blocks(before, after))
 
 

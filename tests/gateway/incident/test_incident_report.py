@@ -15,15 +15,18 @@ from mcap.writer import Writer
 from gateway.cli.main import main
 from gateway.errors import InputError
 from gateway.incident.evidence import judge_recordings
+from gateway.incident.gateway_runs import RunRegister
 from gateway.incident.incident_report import IncidentReport, write_report
-from gateway.incident.incident_selection import IncidentChoice, choose_window, read_incidents
+from gateway.incident.incident_selection import IncidentChoice, choose_window, find_incidents, read_incidents
+from gateway.incident.sample_gaps import TimeGap
 from gateway.messages import Calibration, Health, Motion, Samples
 from gateway.packing import unpack
 from gateway.pki.signing_key import fingerprint, read_public_key
+from gateway.recording.export.gaps import NOT_GIVEN, RESTARTED
 from gateway.recording.format import mcap_writer
 from gateway.recording.format.mcap_writer import McapWriter
 from gateway.recording.format.salvage import SalvageReport, open_mcap, read_records
-from gateway.recording.reading.interval import iso_utc, parse_recording_time
+from gateway.recording.reading.interval import RecordingInterval, iso_utc, parse_recording_time
 from gateway.recording.reading.recording_file import Selection, open_recording
 from gateway.recording.reading.sample_calibration import recorded_configuration
 from gateway.recording.reading.samples import read_samples
@@ -31,8 +34,9 @@ from gateway.recording.reading.timeline import open_timeline
 from gateway.recording.segments.copying import RecordCopier
 from tests.clocks import START_NS
 from tests.gateway.incident.conftest import MakeReport, write_report_of
+from tests.gateway.incident.stated import active, alert
 from tests.gateway.recorded_crane import LIMITS, SEGMENT_S, START_S, RecordedCrane
-from tests.gateway.recording.recorded_crane import BOOT_ID
+from tests.gateway.recording.recorded_crane import BOOT_ID, SECOND_NS
 from tests.gateway.restarted_crane import FORMER_TRIP_DEG, SECOND_BOOT, THIRD_BOOT
 from tests.values import present
 
@@ -373,8 +377,8 @@ def test_a_restart_ends_what_was_stated_before_and_is_told_in_words(report_of_re
     assert report.sentences[-5:-3] == (
         "The gateway was stopped at 2026-01-01 00:00:08.2 UTC and was started again at 00:00:10.3 UTC: "
         "alerts were not judged for 4.5 s.",
-        "The gateway stopped without notice (recorded up to 2026-01-01 00:00:25.3 UTC; it may have run up to 1 s longer) "
-        "and was started again at 00:00:31.3 UTC: alerts were not judged for 8.4 s.",
+        "The gateway stopped without notice (recorded up to 2026-01-01 00:00:25.3 UTC; it may have run up to 1 s longer, "
+        "or more where somebody has cut its file) and was started again at 00:00:31.3 UTC: alerts were not judged for 8.4 s.",
     )
     page = text_of(report.folder / "incident.html")
     assert set(report.sentences[-5:-3]) <= set(re.findall(r"gateway (The gateway .*?judged for \S+ s\.)", page))
@@ -383,11 +387,47 @@ def test_a_restart_ends_what_was_stated_before_and_is_told_in_words(report_of_re
     assert ends_s == pytest.approx([7.3, 25.3, 36.2], abs=0.11)
 
 
+@pytest.mark.parametrize(("around", "number"), [("15", 2), ("10", 1), ("11.5", 1), ("12.5", 2), ("20.5", 2)])
+def test_a_time_is_of_the_incident_that_it_lies_in_or_else_of_the_nearest(
+    recorded: RecordedCrane, around: str, number: int
+) -> None:
+    timeline = open_timeline([recorded.folder])
+    first_ns = timeline.span().first_ns
+    incidents = find_incidents(
+        [
+            (first_ns + 8 * SECOND_NS, alert("raised", "swing", active("swing", "trip", "b-1"), incident="b-1")),
+            (first_ns + 11 * SECOND_NS, alert("cleared", "swing", incident="b-1")),
+            (first_ns + 13 * SECOND_NS, alert("raised", "swing", active("swing", "warn", "b-2"), incident="b-2")),
+            (first_ns + 20 * SECOND_NS, alert("cleared", "swing", incident="b-2")),
+        ]
+    )
+    window = choose_window(timeline, incidents, IncidentChoice(around=parse_recording_time(around)), 60.0)
+    assert present(window.incident).number == number
+
+
+def test_a_restart_after_the_report_is_told(restarted: Path, tmp_path: Path) -> None:
+    choice = IncidentChoice(interval=RecordingInterval(parse_recording_time("16"), parse_recording_time("27")))
+    report = write_report_of([restarted], choice, folder=tmp_path / "short")
+    (told,) = (each for each in report.sentences if "was started again" in each)
+    assert "stopped without notice (recorded up to 2026-01-01 00:00:25.3 UTC" in told
+    assert told.endswith("was started again at 2026-01-01 00:00:31.3 UTC, after the time of this report.")
+
+
+def test_what_a_hole_hides_is_no_restart() -> None:
+    runs = RunRegister()
+    for time_s, boot_id in ((0.0, "a"), (5.0, "a"), (60.0, "b"), (70.0, "b")):
+        runs.add(time_s, boot_id)
+    health = runs.states(np.array([1.0]), ("running",))
+    (hidden,) = runs.restarts(health, {}, [TimeGap(5.2, 59.8, NOT_GIVEN)])
+    (seen,) = runs.restarts(health, {}, [TimeGap(5.2, 59.8, RESTARTED)])
+    assert (hidden.unseen, seen.unseen) == (NOT_GIVEN, "")
+
+
 def test_a_change_of_the_limit_before_the_alert_is_told_in_words(report_of_restarts: IncidentReport) -> None:
     report = report_of_restarts
     assert (
         "Before it, the trip limit of the swing was changed from 6.0° to 5.0° by ann at 00:00:07.2 UTC, with the words: "
-        "crane <b>7</b>; in force from 2026-01-01 00:00:10.3 UTC on, 9.8 s before the alert."
+        "crane <b>7</b>; in force from 2026-01-01 00:00:10.3 UTC on, 9.7 s before the alert."
     ) in report.sentences
     page = text_of(report.folder / "incident.html")
     assert "log Settings changed by ann: alerts.trip_deg: 6.0 -> 5.0, with the words: crane <b>7</b>" in page
