@@ -6,7 +6,10 @@ from dataclasses import dataclass
 from gateway.alert_periods import AlertPeriods, AlertState, AlertStep
 from gateway.errors import InputError
 from gateway.messages import LEVEL_RANK, Alert, Level
-from gateway.recording.format.content import CUT
+from gateway.recording.chain.statements import describe_missing, list_missing
+from gateway.recording.export.gaps import AbsenceCauses
+from gateway.recording.format.content import CUT, segment_number
+from gateway.recording.format.salvage import describe_losses, is_damaged
 from gateway.recording.reading.interval import RecordingInterval, RecordingTime
 from gateway.recording.reading.recording_file import Selection, open_recording
 from gateway.recording.reading.timeline import ReportProgress, Timeline, TimelineSpan, ignore_progress
@@ -172,9 +175,20 @@ class IncidentWindow:
     is_shortened: bool = False
 
 
-def read_incidents(timeline: Timeline, report: ReportProgress = ignore_progress) -> list[AlertIncident]:
-    """Return the incidents of a timeline in order of time. Raises `RecordingError`."""
-    return find_incidents(_read_alerts(timeline, report))
+def read_incidents(
+    timeline: Timeline, report: ReportProgress = ignore_progress, hidden: list[str] | None = None
+) -> list[AlertIncident]:
+    """Return the incidents of a timeline in order of time. Raises `RecordingError`.
+
+    `hidden` takes a line for each file and each hole in which others may have been.
+    """
+    hidden = [] if hidden is None else hidden
+    found = find_incidents(_read_alerts(timeline, report, hidden))
+    numbers = sorted({segment_number(each.origin) for each in timeline.segments} - {0})
+    if numbers:
+        stated = AbsenceCauses.of(timeline.segments).stated
+        hidden += describe_missing(list_missing(numbers, numbers[0], numbers[-1], stated), stated)[0]
+    return found
 
 
 def choose_window(
@@ -243,8 +257,11 @@ def _worst(incidents: Sequence[AlertIncident]) -> AlertIncident | None:
     return next(iter(trips or incidents), None)
 
 
-def _read_alerts(timeline: Timeline, report: ReportProgress) -> Iterator[tuple[int, Alert]]:
-    """Yield the messages of alerts; segments in which none stood and nothing changed, by their summaries, are left out."""
+def _read_alerts(timeline: Timeline, report: ReportProgress, hidden: list[str]) -> Iterator[tuple[int, Alert]]:
+    """Yield the messages of alerts; segments in which none stood and nothing changed, by their summaries, are left out.
+
+    `hidden` takes a line for each file of which a part cannot be read.
+    """
     done, total = 0, max(timeline.size_bytes, 1)
     for segment in timeline.segments:
         summary = segment.summary
@@ -254,6 +271,8 @@ def _read_alerts(timeline: Timeline, report: ReportProgress) -> Iterator[tuple[i
                 content = file.decode(recorded)
                 if isinstance(content, Alert):
                     yield recorded.log_time_ns, content
+            if is_damaged(file.losses):
+                hidden.append(f"{segment.path.name}: {', '.join(describe_losses(file.losses))}")
         done += segment.size_bytes
         report(done / total)
 

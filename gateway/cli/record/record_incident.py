@@ -89,10 +89,11 @@ def run_incident(arguments: argparse.Namespace) -> int:
 
     choice = _choice(arguments)
     timeline = open_timeline(arguments.paths)
+    hidden: list[str] = []
     with ProgressBar("looking for alerts") as bar:
-        incidents = read_incidents(timeline, bar.update)
+        incidents = read_incidents(timeline, bar.update, hidden)
     if arguments.list:
-        return _list(arguments, timeline, incidents)
+        return _list(arguments, timeline, incidents, hidden)
     window = choose_window(timeline, incidents, choice, arguments.margin)
     require_plots()
     if arguments.reconcile:
@@ -117,8 +118,10 @@ def _choice(arguments: argparse.Namespace) -> "IncidentChoice":
     return IncidentChoice(interval=RecordingInterval(begin, end))
 
 
-def _list(arguments: argparse.Namespace, timeline: "Timeline", incidents: "Sequence[AlertIncident]") -> int:
-    """Print the incidents with their numbers."""
+def _list(
+    arguments: argparse.Namespace, timeline: "Timeline", incidents: "Sequence[AlertIncident]", hidden: "Sequence[str]"
+) -> int:
+    """Print the incidents with their numbers, and what hides others."""
     from gateway.cli.output import show
     from gateway.recording.reading.interval import iso_utc
 
@@ -141,8 +144,12 @@ def _list(arguments: argparse.Namespace, timeline: "Timeline", incidents: "Seque
         f"{'not cleared in the recordings' if row['cleared'] is None else 'cleared ' + str(row['cleared'])}"
         for row in rows
     ]
-    show("\n".join(lines) or "no alert was raised", rows, arguments.json)
-    return 0
+    lines = lines or ["no alert was raised"]
+    if hidden:
+        lines += ["", "not all is here, others may have been, and the numbers may be other than in the originals:"]
+        lines += [f"  {each}" for each in hidden]
+    show("\n".join(lines), rows, arguments.json)
+    return WITH_LOSSES if hidden else 0
 
 
 def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "IncidentWindow") -> int:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from gateway.cli.main import main
 from gateway.incident.evidence import judge_recordings
 from gateway.incident.incident_report import IncidentReport
 from gateway.incident.incident_selection import find_incidents
@@ -121,3 +122,23 @@ def test_another_key_than_the_one_given_is_called_so(recorded: RecordedCrane) ->
     verdict = judge_recordings(recorded.files, "0" * 64)
     assert (verdict.kind, verdict.label) == ("differs", "SIGNED BY ANOTHER KEY THAN THE ONE GIVEN")
     assert verdict.alarm == "Recordings signed by another key"
+
+
+def test_the_list_says_what_hides_other_incidents(
+    acknowledged: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def listed(name: str, change: Change) -> tuple[int, str]:
+        copy = shutil.copytree(acknowledged, tmp_path / name)
+        change(sorted(copy.glob("*.mcap")))
+        return main(["record", "incident", str(copy), "--list"]), capsys.readouterr().out
+
+    def damage(paths: list[Path]) -> None:
+        content = bytearray(paths[1].read_bytes())
+        content[len(content) // 2] ^= 1
+        paths[1].write_bytes(content)
+
+    assert listed("whole", lambda _: None)[0] == 0
+    code, text = listed("removed", lambda paths: paths[1].unlink())
+    assert (code, "REMOVED: segment 2 is missing in the middle" in text) == (3, True)
+    code, text = listed("damaged", damage)
+    assert (code, "damaged records left out" in text, "others may have been" in text) == (3, True, True)
