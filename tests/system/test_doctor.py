@@ -213,5 +213,6 @@ def test_doctor_names_a_chain_that_another_key_has_signed(
     assert " chain  " not in plumbline("doctor", "--config", config).stdout
     state = read_state(data_dir)
     assert state is not None
-    save_state(data_dir, state, load_or_create_key(tmp_path / "another-key.pem"))
-    assert "BAD  chain " in plumbline("doctor", "--config", config).stdout
+    for key in (load_or_create_key(tmp_path / "another-key.pem"), None):  # by somebody else; without a signature
+        save_state(data_dir, state, key)
+        assert "BAD  chain " in plumbline("doctor", "--config", config).stdout

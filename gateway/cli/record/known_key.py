@@ -87,18 +87,20 @@ def key_of_recordings(given: str | None, ca: Path | None, paths: Sequence[Path])
     from gateway.pki.signing_key import read_public_key
     from gateway.recording.chain.chain_verification import find_vouched_key
 
-    key = None if given is None else read_public_key(given)
-    lies_beside = Path(given or "").is_file() and Path(given or "").resolve().parent in {
-        path.resolve().parent for path in paths
-    }
+    key, remark = (None if given is None else read_public_key(given)), ""
+    if given is not None and Path(given).is_file() and _lies_with(Path(given), paths):
+        key = None
+        remark = f"the key {given} lies with the recordings, and proves nothing of who wrote both: keep it apart"
     return KnownKey(
-        remark=f"the key {given} lies with the recordings, and proves nothing of who wrote both: keep it apart"
-        if lies_beside
-        else "",
-        given=None if lies_beside else key,
+        given=key,
+        remark=remark,
         heard=known_statement(_gateway_of(paths[0])) if paths else None,
         vouched=None if ca is None else find_vouched_key(paths, refusal_by(ca)),
     )
+
+
+def _lies_with(file: Path, paths: Sequence[Path]) -> bool:
+    return file.resolve().parent in {path.resolve().parent for path in paths}
 
 
 def _gateway_of(path: Path) -> str:

@@ -180,7 +180,7 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
             report=bar.update,
         )
     verdict = written.verification
-    lines = [*written.sentences, "", verdict.line, *(f"  {text}" for text in verdict.problems)]
+    lines = [*written.sentences, "", verdict.line, *(f"  {text}" for text in (*verdict.problems, known.remark) if text)]
     lines.append(f"report: {folder / PAGE_FILE}")
     show("\n".join(lines), written.content, arguments.json)
     return EXIT_CODES[written.verification.kind]

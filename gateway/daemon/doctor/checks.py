@@ -28,8 +28,9 @@ from gateway.errors import PlumblineError
 from gateway.extras import what_is_missing
 from gateway.page.channel import listen_at
 from gateway.pki.signing_key import KeyFileError, fingerprint
-from gateway.recording.chain.chain_state import STATE_NAME, ChainStateError, is_signed, list_aside, read_state
-from gateway.recording.chain.segment_chain import newest_signer
+from gateway.recording.chain.chain_state import STATE_NAME, ChainStateError, list_aside, read_state
+from gateway.recording.chain.segment_chain import newest_signed
+from gateway.recording.chain.statements import is_forged
 
 LOW_DISK_MB = 500.0
 """Least free space without a warning. Basis: a choice; some hours of a recording, and a small share of any card."""
@@ -137,20 +138,21 @@ def _chain(configuration: Configuration) -> Iterator[CheckResult]:
 
 def _problem_of_state(folder: Path) -> str:
     try:
-        state, signer = read_state(folder), newest_signer(folder)
-        is_forged = state is not None and bool(state.signature and signer) and not is_signed(state, signer)
+        state, newest = read_state(folder), newest_signed(folder)
+        differs = state is not None and newest is not None and is_forged(state, [newest], newest.public_key)
     except ChainStateError as error:
         return str(error)
     except KeyFileError:  # without the extra no signature can be checked
         return ""
-    return f"{folder / STATE_NAME}: is not signed with the key of the newest recording" if is_forged else ""
+    return f"{folder / STATE_NAME}: is not signed with the key of the newest recording" if differs else ""
 
 
 def check_signing_key(configuration: Configuration) -> Iterator[CheckResult]:
     """Check that the key is there with which the recordings are signed."""
     path = signing_key_path(configuration)
-    if not path.exists() and (before := newest_signer(configuration.gateway.data_dir)):
-        text = f"{path}: is missing, and the recordings are signed with {fingerprint(before)}; restore it from its backup before "
+    if not path.exists() and (before := newest_signed(configuration.gateway.data_dir)):
+        signer = fingerprint(before.public_key)
+        text = f"{path}: is missing, and the recordings are signed with {signer}; restore it from its backup before "
         yield CheckResult("bad", "signing", text + "the next start, which makes another")
 
 

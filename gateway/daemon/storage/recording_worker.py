@@ -23,7 +23,7 @@ from gateway.extras import what_is_missing
 from gateway.messages import NewestStatement, Samples
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.pki.signing_key import KEY_NAME, KeyFileError, fingerprint, load_or_create_key
-from gateway.recording.chain.segment_chain import SegmentChain, newest_signer
+from gateway.recording.chain.segment_chain import SegmentChain, newest_signed
 from gateway.recording.format.content import RecordingHeader
 from gateway.recording.format.salvage import SalvageReport, describe_losses
 from gateway.recording.segments.compaction import CompactionError, compact, trim
@@ -311,14 +311,14 @@ def load_key(configuration: Configuration, chain: SegmentChain, faults: FaultReg
     except KeyFileError as error:
         faults.set(SIGNING, f"recordings are not signed: {error}")
         return
-    before = newest_signer(configuration.gateway.data_dir)
-    if chain.key is None or before in ("", chain.key.public_hex):
+    before = newest_signed(configuration.gateway.data_dir)
+    if chain.key is None or before is None or before.public_key == chain.key.public_hex:
         faults.clear(SIGNING)
         return
     what = "was missing, and a new key was made" if was_missing else "is another key"
     faults.set(
         SIGNING,
-        f"{path}: {what}: recordings before are signed with {fingerprint(before)}, those from now on with "
+        f"{path}: {what}: recordings before are signed with {fingerprint(before.public_key)}, those from now on with "
         f"{fingerprint(chain.key.public_hex)}, and neither proves both; stop the gateway and restore the file from its backup, "
         "or keep both public keys",
     )

@@ -15,19 +15,19 @@ from gateway.file_input import parse_json
 from gateway.messages import NewestStatement
 from gateway.pki.signing_key import fingerprint
 from gateway.recording.chain.chain_files import entire_folders, is_data_folder, place_destroyed
-from gateway.recording.chain.chain_state import STATE_NAME, ChainState, ChainStateError, is_signed, read_state
+from gateway.recording.chain.chain_state import STATE_NAME, ChainState, ChainStateError, read_state
 from gateway.recording.chain.file_verification import FileVerification
 from gateway.recording.chain.statements import (
     NOT_GIVEN,
     REMOVED,
     SIGNATURE,
-    SIGNS_STATE,
     DeletionStatement,
     MissingSegments,
     Statement,
     describe_missing,
     has_signature,
     hash_of,
+    is_forged,
     list_missing,
     parse_deletions,
     parse_statement,
@@ -229,11 +229,11 @@ def _read_states(
             state, reason = read_state(folder), f"{folder}: has no {STATE_NAME}"
         except ChainStateError as error:
             state, reason = None, str(error)
-        if state is not None and signed and not is_signed(state, signed[-1].public_key):
-            if state.signature or any(statement.format >= SIGNS_STATE for statement in signed):
-                problems.append(f"FORGED: {folder / STATE_NAME} is not signed with the key of the recordings")
-            else:  # by a version that signed the deletions in it alone
-                states.append(ChainState(deletions=state.deletions))
+        if state is not None and signed and is_forged(state, signed, signed[-1].public_key):
+            problems.append(f"FORGED: {folder / STATE_NAME} is not signed with the key of the recordings")
+            state, reason = None, f"{folder / STATE_NAME}: is not signed"
+        elif state is not None and signed and not state.signature:
+            states.append(ChainState(deletions=state.deletions))  # by a version that signed the deletions in it alone
             state, reason = None, f"{folder / STATE_NAME}: is not signed"
         if state is not None:
             states.append(state)

@@ -4,6 +4,7 @@ import threading
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 from devices.errors import RecordingError
@@ -14,7 +15,6 @@ from gateway.recording.chain.chain_state import (
     STATE_NAME,
     ChainState,
     ChainStateError,
-    is_signed,
     list_aside,
     put_aside,
     read_state,
@@ -23,7 +23,6 @@ from gateway.recording.chain.chain_state import (
 from gateway.recording.chain.statements import (
     DELETIONS,
     SIGNATURE,
-    SIGNS_STATE,
     Deletion,
     DeletionReason,
     DeletionStatement,
@@ -31,6 +30,7 @@ from gateway.recording.chain.statements import (
     StatementKind,
     has_signature,
     hash_of,
+    is_forged,
     parse_deletions,
     parse_statement,
 )
@@ -84,19 +84,14 @@ class SegmentChain:
                     self._save()
 
     def _read_saved(self, newest_first: Sequence[Path]) -> ChainState | None:
-        """Return the saved state, if there is one. Raises `ChainStateError` where it is damaged, or nobody has signed it.
+        """Return the saved state, if there is one. Raises `ChainStateError` where it is damaged or forged.
 
-        A version that did not sign it has not written the newest segment either. With a new key, the former one has signed both.
+        The newest statement of this gateway tells whether it signs the state, whatever others have put beside its segments. What
+        another key has signed proves nothing, also where it was the gateway's own before.
         """
         state = read_state(self._data_dir)
-        if state is None or self.key is None:
-            return state
-        if not state.signature:
-            newest = self._read(newest_first[0])[1] if newest_first else None
-            is_sound = newest is None or newest.format < SIGNS_STATE
-        else:
-            is_sound = any(is_signed(state, key) for key in (self.key.public_hex, newest_signer(self._data_dir)))
-        if not is_sound:
+        own = (statement for path in newest_first if (statement := self._read(path)[1]) is not None)
+        if state is not None and self.key is not None and is_forged(state, islice(own, 1), self.key.public_hex):
             raise ChainStateError(f"{self._data_dir / STATE_NAME}: is not signed with the gateway's key")
         return state
 
@@ -272,14 +267,14 @@ class SegmentChain:
         save_state(self._data_dir, self._state, self.key)
 
 
-def newest_signer(data_dir: Path) -> str:
-    """Return the public key with which the newest signed recording in a folder is signed; empty: none is signed."""
+def newest_signed(data_dir: Path) -> Statement | None:
+    """Return the last statement in the newest signed recording in a folder; None: none is signed."""
     for path in sorted(data_dir.glob("*.mcap"), reverse=True):
         with suppress(RecordingError):
             statement = parse_statement(read_index(path).metadata.get(SIGNATURE, {}).get("statement", ""))
             if statement is not None and statement.public_key:
-                return statement.public_key
-    return ""
+                return statement
+    return None
 
 
 def _describe(state: ChainState) -> str:

@@ -14,7 +14,7 @@ from typing import Literal
 
 from gateway.file_input import decode_json
 from gateway.pki.signing_key import is_valid
-from gateway.recording.chain.chain_state import SegmentNumber
+from gateway.recording.chain.chain_state import ChainState, SegmentNumber, is_signed
 
 SIGNATURE = "signature"
 SIGNS_STATE = 2
@@ -160,6 +160,15 @@ def has_signature(record: Mapping[str, str], statement: Statement | DeletionStat
     if statement.public_key != key:
         return False
     return not key or is_valid(key, record["statement"], record.get("signature", ""))
+
+
+def is_forged(state: ChainState, statements: Iterable[Statement], key: str) -> bool:
+    """Return whether somebody else has written the state of a gateway with this key, by its own statements.
+
+    A version that did not sign the state may have left it unsigned. Raises `KeyFileError` where signatures cannot be checked.
+    """
+    signs_state = any(each.public_key == key and each.format >= SIGNS_STATE for each in statements)
+    return bool(key) and (bool(state.signature) or signs_state) and not is_signed(state, key)
 
 
 def _merge(runs: Iterable[Run]) -> tuple[Run, ...]:

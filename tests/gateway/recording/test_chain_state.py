@@ -4,6 +4,7 @@ import hashlib
 import itertools
 import json
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -382,11 +383,21 @@ def test_nobody_without_the_key_makes_the_newest_segment_unheard_of(
 
 
 @pytest.mark.slow
-def test_the_state_that_a_former_key_signed_is_believed_by_the_new_one(folder: Path) -> None:
-    (folder / "signing-key.pem").unlink()
+@pytest.mark.parametrize("forger_signs", [True, False])
+def test_a_recording_of_another_key_vouches_for_no_state(
+    record: Record, folder: Path, tmp_path: Path, forger_signs: bool
+) -> None:
+    """The newest segment is removed, and one by the forger's key is the newest file."""
+    forger = record(START_NS + LATER_NS, folder=tmp_path / "forger", segments=1)[0]
+    path = folder / "chain.json"
+    path.write_bytes(forged_state(folder, path.read_bytes(), keeps_signature=False))
+    max(folder.glob("*.mcap")).unlink()
+    shutil.copy(forger, folder)
+    if forger_signs:
+        save_state(folder, present(read_state(folder)), load_or_create_key(forger.with_name("signing-key.pem")))
     chain = restored(folder)
-    assert chain.loss is None
-    assert chain.next_segment == 4
+    assert "is not signed with the gateway's key" in present(chain.loss)
+    assert json.loads(chain.sign("checkpoint", **NEXT)["statement"])["rebuilt_before"] > 0
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ import pytest
 
 from gateway.bus.known_gateways import remember_statement
 from gateway.cli.main import main
+from gateway.cli.record.known_key import key_of_recordings
 from gateway.messages import NewestStatement
 from gateway.pki.signing_key import read_public_key
 from gateway.recording.chain.chain_state import read_state
@@ -110,6 +111,8 @@ def test_a_key_that_lies_with_the_recordings_proves_nothing(segments: list[Path]
     assert (code, found["answer"]) == (3, "consistent")
     assert f"the key {beside} lies with the recordings, and proves nothing of who wrote both: keep it apart" in text
     assert verify(segments[0].parent, "--key", key)[0] == 0
+    assert key_of_recordings(str(beside), None, segments).public_key is None
+    assert key_of_recordings(key, None, segments).public_key == key
 
 
 def test_a_second_key_is_refused(segments: list[Path], key: str, capsys: pytest.CaptureFixture[str]) -> None:
