@@ -1,7 +1,9 @@
 """Reports of a recorded crane."""
 
+import re
 from collections.abc import Callable
 from functools import partial
+from html import unescape
 from pathlib import Path
 
 import pytest
@@ -9,6 +11,7 @@ import pytest
 from gateway.incident.evidence import judge_recordings
 from gateway.incident.incident_report import IncidentReport, write_report
 from gateway.incident.incident_selection import IncidentChoice, choose_window, read_incidents
+from gateway.recording.format import mcap_writer
 from gateway.recording.reading.timeline import open_timeline
 from tests.gateway.recorded_crane import RecordedCrane
 
@@ -31,6 +34,12 @@ def write_report_of(
     )
 
 
+def text_of(page: Path) -> str:
+    """The words of a page."""
+    without_style = re.sub(r"(?s)<style.*?</style>", "", page.read_text())
+    return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]+>", " ", without_style)))
+
+
 @pytest.fixture
 def make_report(tmp_path: Path) -> MakeReport:
     return partial(write_report_of, folder=tmp_path / "report")
@@ -40,3 +49,11 @@ def make_report(tmp_path: Path) -> MakeReport:
 def report(recorded: RecordedCrane, tmp_path_factory: pytest.TempPathFactory) -> IncidentReport:
     """The report of the whole incident, for tests that only read it."""
     return write_report_of([recorded.folder], folder=tmp_path_factory.mktemp("incident") / "report")
+
+
+@pytest.fixture(scope="session")
+def report_of_restarts(restarted: Path, tmp_path_factory: pytest.TempPathFactory) -> IncidentReport:
+    """The report of three runs, one of which has another configuration; what it cuts out has several chunks."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(mcap_writer, "CHUNK_BYTES", 30_000)
+        return write_report_of([restarted], margin_s=20.0, folder=tmp_path_factory.mktemp("restarts") / "report")

@@ -2,53 +2,34 @@
 
 import json
 import re
-from collections import Counter
-from html import unescape
 from pathlib import Path
 
-import numpy as np
 import pytest
 from mcap.reader import make_reader
-from mcap.records import ChunkIndex
 from mcap.writer import Writer
 
 from gateway.cli.main import main
 from gateway.errors import InputError
 from gateway.incident.evidence import judge_recordings
-from gateway.incident.gateway_runs import RunRegister
 from gateway.incident.incident_report import IncidentReport, write_report
-from gateway.incident.incident_selection import IncidentChoice, choose_window, find_incidents, read_incidents
-from gateway.incident.sample_gaps import TimeGap
-from gateway.messages import Calibration, Health, Motion, Samples
-from gateway.packing import unpack
+from gateway.incident.incident_selection import IncidentChoice, choose_window, read_incidents
+from gateway.messages import Motion
 from gateway.pki.signing_key import fingerprint, read_public_key
-from gateway.recording.export.gaps import NOT_GIVEN, RESTARTED
-from gateway.recording.format import mcap_writer
 from gateway.recording.format.mcap_writer import McapWriter
 from gateway.recording.format.salvage import SalvageReport, open_mcap, read_records
-from gateway.recording.reading.interval import RecordingInterval, iso_utc, parse_recording_time
-from gateway.recording.reading.recording_file import Selection, open_recording
-from gateway.recording.reading.sample_calibration import recorded_configuration
-from gateway.recording.reading.samples import read_samples
+from gateway.recording.reading.interval import iso_utc, parse_recording_time
 from gateway.recording.reading.timeline import open_timeline
 from gateway.recording.segments.copying import RecordCopier
-from tests.clocks import START_NS
-from tests.gateway.incident.conftest import MakeReport, write_report_of
-from tests.gateway.incident.stated import active, alert
+from tests.gateway.incident.conftest import MakeReport, text_of, write_report_of
 from tests.gateway.recorded_crane import LIMITS, SEGMENT_S, START_S, RecordedCrane
-from tests.gateway.recording.recorded_crane import BOOT_ID, SECOND_NS
-from tests.gateway.restarted_crane import FORMER_TRIP_DEG, SECOND_BOOT, THIRD_BOOT
+from tests.gateway.recording.recorded_crane import BOOT_ID
 from tests.values import present
 
 pytestmark = pytest.mark.slow
 
+
 RECORDED_DEG = 0.00051
 """Recorded angles have three decimals."""
-
-
-def text_of(page: Path) -> str:
-    without_style = re.sub(r"(?s)<style.*?</style>", "", page.read_text())
-    return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]+>", " ", without_style)))
 
 
 def test_the_sentences_state_the_numbers_of_the_recording(recorded: RecordedCrane, report: IncidentReport) -> None:
@@ -110,95 +91,6 @@ def test_the_command_states_the_smoothed_move_in_the_summary_and_in_its_section(
     assert "live estimate " not in page
 
 
-def test_the_recording_that_was_cut_out_has_every_message_of_its_time(
-    recorded: RecordedCrane, make_report: MakeReport
-) -> None:
-    report = make_report([recorded.folder], margin_s=3.0)
-    path = report.folder / "incident.mcap"
-    with path.open("rb") as stream:
-        reader = make_reader(stream)
-        found = [(channel.topic, message.log_time) for _, channel, message in reader.iter_messages()]
-        assert {each.name for each in reader.iter_attachments()} >= {"configuration.toml"}
-    samples = sorted(time for topic, time in found if topic == "/samples")
-    raised_ns, cleared_ns = (message_time(recorded, place) for place in (0, -1))
-    assert samples[0] >= raised_ns - 3.0e9 > samples[0] - 0.2e9
-    assert samples[-1] <= cleared_ns + 3.0e9 < samples[-1] + 0.2e9
-    sent = [each for each in recorded.messages if samples[0] <= each.log_time_ns <= samples[-1]]
-    for topic in ("samples", "motion", "alert", "log"):
-        times = sorted(time for name, time in found if name == f"/{topic}")
-        assert times == sorted(each.log_time_ns for each in sent if each.topic == topic), topic
-    blocks = [unpack(each.message) for each in sent if isinstance(each.message, Samples)]
-    run = read_samples([path])
-    assert np.array_equal(np.concatenate([block.raw for block in blocks]), run.samples.raw)
-    assert run.files[0].configuration_toml is not None
-    assert isinstance(run.calibrations[0].message, Calibration)
-
-
-@pytest.fixture(scope="module")
-def report_of_restarts(restarted: Path, tmp_path_factory: pytest.TempPathFactory) -> IncidentReport:
-    """The report of three runs, one of which has another configuration; what it cuts out has several chunks."""
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(mcap_writer, "CHUNK_BYTES", 30_000)
-        return write_report_of([restarted], margin_s=20.0, folder=tmp_path_factory.mktemp("restarts") / "report")
-
-
-@pytest.fixture
-def cut(report_of_restarts: IncidentReport) -> Path:
-    return report_of_restarts.folder / "incident.mcap"
-
-
-@pytest.mark.parametrize(
-    "command",
-    [
-        ["measure", "{cut}"],
-        ["record", "export", "{cut}", "--csv", "{out}"],
-        ["record", "export", "{cut}", "--mcap", "{out}"],
-        ["record", "replay", "{cut}"],
-        ["record", "incident", "{cut}", "--out", "{out}"],
-        ["record", "incident", "{cut}", "--list"],
-        ["record", "info", "{cut}"],
-        ["record", "recover", "{cut}"],
-    ],
-)
-def test_every_command_reads_the_recording_that_was_cut_out(cut: Path, tmp_path: Path, command: list[str]) -> None:
-    assert len(chunks_of(cut)) > 3
-    assert main([part.format(cut=cut, out=tmp_path / "out") for part in command]) in (0, 3)
-
-
-def chunks_of(path: Path) -> list[ChunkIndex]:
-    with path.open("rb") as stream:
-        return present(make_reader(stream).get_summary()).chunk_indexes
-
-
-def test_each_message_of_the_cut_stands_behind_the_configuration_and_the_boot_that_it_is_of(cut: Path) -> None:
-    file, found = open_recording(cut), set()
-    for message in file.messages():
-        content = file.decode(message)
-        if isinstance(content, Health):
-            assert file.boot_id == content.boot_id
-            found.add((file.boot_id, present(recorded_configuration(file)).alerts.trip_deg))
-    assert found == {(BOOT_ID, FORMER_TRIP_DEG), (SECOND_BOOT, 5.0), (THIRD_BOOT, 5.0)}
-
-
-def test_a_part_of_the_cut_has_every_topic_of_its_time(cut: Path) -> None:
-    """Whose first chunks, with the first messages of all topics but some, are skipped."""
-    file = open_recording(cut)
-    everything = [each for each in file.messages() if each.log_time_ns >= START_NS + 18 * 10**9]
-    part = open_recording(cut).messages(Selection(START_NS + 18 * 10**9))
-    assert Counter(each.topic for each in part) == Counter(each.topic for each in everything)
-
-
-def message_time(recorded: RecordedCrane, place: int) -> int:
-    changes = [each for each in recorded.messages if each.message in recorded.changes]
-    return changes[place].log_time_ns
-
-
-def test_a_report_of_the_cut_out_recording_is_the_same(report: IncidentReport, make_report: MakeReport) -> None:
-    again = make_report([report.folder / "incident.mcap"]).sentences
-    differing = [each for each, other in zip(again, report.sentences, strict=True) if each != other]
-    assert [each[:45] for each in differing] == ["The recordings state no acknowledgement of it"]  # to its own end
-
-
 @pytest.mark.parametrize(
     ("configuration", "said"),
     [
@@ -258,24 +150,6 @@ def test_live_and_torn_recordings_are_reported_up_to_their_end(
     assert "alert The swing alert stands where the recordings end [incident" in page
     assert "recordings Nothing says that the gateway was stopped" in page
     assert report.content["peak"]["angle_deg"] == pytest.approx(recorded.largest.angle_deg, abs=RECORDED_DEG)
-
-
-def test_a_time_is_reported_around_which_nothing_was_raised(recorded: RecordedCrane, make_report: MakeReport) -> None:
-    report = make_report([recorded.folder], IncidentChoice(around=parse_recording_time("40")), margin_s=3.0)
-    assert report.content["incident"] is None
-    assert report.sentences[1].startswith("No alert was raised in this time")
-
-
-@pytest.mark.parametrize("time", ["10", "20", "29"])
-def test_the_incident_around_a_time_is_found(recorded: RecordedCrane, time: str) -> None:
-    timeline = open_timeline([recorded.folder])
-    choice = IncidentChoice(around=parse_recording_time(time))
-    assert present(choose_window(timeline, read_incidents(timeline), choice, 1.0).incident).id == f"{BOOT_ID}-1"
-
-
-def test_a_number_that_no_incident_has_is_refused(recorded: RecordedCrane, make_report: MakeReport) -> None:
-    with pytest.raises(InputError, match=r"--alert 2: .* has 1, numbered from 1"):
-        make_report([recorded.folder], IncidentChoice(number=2))
 
 
 def test_the_page_asks_the_network_for_nothing_and_a_second_report_replaces_none(
@@ -372,68 +246,6 @@ def test_the_verdict_on_the_recordings_is_printed_and_is_the_exit_code(
     assert json.loads((tmp_path / "report" / "incident.json").read_text())["verification"]["verdict"] == verdict
 
 
-def test_a_restart_ends_what_was_stated_before_and_is_told_in_words(report_of_restarts: IncidentReport) -> None:
-    report = report_of_restarts
-    assert report.sentences[-5:-3] == (
-        "The gateway was stopped at 2026-01-01 00:00:08.2 UTC and was started again at 00:00:10.3 UTC: "
-        "alerts were not judged for 4.5 s.",
-        "The gateway stopped without notice (recorded up to 2026-01-01 00:00:25.3 UTC; it may have run up to 1 s longer, "
-        "or more where somebody has cut its file) and was started again at 00:00:31.3 UTC: alerts were not judged for 8.4 s.",
-    )
-    page = text_of(report.folder / "incident.html")
-    assert set(report.sentences[-5:-3]) <= set(re.findall(r"gateway (The gateway .*?judged for \S+ s\.)", page))
-    running = re.findall(r"(\S+) gateway Running for (\S+) s", page)
-    ends_s = [float(from_utc[6:]) + float(length_s) for from_utc, length_s in running]
-    assert ends_s == pytest.approx([7.3, 25.3, 36.2], abs=0.11)
-
-
-@pytest.mark.parametrize(("around", "number"), [("15", 2), ("10", 1), ("11.5", 1), ("12.5", 2), ("20.5", 2)])
-def test_a_time_is_of_the_incident_that_it_lies_in_or_else_of_the_nearest(
-    recorded: RecordedCrane, around: str, number: int
-) -> None:
-    timeline = open_timeline([recorded.folder])
-    first_ns = timeline.span().first_ns
-    incidents = find_incidents(
-        [
-            (first_ns + 8 * SECOND_NS, alert("raised", "swing", active("swing", "trip", "b-1"), incident="b-1")),
-            (first_ns + 11 * SECOND_NS, alert("cleared", "swing", incident="b-1")),
-            (first_ns + 13 * SECOND_NS, alert("raised", "swing", active("swing", "warn", "b-2"), incident="b-2")),
-            (first_ns + 20 * SECOND_NS, alert("cleared", "swing", incident="b-2")),
-        ]
-    )
-    window = choose_window(timeline, incidents, IncidentChoice(around=parse_recording_time(around)), 60.0)
-    assert present(window.incident).number == number
-
-
-def test_a_restart_after_the_report_is_told(restarted: Path, tmp_path: Path) -> None:
-    choice = IncidentChoice(interval=RecordingInterval(parse_recording_time("16"), parse_recording_time("27")))
-    report = write_report_of([restarted], choice, folder=tmp_path / "short")
-    (told,) = (each for each in report.sentences if "was started again" in each)
-    assert "stopped without notice (recorded up to 2026-01-01 00:00:25.3 UTC" in told
-    assert told.endswith("was started again at 2026-01-01 00:00:31.3 UTC, after the time of this report.")
-
-
-def test_what_a_hole_hides_is_no_restart() -> None:
-    runs = RunRegister()
-    for time_s, boot_id in ((0.0, "a"), (5.0, "a"), (60.0, "b"), (70.0, "b")):
-        runs.add(time_s, boot_id)
-    health = runs.states(np.array([1.0]), ("running",))
-    (hidden,) = runs.restarts(health, {}, [TimeGap(5.2, 59.8, NOT_GIVEN)])
-    (seen,) = runs.restarts(health, {}, [TimeGap(5.2, 59.8, RESTARTED)])
-    assert (hidden.unseen, seen.unseen) == (NOT_GIVEN, "")
-
-
-def test_a_change_of_the_limit_before_the_alert_is_told_in_words(report_of_restarts: IncidentReport) -> None:
-    report = report_of_restarts
-    assert (
-        "Before it, the trip limit of the swing was changed from 6.0° to 5.0° by ann at 00:00:07.2 UTC, with the words: "
-        "crane <b>7</b>; in force from 2026-01-01 00:00:10.3 UTC on, 9.7 s before the alert."
-    ) in report.sentences
-    page = text_of(report.folder / "incident.html")
-    assert "log Settings changed by ann: alerts.trip_deg: 6.0 -> 5.0, with the words: crane <b>7</b>" in page
-    assert '{"time_utc"' not in page
-
-
 def test_the_time_of_the_trip_stands_beside_that_of_the_warning(
     recorded: RecordedCrane, report: IncidentReport
 ) -> None:
@@ -447,11 +259,6 @@ def test_without_the_key_nothing_is_called_genuine(report: IncidentReport) -> No
     verification = report.content["verification"]
     assert verification["verdict"] == "open"
     assert "Whoever wrote the recordings may have signed them" in verification["remarks"][0]
-
-
-def test_the_recording_that_was_cut_out_claims_no_signature(report: IncidentReport) -> None:
-    verdict = judge_recordings([report.folder / "incident.mcap"], None)
-    assert (verdict.kind, verdict.label) == ("open", "not signed")
 
 
 def test_what_moved_the_load_is_answered_on_request(
