@@ -81,7 +81,12 @@ PLACED_FROM_LOAD: frozenset[MountedOn] = frozenset({"converging_ropes", "spreade
 class HousingPlace(Section):
     """Position of the housing on the rope, by one of the two keys, and what carries it."""
 
-    position_m: float | None = Field(None, ge=0, description="from the pivot, along the rope")
+    position_m: float | None = Field(
+        None,
+        ge=0,
+        description="from the pivot, along the rope; whether a hoist moves it, the readings must tell, at half as much computing "
+        "again: give above_load_m where it does",
+    )
     above_load_m: float | None = Field(None, ge=0, description="distance to the load's centre; constant while hoisting")
     mounted_on: MountedOn | None = Field(
         None,
