@@ -6,6 +6,7 @@ plug an adapter in.
 """
 
 import errno
+import os
 import re
 from contextlib import suppress
 from dataclasses import dataclass
@@ -138,9 +139,7 @@ class SerialPort:
         self.close()
         self._path = self._find()
         try:
-            self._serial = serial.Serial(
-                str(self._path), self.baud, timeout=timeout_s, write_timeout=timeout_s, exclusive=True
-            )
+            self._serial = serial.Serial(str(self._path), self.baud, timeout=timeout_s, exclusive=True)
         except ValueError as error:
             raise DeviceError(f"{self}: the port cannot do {self.baud} baud ({error}); set another rate") from error
         except serial.SerialException as error:
@@ -164,12 +163,15 @@ class SerialPort:
         return data
 
     def write(self, data: bytes) -> None:
-        """Send bytes. Raises `TransferError` when the port has gone or takes none."""
+        """Send bytes without waiting. Raises `TransferError` when the port has gone or does not take them all at once."""
         port = self._opened()
         try:
-            port.write(data)
+            # Not pyserial's own: its time limit also fails a write that succeeded while the system was busy.
+            taken = os.write(port.fileno(), data)
         except OSError as error:
             raise TransferError(f"{self}: the port takes no bytes ({error}); plug its adapter in again") from error
+        if taken < len(data):
+            raise TransferError(f"{self}: the port takes no more bytes; plug its adapter in again")
 
     def close(self) -> None:
         """Release the port; may be called twice."""

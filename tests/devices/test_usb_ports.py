@@ -99,6 +99,16 @@ def test_a_port_is_found_again_under_another_number(
     port.close()
 
 
+def test_a_write_needs_no_time_and_one_that_does_not_fit_is_reported(tree: UsbTree, terminals: list[Terminal]) -> None:
+    port = SerialPort(terminals[0].path, 115200, tree.folders)
+    port.open(1e-9)
+    port.write(b"ask")
+    assert os.read(terminals[0].master, 3) == b"ask"
+    with pytest.raises(TransferError, match="takes no more bytes"):
+        port.write(bytes(1_000_000))
+    port.close()
+
+
 def test_a_write_reaches_the_sensor_and_a_lost_port_is_reported(tree: UsbTree, terminals: list[Terminal]) -> None:
     port = SerialPort(terminals[0].path, 115200, tree.folders)
     with pytest.raises(TransferError, match="the port is not open"):
