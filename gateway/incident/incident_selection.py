@@ -2,13 +2,13 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from gateway.alert_periods import AlertPeriods, AlertState, AlertStep
 from gateway.errors import InputError
 from gateway.messages import LEVEL_RANK, Alert, Level
-from gateway.recording.chain.statements import describe_missing, list_missing
-from gateway.recording.export.gaps import AbsenceCauses
-from gateway.recording.format.content import CUT, segment_number
+from gateway.recording.chain.statements import describe_removed
+from gateway.recording.format.content import CUT
 from gateway.recording.format.salvage import describe_losses, is_damaged
 from gateway.recording.reading.interval import RecordingInterval, RecordingTime
 from gateway.recording.reading.recording_file import Selection, open_recording
@@ -171,7 +171,7 @@ class IncidentWindow:
     """The raise of the incident, or the time that was asked for."""
     incident: AlertIncident | None
     others: tuple[AlertIncident, ...]
-    """Other incidents in the same time."""
+    """Other incidents in the same time, and of the same rule one before it that has no end, or one after it if it has none."""
     is_shortened: bool = False
 
 
@@ -184,10 +184,7 @@ def read_incidents(
     """
     hidden = [] if hidden is None else hidden
     found = find_incidents(_read_alerts(timeline, report, hidden))
-    numbers = sorted({segment_number(each.origin) for each in timeline.segments} - {0})
-    if numbers:
-        stated = AbsenceCauses.of(timeline.segments).stated
-        hidden += describe_missing(list_missing(numbers, numbers[0], numbers[-1], stated), stated)[0]
+    hidden += describe_removed(timeline.segments)
     return found
 
 
@@ -234,7 +231,8 @@ def _window(
 ) -> IncidentWindow:
     begin_ns, end_ns = max(begin_ns, span.first_ns), min(end_ns, span.last_ns)
     latest_ns = begin_ns + round(MAX_REPORT_S * 1e9)
-    others = tuple(each for each in _within(incidents, begin_ns, min(end_ns, latest_ns)) if each is not incident)
+    near = [*_within(incidents, begin_ns, min(end_ns, latest_ns)), *_linked(incidents, incident)]
+    others = tuple(each for each in incidents if each in near and each is not incident)
     if origin_ns is None:
         origin_ns = begin_ns if incident is None else incident.raised_ns
     return IncidentWindow(begin_ns, min(end_ns, latest_ns), origin_ns, incident, others, end_ns > latest_ns)
@@ -242,6 +240,17 @@ def _window(
 
 def _within(incidents: Sequence[AlertIncident], begin_ns: int, end_ns: int) -> list[AlertIncident]:
     return [each for each in incidents if each.raised_ns <= end_ns and each.last_ns >= begin_ns]
+
+
+def _linked(incidents: Sequence[AlertIncident], incident: AlertIncident | None) -> list[AlertIncident]:
+    """Return the incident before one where it has no end, and the one after it where it has none itself."""
+    same = [each for each in incidents if incident is not None and each.rule == incident.rule]
+    return [
+        other
+        for before, after in pairwise(same)
+        for other in (before, after)
+        if before.cleared_ns is None and incident in (before, after)
+    ]
 
 
 def _nearest(incidents: Sequence[AlertIncident], time_ns: int) -> AlertIncident | None:

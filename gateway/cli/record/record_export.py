@@ -49,7 +49,8 @@ def run_recover(arguments: argparse.Namespace) -> int:
     "export",
     "write calibrated acceleration at full rate, or a topic, as CSV, Parquet or MCAP",
     "Write the calibrated specific force at full rate, in g in the housing frame, or the messages of a topic. "
-    "Each part of the recording is calibrated by the record that was in force. Exit code 3: something could not be read.",
+    "Each part of the recording is calibrated by the record that was in force. Exit code 3: something could not be read, or a "
+    "segment is missing in the middle.",
     EXPORT_EXAMPLE,
     *SELECTION_OPTIONS,
     one_of(
@@ -80,6 +81,7 @@ def run_export(arguments: argparse.Namespace) -> int:
     """Export the recordings; return 3 where something of them could not be read."""
     from gateway.cli.progress import ProgressBar
     from gateway.errors import InputError
+    from gateway.recording.chain.statements import describe_removed
     from gateway.recording.reading.timeline import open_timeline
 
     target = next(path for path in (arguments.csv, arguments.parquet, arguments.mcap) if path is not None)
@@ -93,10 +95,11 @@ def run_export(arguments: argparse.Namespace) -> int:
     selection = timeline.select(interval(arguments))
     with ProgressBar(f"writing {target}") as bar:
         count, notes, has_losses = _write(arguments, timeline, selection, bar.update)
-    for note in (*timeline.remarks, *notes):
+    removed = describe_removed([each for each in timeline.segments if selection.may_contain(each.from_ns, each.to_ns)])
+    for note in (*timeline.remarks, *removed, *notes):
         print(f"plumbline record: {note}", file=sys.stderr)
     print(f"{target}: {count} {'messages' if arguments.topic else 'samples'}")
-    return WITH_LOSSES if has_losses else 0
+    return WITH_LOSSES if has_losses or removed else 0
 
 
 def _write(

@@ -40,7 +40,7 @@ PLAY_EXAMPLE = """examples:
     "Compute every result again from the raw samples, with the recorded configuration and calibration, and "
     "compare it with the recorded one: byte for byte with the same software, NumPy and machine, within a stated "
     "tolerance elsewhere. With another calibration or configuration: a table of what it would have said. Exit code 1: "
-    "something differs; 3: nothing could be compared.",
+    "something differs; 3: a segment is missing in the middle, something could not be read, or nothing could be compared.",
     REPLAY_EXAMPLE,
     *SELECTION_OPTIONS,
     option("--calibration", type=Path, metavar="RECORD.json", help="another calibration record"),
@@ -55,7 +55,7 @@ PLAY_EXAMPLE = """examples:
     JSON_OPTION,
 )
 def run_replay(arguments: argparse.Namespace) -> int:
-    """Replay the recordings; return 1 where something differs, 3 where nothing could be compared."""
+    """Replay the recordings; return 1 where something differs, 3 where not everything could be compared."""
     from gateway.calibration.input_files import read_record
     from gateway.cli.output import show
     from gateway.cli.progress import ProgressBar
@@ -71,9 +71,9 @@ def run_replay(arguments: argparse.Namespace) -> int:
     with ProgressBar(f"replaying {timeline.gateway}") as bar:
         result = replay.result(bar.update)
     show(replay_text(result, is_local=arguments.local), replay_json(result), arguments.json)
-    if not result.is_compared:
-        return WITH_LOSSES
-    return ANSWER_IS_NO if has_difference(result) else 0
+    if result.is_compared and has_difference(result):
+        return ANSWER_IS_NO
+    return WITH_LOSSES if result.hidden or not result.is_compared else 0
 
 
 @command(

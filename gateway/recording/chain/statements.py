@@ -9,12 +9,17 @@ import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import reduce
 from itertools import groupby, pairwise
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from gateway.file_input import decode_json
 from gateway.pki.signing_key import is_valid
 from gateway.recording.chain.chain_state import ChainState, SegmentNumber, is_signed
+from gateway.recording.format.content import segment_number
+
+if TYPE_CHECKING:
+    from gateway.recording.reading.recording_file import SegmentIndex
 
 SIGNATURE = "signature"
 SIGNS_STATE = 2
@@ -219,6 +224,20 @@ def describe_missing(missing: Iterable[MissingSegments], stated: DeletionStateme
                 f"{which}: deleted {DELETED.get(reason, reason)} of {quota_mb:g} MB, as the gateway {signed}"
             )
     return problems, remarks
+
+
+def join_stated(segments: "Sequence[SegmentIndex]") -> DeletionStatement:
+    """Return what segments state of deletions, each of its own; who has signed it is not checked."""
+    records = {each.metadata.get(DELETIONS, {}).get("statement", ""): each.metadata for each in segments}
+    found = (parse_deletions(metadata.get(DELETIONS, {})) for metadata in records.values())
+    return reduce(DeletionStatement.including, filter(None, found), DeletionStatement(gateway=""))
+
+
+def describe_removed(segments: "Sequence[SegmentIndex]") -> list[str]:
+    """Return sentences about the segments that are missing between these, and that the gateway does not state to have deleted."""
+    numbers = sorted({segment_number(each.origin) for each in segments} - {0})
+    stated = join_stated(segments)
+    return describe_missing(list_missing(numbers, numbers[0], numbers[-1], stated), stated)[0] if numbers else []
 
 
 def _explain(gaps: Iterable[tuple[int, int, Place]], stated: DeletionStatement) -> Iterator[MissingSegments]:

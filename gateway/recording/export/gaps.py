@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from gateway.recording.chain.statements import DELETED, DELETIONS, DeletionStatement, list_missing, parse_deletions
+from gateway.recording.chain.statements import DELETED, DeletionStatement, join_stated, list_missing
 from gateway.recording.format.content import CUT, ORIGIN, TRIMMED, segment_number
 from gateway.recording.format.segment_summary import SampleSummary, SegmentSummary, gap_between, is_gap
 from gateway.recording.reading.recording_file import SegmentIndex, is_altered
@@ -32,13 +32,8 @@ class AbsenceCauses:
 
     @classmethod
     def of(cls, segments: Sequence[SegmentIndex]) -> "AbsenceCauses":
-        """Take all statements of segments: a trimmed one has a later statement than its neighbours."""
-        records = {each.metadata.get(DELETIONS, {}).get("statement", ""): each.metadata for each in segments}
-        stated = DeletionStatement(gateway="")
-        for metadata in records.values():
-            if (found := parse_deletions(metadata.get(DELETIONS, {}))) is not None:
-                stated = stated.including(found)
-        return cls(stated)
+        """Take all statements of segments."""
+        return cls(join_stated(segments))
 
     def between(self, before: SegmentIndex, after: SegmentIndex, missing_blocks: int) -> str:
         """Return why there is a gap between samples of one run of the gateway, which are of two segments, or of one."""

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from gateway.errors import counted
 from gateway.file_input import parse_json
@@ -20,6 +21,8 @@ CONFIGURATION_LOG, AUDIT = "plumbline.configuration", "audit "
 """Name and beginning of the lines of the log that are entries of the configuration's audit."""
 BY_GATEWAY = ("confirmed", "rolled back")
 """What the gateway does with a change that a person has made."""
+MAX_NAMES = 3
+"""Names of files in a line. Basis: a choice; the line stays readable."""
 LOG_LEVEL_WORDS = {3: "warning", 4: "error", 5: "fatal"}
 
 
@@ -72,8 +75,8 @@ class _InfoText:
     def _state(self) -> str:
         losses = self.info.losses
         closed = ["closed properly"] if losses.closed and not losses.altered else []
-        repaired = sum(file.repaired for file in self.info.files)
-        which = "" if len(self.info.files) == 1 else f"{repaired} of {len(self.info.files)} files "
+        repaired = [Path(file.path).name for file in self.info.files if file.repaired]
+        which = "" if len(self.info.files) == 1 else f"{_few(repaired)} "
         cut_off = [f"{which}cut off by a kill or a power failure and completed at the next start"] if repaired else []
         return ", ".join(closed + cut_off + describe_losses(losses))
 
@@ -81,7 +84,7 @@ class _InfoText:
         clock = self.info.clock
         if clock is None:
             return "not recorded"
-        return f"{clock.quality}, UTC {clock.wall_offset_s:+.6f} s from gateway time, {clock.steps} steps"
+        return f"{clock.quality}, UTC {clock.wall_offset_s:+.6f} s from gateway time, {counted(clock.steps, 'step')}"
 
     def _gateway(self) -> str:
         origin = self.info.origin
@@ -167,7 +170,7 @@ class _InfoText:
     def _calibrations(self) -> Iterator[str]:
         changes = self.info.calibrations[1:]
         lines = [f"{self._time(change.utc_ns)}  {_calibration_text(change)}" for change in changes]
-        return _section(f"calibration: {len(changes)} changes", lines)
+        return _section(f"calibration: {counted(len(changes), 'change')}", lines)
 
     def _clock_changes(self) -> Iterator[str]:
         changes = [] if self.info.clock is None else self.info.clock.changes[1:]
@@ -176,7 +179,7 @@ class _InfoText:
             step = "stepped, " if change.stepped else ""
             utc = self._time(change.log_time_ns + change.wall_offset_ns)
             lines.append(f"{utc}  {step}{change.quality}, UTC {change.wall_offset_ns / 1e9:+.6f} s from gateway time")
-        return _section(f"clock: {len(changes)} changes", lines)
+        return _section(f"clock: {counted(len(changes), 'change')}", lines)
 
     def _gaps(self) -> Iterator[str]:
         longest = sorted(self.info.gaps, key=lambda gap: -gap.length_s)[:MAX_LIST_LINES]
@@ -193,7 +196,7 @@ class _InfoText:
         times = Counter(fault.name for fault in self.info.faults)
         if times:
             yield ""
-            yield f"faults: {len(times)} kinds"
+            yield f"faults: {counted(len(times), 'kind')}"
         for name in times:
             of_kind = [fault for fault in self.info.faults if fault.name == name]
             first, last = of_kind[0], of_kind[-1]
@@ -222,6 +225,11 @@ class _InfoText:
         for topic in self.info.topics:
             rate = "" if topic.rate_hz is None else f"{topic.rate_hz:10.3f} Hz"
             yield f"{topic.topic:<{width}}{topic.count:>10}{rate}{topic.bytes / 1e6:>12.3f} MB  {topic.schema}"
+
+
+def _few(names: Sequence[str]) -> str:
+    more = len(names) - MAX_NAMES
+    return " and ".join([", ".join(names[:MAX_NAMES]), *([f"{more} more"] if more > 0 else [])])
 
 
 def _calibration_text(change: CalibrationState) -> str:

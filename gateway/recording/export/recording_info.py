@@ -7,6 +7,7 @@ from typing import Any
 
 from devices.errors import RecordingError
 from gateway import messages
+from gateway.recording.chain.statements import describe_removed
 from gateway.recording.export.gaps import RecordingGap, SampleInfo, describe_overlaps, join_samples
 from gateway.recording.format import content as names
 from gateway.recording.format.salvage import SalvageReport, sum_losses
@@ -173,7 +174,7 @@ def _file_info(segment: SegmentIndex, summary: SegmentSummary, losses: SalvageRe
         losses=losses,
         from_utc_ns=summary.from_ns + summary.wall_offset_ns,
         to_utc_ns=summary.to_ns + summary.wall_offset_ns,
-        repaired=names.REPAIRED in segment.metadata,
+        repaired=names.REPAIRED in segment.metadata and names.CUT not in segment.metadata,
     )
 
 
@@ -197,7 +198,11 @@ def _build_info(
         gateway=timeline.gateway,
         path=timeline.name,
         files=files,
-        remarks=[*timeline.remarks, *describe_overlaps(read)],
+        remarks=[
+            *timeline.remarks,
+            *describe_removed([segment for segment, _ in read]),
+            *describe_overlaps(read),
+        ],
         size_bytes=size_bytes,
         closed=all(file.closed for file in files),
         losses=sum_losses([file.losses for file in files]),

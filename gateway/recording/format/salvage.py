@@ -23,6 +23,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from devices.errors import RecordingError
 from devices.regular_file import open_regular
+from gateway.errors import counted
 from gateway.file_input import reason_of
 from gateway.recording.format.frames import (
     FOOTER_BYTES,
@@ -92,8 +93,8 @@ def describe_losses(report: SalvageReport) -> list[str]:
         "not closed: incomplete, or still being written": not report.closed,
         "CHECKSUM WRONG: the content was altered": report.altered,
         f"{report.torn_bytes} bytes of an incomplete end": report.torn_bytes,
-        f"{report.damaged_records} damaged records left out": report.damaged_records,
-        f"{report.unreadable_messages} messages unreadable": report.unreadable_messages,
+        f"{counted(report.damaged_records, 'damaged record')} left out": report.damaged_records,
+        f"{counted(report.unreadable_messages, 'message')} unreadable": report.unreadable_messages,
     }
     return [phrase for phrase, occurred in phrases.items() if occurred]
 

@@ -102,6 +102,7 @@ def replay_json(result: ReplayResult) -> dict[str, Any]:
         "is_compared": result.is_compared,
         "is_from_start": result.is_from_start,
         "notes": result.notes,
+        "hidden": result.hidden,
         "compared": dict(comparison.compared),
         "differing": dict(comparison.differing),
         "cut_off": dict(comparison.cut_off),
@@ -121,6 +122,7 @@ def _as_texts(recorded: Any, recomputed: Any) -> dict[str, Any]:
 
 def _lines(result: ReplayResult, is_local: bool) -> Iterator[str]:
     yield from result.notes
+    yield from (f"not replayed: {each}" for each in result.hidden)
     comparison = result.comparison
     if not result.is_compared:
         return

@@ -4,6 +4,7 @@ import platform
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -12,10 +13,12 @@ from gateway import __version__
 from gateway.calibration.record import CalibrationRecord
 from gateway.configuration.model import Configuration
 from gateway.errors import InputError
+from gateway.recording.chain.statements import describe_removed
+from gateway.recording.format.salvage import describe_losses, is_damaged
 from gateway.recording.format.segment_summary import SegmentSummary
 from gateway.recording.format.summary_builder import SummaryBuilder
 from gateway.recording.reading.interval import RecordingInterval, iso_utc
-from gateway.recording.reading.recording_file import Selection
+from gateway.recording.reading.recording_file import RecordingFile, Selection
 from gateway.recording.reading.timeline import (
     SAMPLES,
     SUMMARISED_PATHS,
@@ -57,7 +60,8 @@ class ReplayResult:
     recomputed: list[tuple[str, SegmentSummary]]
     notes: list[str] = field(default_factory=list)
     """How exactly the results are compared, and from when on."""
-
+    hidden: list[str] = field(default_factory=list)
+    """Segments that are missing in between, and what could not be read: nothing of it was compared."""
     is_from_start: bool = True
     """Every run was replayed from its beginning: its motion, swing, conditions and alerts can be computed again."""
 
@@ -98,6 +102,8 @@ class ReplayRun:
         """Gateway time from which on the results are compared."""
         self._boot_id: str | None = None
         self._sequence = -1
+        self._files: dict[Path, RecordingFile] = {}
+        """Those that were read."""
         self._newest: ReplayStep | None = None
         """The last step with a block."""
         self._notes: list[str] = []
@@ -107,7 +113,9 @@ class ReplayRun:
 
     def result(self, report: ReportProgress = ignore_progress) -> ReplayResult:
         """Replay everything. Raises `RecordingError`, `CalibrationError` or `ConfigurationError`."""
-        for step in read_steps(self._timeline, self._steps(), report):
+        selection = self._steps()
+        for step in read_steps(self._timeline, selection, report):
+            self._files[step.file.path] = step.file
             self._check_continuity(step)
             self._take(step)
             self._newest = self._newest if step.block is None else step
@@ -118,11 +126,21 @@ class ReplayRun:
             _summaries(self._recorded),
             _summaries(self._recomputed),
             self._notes,
+            self._hidden(selection),
             self._is_from_start,
         )
         if not result.is_compared:
             result.notes.append(NOTHING_COMPARED)
         return result
+
+    def _hidden(self, selection: Selection) -> list[str]:
+        chosen = [each for each in self._timeline.segments if selection.may_contain(each.from_ns, each.to_ns)]
+        damaged = [
+            f"{path.name}: {', '.join(describe_losses(file.losses))}"
+            for path, file in self._files.items()
+            if is_damaged(file.losses)
+        ]
+        return [*describe_removed(chosen), *damaged]
 
     def _steps(self) -> Selection:
         """Return the selection of the steps: from the beginning of the run, or of the warm-up."""

@@ -124,21 +124,43 @@ def test_another_key_than_the_one_given_is_called_so(recorded: RecordedCrane) ->
     assert verdict.alarm == "Recordings signed by another key"
 
 
-def test_the_list_says_what_hides_other_incidents(
-    acknowledged: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.fixture
+def damaged_copies(acknowledged: Path, tmp_path: Path) -> dict[str, Path]:
+    """Copies of the recordings: whole, without the second segment, and with one bit flipped."""
+    copies = {name: shutil.copytree(acknowledged, tmp_path / name) for name in ("whole", "hole", "flipped")}
+    files = {name: sorted(copy.glob("*.mcap")) for name, copy in copies.items()}
+    files["hole"][1].unlink()
+    flip_byte(files["flipped"][1])
+    return copies
+
+
+REMOVED_INSIDE = "REMOVED: segment 2 is missing in the middle"
+DAMAGED = "1 damaged record left out"
+
+
+@pytest.mark.parametrize(
+    ("name", "code", "words"), [("whole", 0, ""), ("hole", 3, REMOVED_INSIDE), ("flipped", 3, DAMAGED)]
+)
+@pytest.mark.parametrize("command", [("incident", "--list"), ("export", "--csv", "samples.csv")])
+def test_each_command_says_what_is_hidden_from_it(
+    damaged_copies: dict[str, Path],
+    command: tuple[str, ...],
+    name: str,
+    code: int,
+    words: str,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def listed(name: str, change: Change) -> tuple[int, str]:
-        copy = shutil.copytree(acknowledged, tmp_path / name)
-        change(sorted(copy.glob("*.mcap")))
-        return main(["record", "incident", str(copy), "--list"]), capsys.readouterr().out
+    monkeypatch.chdir(tmp_path)
+    assert main(["record", command[0], str(damaged_copies[name]), *command[1:]]) == code
+    printed = capsys.readouterr()
+    assert words in printed.out + printed.err
 
-    def damage(paths: list[Path]) -> None:
-        content = bytearray(paths[1].read_bytes())
-        content[len(content) // 2] ^= 1
-        paths[1].write_bytes(content)
 
-    assert listed("whole", lambda _: None)[0] == 0
-    code, text = listed("removed", lambda paths: paths[1].unlink())
-    assert (code, "REMOVED: segment 2 is missing in the middle" in text) == (3, True)
-    code, text = listed("damaged", damage)
-    assert (code, "damaged records left out" in text, "others may have been" in text) == (3, True, True)
+@pytest.mark.parametrize(("name", "words"), [("hole", REMOVED_INSIDE), ("flipped", DAMAGED)])
+def test_a_replay_says_what_was_not_replayed(
+    damaged_copies: dict[str, Path], name: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["record", "replay", str(damaged_copies[name]), "--to", "50"]) == 3
+    assert words in next(line for line in capsys.readouterr().out.splitlines() if "not replayed: " in line)

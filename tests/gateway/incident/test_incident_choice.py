@@ -49,3 +49,23 @@ def test_a_time_is_of_the_incident_that_it_lies_in_or_else_of_the_nearest(
     )
     window = choose_window(timeline, incidents, IncidentChoice(around=parse_recording_time(around)), 60.0)
     assert present(window.incident).number == number
+
+
+def test_an_incident_without_an_end_is_told_beside_the_next_one(recorded: RecordedCrane) -> None:
+    """However far it is from the time of the report."""
+    first_ns = open_timeline([recorded.folder]).span().first_ns
+    timeline = open_timeline([recorded.folder])
+    incidents = find_incidents(
+        [
+            (first_ns + 2 * SECOND_NS, alert("raised", "swing", active("swing", "trip", "b-1"), incident="b-1")),
+            (first_ns + 9 * SECOND_NS, alert("raised", "swing", active("swing", "warn", "b-2"), incident="b-2")),
+            (first_ns + 15 * SECOND_NS, alert("cleared", "swing", incident="b-2")),
+            (first_ns + 25 * SECOND_NS, alert("raised", "swing", active("swing", "warn", "b-3"), incident="b-3")),
+            (first_ns + 30 * SECOND_NS, alert("cleared", "swing", incident="b-3")),
+        ]
+    )
+    others = [
+        [other.number for other in choose_window(timeline, incidents, IncidentChoice(number=number), 1.0).others]
+        for number in (1, 2, 3)
+    ]
+    assert others == [[2], [1], []]

@@ -161,7 +161,7 @@ def test_unreadable_part_is_a_loss_of_its_own_exit_code(
     damaged = tmp_path / "damaged.mcap"
     damaged.write_bytes(content)
     assert export(damaged, "--csv", tmp_path / "samples.csv") == 3
-    assert "1 damaged records left out" in capsys.readouterr().err
+    assert "1 damaged record left out" in capsys.readouterr().err
 
 
 @pytest.mark.slow

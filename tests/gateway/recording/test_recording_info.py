@@ -263,7 +263,7 @@ def test_a_file_that_was_cut_off_and_completed_says_so(record: Record) -> None:
     paths = record(START_NS + 120 * SECOND_NS, segments=1)
     info = summarise_timeline(open_timeline(paths))
     assert [file.repaired for file in info.files] == [False, True, False]
-    assert "1 of 3 files cut off by a kill or a power failure and completed at the next start" in info_text(info)
+    assert f", {paths[1].name} cut off by a kill or a power failure and completed at the next start" in info_text(info)
     assert "closed properly, cut off by a kill" in info_text(summarise(paths[1]))
 
 

@@ -147,7 +147,7 @@ def test_every_chunk_but_the_damaged_one_is_read(small: tuple[Path, list[int]], 
     assert sample_sequences(damaged) == [0, 1, 2, 3, 7, 8, 9, 10, 11]
     info = summarise(damaged)
     assert (info.losses.damaged_records, info.samples.missing_blocks, info.closed) == (1, 3, True)
-    assert "1 damaged records left out" in info_text(info)
+    assert "1 damaged record left out" in info_text(info)
 
 
 @pytest.mark.slow
