@@ -45,6 +45,10 @@ MAX_ALERT_SILENCE_S = 5.0
 TRUSTED_TEXT = "trusted"
 BEFORE_REPORT = "before the time of this report"
 CUT_OFF = "Nothing says that the gateway was stopped: it was killed, lost its power, still runs, or files are missing"
+REPAIRED_LATER = (
+    "The gateway was killed or lost its power, and was started again later: it completed this file then, and what it recorded "
+    "from then on is not in these files"
+)
 NOTHING_STATED = AbsenceCauses()
 
 
@@ -291,13 +295,14 @@ class CourseBuilder:
         after: BlockPlace | None = None,
         causes: AbsenceCauses = NOTHING_STATED,
         *,
-        was_stopped: bool = False,
+        end_cause: str = CUT_OFF,
         checked_ns: int | None = None,
     ) -> Course:
         """Return the course of everything that was added.
 
         `before` and `after`: the blocks next to it in the recordings, None: there is none; `causes`: of what is missing;
-        `was_stopped`: the recordings end with the word that the gateway was stopping; `checked_ns`: `Course.checked_s`.
+        `end_cause`: why nothing follows where the recordings end, empty: the gateway was stopping; `checked_ns`:
+        `Course.checked_s`.
         """
         span_s = (begin_ns - self.origin_ns) / 1e9, (end_ns - self.origin_ns) / 1e9
         if after is not None:  # a restart that comes later belongs to the end of the run
@@ -338,7 +343,7 @@ class CourseBuilder:
             last_health=self._health,
             source=next((word for kind, word in SOURCES.items() if kind in self._device_kinds), ""),
             begin_cause=self._begin_cause(before, causes),
-            end_cause=self._end_cause(after, was_stopped=was_stopped),
+            end_cause="" if after is not None or self._is_cut_out else end_cause,
         )
 
     def _add_states(self, time_s: float, content: object) -> None:
@@ -385,9 +390,9 @@ class CourseBuilder:
             return BEFORE_REPORT
         return causes.before(self._places[0].segment, self._places[0].sequence)
 
-    def _end_cause(self, after: BlockPlace | None, *, was_stopped: bool) -> str:
-        is_cut_out = bool(self._places) and CUT in self._places[-1].segment.metadata
-        return "" if after is not None or is_cut_out or was_stopped else CUT_OFF
+    @property
+    def _is_cut_out(self) -> bool:
+        return bool(self._places) and CUT in self._places[-1].segment.metadata
 
     def _state_course(self, rows: list[tuple[float, str]], holes_s: HolesS) -> StateCourse:
         ordered = sorted(rows, key=lambda row: row[0])

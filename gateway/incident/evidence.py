@@ -15,11 +15,12 @@ from gateway import __version__
 from gateway.calibration.record import CalibrationRecord
 from gateway.certificate.page import render_certificate
 from gateway.errors import counted
-from gateway.incident.course import COURSE_TOPICS, Course, CourseBuilder
+from gateway.incident.course import COURSE_TOPICS, CUT_OFF, REPAIRED_LATER, Course, CourseBuilder
 from gateway.incident.incident_selection import ALERTS, IncidentWindow
 from gateway.incident.sample_gaps import BlockPlace
 from gateway.messages import Health
 from gateway.pki.signing_key import KeyFileError, fingerprint
+from gateway.recording.chain.chain_state import STATE_NAME
 from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
 from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.chain.statements import REMOVED, list_missing
@@ -126,7 +127,7 @@ def read_evidence(
         before,
         after,
         AbsenceCauses.of(segments),
-        was_stopped=after is None and _was_stopped(timeline),
+        end_cause="" if after is not None else _end_cause(timeline),
         checked_ns=max(segment.to_ns for segment in segments),
     )
     if not course.samples.count:
@@ -134,6 +135,7 @@ def read_evidence(
     newest = list(files.values())[-1]
     copier.add_metadata(names.CUT, _cut_metadata(timeline, window, course, list(files)))
     writer.finish()
+    in_force = {str(calibration.record.get("id", "")) for _, calibration in course.calibrations}
     attachments = {name: each for file in files.values() for name, each in file.attachments.items()}
     return IncidentEvidence(
         gateway=timeline.gateway,
@@ -142,7 +144,13 @@ def read_evidence(
         sources=tuple(_source(each, files.get(each.path), is_read=each.path in read) for each in segments),
         device=newest.metadata.get(names.DEVICE, {}),
         configuration_toml=newest.configuration_toml,
-        certificates=make_certificates({name: each.data for name, each in attachments.items()}),
+        certificates=make_certificates(
+            {
+                name: each.data
+                for name, each in attachments.items()
+                if any(identity and identity in name for identity in in_force)
+            }
+        ),
         remarks=(*timeline.remarks, *samples.remarks()),
     )
 
@@ -185,15 +193,16 @@ def _segments_to_check(
     return segments[first:] if numbers and are_removed(part) and not are_removed(segments[first:]) else part
 
 
-def _was_stopped(timeline: Timeline) -> bool:
-    """Return whether the newest statement of the gateway on itself is that it was stopping."""
+def _end_cause(timeline: Timeline) -> str:
+    """Return why the recordings end; empty: the newest statement of the gateway on itself is that it was stopping."""
+    otherwise = REPAIRED_LATER if names.REPAIRED in timeline.segments[-1].metadata else CUT_OFF
     for segment in reversed(timeline.segments):
         stated = replace(timeline, segments=(segment,)).messages(Selection(None, None, frozenset({"/health"})))
         newest = max(stated, key=lambda message: message.recorded.log_time_ns, default=None)
         if newest is not None:
             content = newest.decode()
-            return isinstance(content, Health) and content.state == "stopping"
-    return False
+            return "" if isinstance(content, Health) and content.state == "stopping" else otherwise
+    return otherwise
 
 
 def _neighbours(
@@ -275,6 +284,8 @@ class RecordVerdict:
     """Those of the sentences that say what differs."""
     alarm: str = ""
     """What differs, in some words above everything else; empty: nothing does."""
+    is_to_newest: bool = False
+    """Later files would have been missed."""
     signed_late_ns: tuple[tuple[int, int], ...] = ()
     """From and to when a gateway that had been cut off signed its last messages at its next start alone, in gateway time."""
 
@@ -284,29 +295,40 @@ class RecordVerdict:
         return " ".join(filter(None, (f"Recordings: {self.label}.", self.scope)))
 
 
-def scope_text(checked: int, given: int) -> str:
+def scope_text(checked: int, given: int, *, is_to_newest: bool) -> str:
     """Return which of the files that were given were checked, as a sentence."""
     if checked == given:
-        return f"Checked: {counted(checked, 'file')}, all that were given; whether others are missing was not."
+        others = "earlier ones" if is_to_newest else "others"
+        return f"Checked: {counted(checked, 'file')}, all that were given; whether {others} are missing was not."
     rest = given - checked
     report = f"the {counted(checked, 'file')} that this report is made from"
     return f"Checked: {report}; the other {rest} {'was' if rest == 1 else 'were'} not."
 
 
 def judge_recordings(
-    paths: Sequence[Path], key: str | None, *, said_by: str = "", refusal: str | None = None
+    paths: Sequence[Path],
+    key: str | None,
+    *,
+    said_by: str = "",
+    refusal: str | None = None,
+    ends_in: Path | None = None,
 ) -> RecordVerdict:
     """Verify the files of a report.
 
-    `key`: the gateway's public key, None: not known; `said_by`: who says that it is the gateway's, as a sentence, empty: who
-    gave it; `refusal`: why the site's CA does not vouch for it, None: it does, or was not asked. Files that are not given cannot
-    be missed: only `record verify` of the whole folder states that none was removed. Raises `RecordingError` where a file cannot
-    be read.
+    `key`: the gateway's public key, None: not known; `said_by`: the key and who says that it is the gateway's, as a sentence;
+    `refusal`: why the site's CA does not vouch for it, None: it does, or was not asked. Files that are not given cannot be
+    missed, but those behind the last one where its folder is given, which `ends_in` names: only `record verify` of the whole
+    folder states that none was removed. Raises `RecordingError` where a file cannot be read.
     """
     try:
-        chain = verify_chain([verify_file(path, key) for path in paths], (), key)
+        chain = verify_chain([verify_file(path, key) for path in paths], (), key, ends_in=ends_in)
     except KeyFileError as error:
         return RecordVerdict("open", "not verified", (f"{error}.",))
+    is_to_newest = ends_in is not None and (ends_in / STATE_NAME).exists()
+    return replace(_judge(chain, key, said_by, refusal), is_to_newest=is_to_newest)
+
+
+def _judge(chain: ChainVerification, key: str | None, said_by: str, refusal: str | None) -> RecordVerdict:
     if all(file.segment is None and file.statement is None for file in chain.files):
         return RecordVerdict(
             "open", "not signed", ("The recordings have no signatures: no change of them can be detected.",)
@@ -325,7 +347,8 @@ def judge_recordings(
         else:
             label, alarm = "THE SITE’S CA DOES NOT VOUCH FOR THEM", "Recordings without a voucher"
         problems = (*found, *([refusal] if refusal else []))
-        return RecordVerdict("differs", label, (*problems, *remarks), problems=problems, alarm=alarm)
+        sentences = (*problems, *filter(None, [said_by]), *remarks)
+        return RecordVerdict("differs", label, sentences, problems=problems, alarm=alarm)
     if not chain.public_keys:
         return RecordVerdict("open", "chained by hashes, not signed", remarks)
     signer = fingerprint(chain.public_keys[0])

@@ -73,7 +73,7 @@ def render_page(
         title=f"Incident report: {', '.join(filter(None, (course.source, evidence.gateway)))}",
         label=": ".join(filter(None, (course.source, label))),
         kind=kind,
-        sentences=summary_sentences(course, incident, facts),
+        sentences=summary_sentences(course, incident, facts, evidence.window.others),
         identity=_identity(evidence),
         timeline=timeline_figure(course, incident, facts),
         details=_figures(evidence, facts),
@@ -202,10 +202,9 @@ def write_report(
         with _new_folder(folder) as partial:
             with (partial / CUT_FILE).open("wb") as stream:
                 evidence = read_evidence(timeline, window, stream, report)
-            verification = replace(
-                verify([source.path for source in evidence.sources]),
-                scope=scope_text(len(evidence.sources), len(timeline.segments)),
-            )
+            verification = verify([source.path for source in evidence.sources])
+            scope = scope_text(len(evidence.sources), len(timeline.segments), is_to_newest=verification.is_to_newest)
+            verification = replace(verification, scope=scope)
             if evidence.course.source:  # nothing simulated is called genuine
                 verification = replace(verification, label=verification.label.removeprefix(GENUINE))
             facts = incident_facts(evidence.course, window.incident, partial / CUT_FILE, smooth)
@@ -226,7 +225,8 @@ def write_report(
                 (partial / Path(name).name).write_bytes(certificate)
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror}); choose another --out") from error
-    return IncidentReport(folder, summary_sentences(evidence.course, window.incident, facts), verification, content)
+    sentences = summary_sentences(evidence.course, window.incident, facts, window.others)
+    return IncidentReport(folder, sentences, verification, content)
 
 
 def _signed_late(course: Course, facts: IncidentFacts, verification: RecordVerdict) -> str:

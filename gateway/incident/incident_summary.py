@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from gateway.documents.format import (
     format_fixed,
     format_limit,
@@ -25,6 +27,8 @@ MAX_SUMMARY_MARKS = 3
 them."""
 MAX_SUMMARY_RESTARTS = 3
 """Restarts in the summary. Basis: as of the marks."""
+MAX_SUMMARY_OTHERS = 3
+"""Other incidents in the summary. Basis: as of the marks."""
 MAX_SUMMARY_RISES = 5
 """Raises to the highest level in the summary. Basis: as of the marks."""
 SAME_TIME_S = 0.05
@@ -47,7 +51,9 @@ SOURCE_SENTENCES = {
 }
 
 
-def summary_sentences(course: Course, incident: AlertIncident | None, facts: IncidentFacts) -> tuple[str, ...]:
+def summary_sentences(
+    course: Course, incident: AlertIncident | None, facts: IncidentFacts, others: Sequence[AlertIncident] = ()
+) -> tuple[str, ...]:
     """Return the sentences in the order in which a reader asks."""
     clock = ReportClock(course)
     return tuple(
@@ -60,6 +66,7 @@ def summary_sentences(course: Course, incident: AlertIncident | None, facts: Inc
             _how_large(clock, incident, facts),
             cause_sentences(clock, facts),
             _when_it_ended(course, clock, incident, facts),
+            _which_others_were(clock, others),
             _which_calibrations_changed(course, clock, facts),
             suspension_texts(course, clock),
             _when_it_was_restarted(course, clock),
@@ -150,6 +157,19 @@ def _which_limits_were_changed(course: Course, clock: ReportClock, incident: Ale
             yield f"Before it, {change.words}{_by_whom(clock, change)}; in force from {clock.both(change.time_s)} on{before}."
 
 
+def _which_others_were(clock: ReportClock, others: Sequence[AlertIncident]) -> Iterator[str]:
+    """Yield the other incidents of the time, and those that stood when the gateway ended or was started."""
+    for each in others[:MAX_SUMMARY_OTHERS]:
+        level = LEVEL_WORDS.get(each.level, "level not recorded")
+        since = f"{clock.time(clock.course.time_s(each.raised_ns))} UTC{' or before' if each.is_raised_before else ''}"
+        until = f"to {clock.time(clock.course.time_s(each.last_ns))} UTC"
+        if each.cleared_ns is None:
+            until = f"last stated at {clock.time(clock.course.time_s(each.last_ns))} UTC, without an end"
+        yield f"Another incident, no. {each.number} ({each.rule}, {level}): from {since} {until}."
+    if len(others) > MAX_SUMMARY_OTHERS:
+        yield f"There are {len(others)} others; record incident --list has all of them."
+
+
 def _which_calibrations_changed(course: Course, clock: ReportClock, facts: IncidentFacts) -> Iterator[str]:
     """Yield what was put in force while the alert stood."""
     for time_s, calibration in course.calibrations[1:]:
@@ -237,12 +257,21 @@ def _not_known(clock: ReportClock, facts: IncidentFacts, angle: KnownAngle) -> l
     texts = {
         "recordings": "a part of the incident is not in the recordings",
         "report": "a part of the incident is outside the time of this report",
-        "end": f"what came after {clock.time(facts.end_s)} is not known",
+        "end": f"what came {_after_the_end(clock, facts.end_s)} is not known",
     }
     if angle.peak is None:
         return [*(texts[each] for each in angle.missing), "it was not known at any time"]
     unknown = f"for {format_fixed(angle.unknown_s, 1)} s of the incident it was not known"
     return [*(texts[each] for each in angle.missing), *([unknown] if angle.unknown_s > GRACE_S else [])]
+
+
+def _after_the_end(clock: ReportClock, end_s: float) -> str:
+    """Return the time behind the end of an incident that has none, until the angle is known again."""
+    motion = clock.course.motion
+    again = motion.time_s[(motion.time_s > end_s) & np.isfinite(motion.angle_deg)]
+    return (
+        f"between {clock.time(end_s)} and {clock.time(float(again[0]))}" if len(again) else f"after {clock.time(end_s)}"
+    )
 
 
 def _limit_text(clock: ReportClock, facts: IncidentFacts, rise: AlertRise, subject: str) -> str:
@@ -344,7 +373,9 @@ def _when_it_ended(
             yield f"The gateway's own words: {printable_text(own, MAX_WORDS_CHARACTERS)}."
     yield from _who_acknowledged(clock, incident, facts)
     for mark in course.marks[:MAX_SUMMARY_MARKS]:
-        yield f"Mark at {clock.both(mark.time_s)}, by {mark.text}."
+        before = facts.begin_s - mark.time_s
+        early = f", {format_fixed(before, 1)} s before the incident" if before > 0 else ""
+        yield f"Mark at {clock.both(mark.time_s)}{early}, by {mark.text}."
 
 
 def _after(course: Course, end_s: float) -> str:

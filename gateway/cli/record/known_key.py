@@ -70,12 +70,16 @@ class KnownKey:
 
     @property
     def said_by(self) -> str:
-        """Who says that it is the gateway's, as a sentence; empty where it was given or none is known."""
-        if self.is_pinned:
-            return "Who made this report heard the key from the gateway at the first contact."
-        if self.given is None and self.vouched is not None and self.vouched.public_key is not None:
-            return f"The site’s CA vouches for the key of {self.vouched.gateway}."
-        return ""
+        """The key, and who says that it is the gateway's, as a sentence; empty where none is known."""
+        if self.public_key is None:
+            return ""
+        if self.given is not None:
+            how = "gave this key, which did not come with the recordings"
+        elif self.is_pinned or self.vouched is None:
+            how = "heard this key from the gateway at the first contact"
+        else:
+            return f"The site’s CA vouches for this key of {self.vouched.gateway}: {self.public_key}."
+        return f"Who made this report {how}: {self.public_key}."
 
 
 def key_of_recordings(given: str | None, ca: Path | None, paths: Sequence[Path]) -> KnownKey:

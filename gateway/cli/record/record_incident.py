@@ -163,13 +163,22 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
     refusal = None if known.vouched is None else known.vouched.refusal
     made = datetime.now(tz=UTC)
     origin = datetime.fromtimestamp((window.origin_ns + timeline.span().wall_offset_ns) / 1e9, tz=UTC)
+    newest = timeline.segments[-1].path
+    given_folders = {path.resolve() for path in arguments.paths if path.is_dir()}
+    is_to_newest = newest.resolve().parent in given_folders
     folder = arguments.out or Path(f"incident-{origin:%Y%m%dT%H%M%SZ}")
     with ProgressBar("reading the incident") as bar:
         written = write_report(
             timeline,
             window,
             folder,
-            verify=lambda paths: judge_recordings(paths, known.public_key, said_by=known.said_by, refusal=refusal),
+            verify=lambda paths: judge_recordings(
+                paths,
+                known.public_key,
+                said_by=known.said_by,
+                refusal=refusal,
+                ends_in=newest.parent if is_to_newest and newest in paths else None,
+            ),
             computed={
                 "Made by": f"plumbline {__version__}",
                 "Made at": f"{made:%Y-%m-%d %H:%M:%S} UTC",

@@ -151,8 +151,11 @@ def verify_chain(
     key: str | None = None,
     heard: Sequence[NewestStatement] = (),
     remembered: Sequence[NewestStatement] = (),
+    ends_in: Path | None = None,
 ) -> ChainVerification:
     """Compare the statements of files with each other; `folders` are given as a whole, from the first to the newest segment.
+
+    `ends_in`: a folder that is given from some segment on to the newest.
 
     `key` is the one with which the files were verified. `heard` is what somebody gives of the gateway's statements, and must be
     here; what this user has `remembered` need not be in an extract. A folder without anything else of a gateway is an extract.
@@ -174,7 +177,7 @@ def verify_chain(
     named = tuple(dict.fromkeys(statement.gateway for _, statement in stated))
     heard, remembered = ([each for each in given if each.gateway in named] for given in (heard, remembered))
     problems += _rewritten(numbered, [*heard, *remembered])
-    states, unproven = _read_states(numbered, folders, problems)
+    states, unproven = _read_states(numbered, [*folders, *filter(None, [ends_in])], problems)
     remarks += unproven
     deletions = _join_deletions([file for file, _ in stated], states, problems)
     proven = max([0, *(state.final_segment for state in states), *(each.segment for each in heard)])

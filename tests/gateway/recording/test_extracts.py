@@ -11,6 +11,7 @@ import pytest
 from gateway.bus.known_gateways import remember_statement
 from gateway.cli.main import main
 from gateway.cli.record.known_key import key_of_recordings
+from gateway.incident.evidence import judge_recordings
 from gateway.messages import NewestStatement
 from gateway.pki.signing_key import read_public_key
 from gateway.recording.chain.chain_state import read_state
@@ -255,3 +256,12 @@ def test_a_ca_that_does_not_vouch_is_said(segments: list[Path], verify: Verify, 
     ca = Site(tmp_path / "keys").folder.path / "ca.pem"
     code, text, _ = verify(segments[0].parent, "--ca", ca)
     assert (code, "the site's CA does not vouch for the key that signed these" in text) == (3, True), text
+
+
+def test_a_report_misses_the_newest_segment_of_a_folder_that_is_given(segments: list[Path], key: str) -> None:
+    folder = segments[0].parent
+    assert judge_recordings(segments[1:], key, ends_in=folder).kind == "genuine"
+    segments[-1].unlink()
+    assert judge_recordings(segments[1:-1], key).kind == "genuine"
+    verdict = judge_recordings(segments[1:-1], key, ends_in=folder)
+    assert (verdict.kind, verdict.problems[0].split(";")[0]) == ("differs", "REMOVED: segment 3 is missing at the end")

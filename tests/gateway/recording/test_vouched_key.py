@@ -155,14 +155,16 @@ def test_a_report_of_an_incident_judges_by_the_same_keys(
 
     ca = site.folder.path / "ca.pem"
     assert judged(None)[0] == "open"
-    assert judged(ca) == ("genuine", f"The site’s CA vouches for the key of {GATEWAY}.")
+    vouched = f"The site’s CA vouches for this key of {GATEWAY}: {vouching.key.public_hex}."
+    assert judged(ca) == ("genuine", vouched)
     site.folder.revoke("crane-2", utc_now())
     kind, why = judged(ca)
     assert kind == "differs"
     assert "revoked" in why
     heard = NewestStatement(gateway=GATEWAY, segment=1, sha256="0" * 64, public_key=vouching.key.public_hex)
     assert remember_statement(heard) is None
-    assert judged(None) == ("genuine", "Who made this report heard the key from the gateway at the first contact.")
+    heard_it = f"Who made this report heard this key from the gateway at the first contact: {vouching.key.public_hex}."
+    assert judged(None) == ("genuine", heard_it)
 
 
 def test_a_file_that_is_no_ca_is_named(
