@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gateway.bench.rotation_turn import IN_PLANE, AxisSine, TurnFit, TurnReadings, fit_turn
-from gateway.calibration.calibration_fit import CalibrationFit, Contribution, FitWarning, WarningKind, assemble_fit
+from gateway.calibration.calibration_fit import CalibrationFit, Contribution, FitWarning, assemble_fit
 from gateway.calibration.pose import Pose
 from gateway.calibration.record import ROTATION, NotDeterminedError
 from gateway.numerics.array import Array
@@ -203,7 +203,7 @@ def _difference_warnings(fits: tuple[TurnFit, ...]) -> list[FitWarning]:
         ):
             if abs(difference) > MAX_TURN_DIFFERENCE * u:
                 text = f"{name} {'xyz'[axis]} differs by {1000 * abs(difference) / one.scale:.2f} mg between the turns"
-                warnings.append(FitWarning(WarningKind.OUTLIER, text))
+                warnings.append(FitWarning(text, is_outlier=True))
     return warnings
 
 
@@ -218,7 +218,7 @@ def _outliers(fits: tuple[TurnFit, ...]) -> list[FitWarning]:
                 f"{fit.readings.source}: the reading at {np.degrees(fit.readings.angle_rad[place]):g} deg stands "
                 f"{1000 * off[place].max() / scale:.1f} mg off its curve; check the angle, and read it again"
             )
-            warnings.append(FitWarning(WarningKind.OUTLIER, text))
+            warnings.append(FitWarning(text, is_outlier=True))
     return warnings
 
 

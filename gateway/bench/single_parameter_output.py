@@ -10,7 +10,7 @@ from gateway.bench.single_parameter import (
     approximation_error,
     relative_angle_u_rad,
 )
-from gateway.calibration.calibration_fit import CalibrationFit, FitWarning, WarningKind, prediction_interval_g
+from gateway.calibration.calibration_fit import CalibrationFit, FitWarning, prediction_interval_g
 from gateway.calibration.record import SINGLE_PARAMETER, FigureSeries, RecordFigure
 from gateway.numerics.array import Array
 
@@ -35,17 +35,17 @@ def as_calibration(fit: SingleParameterFit) -> CalibrationFit:
     u_offset = fit.setup.u_zero_g_offset_g
     u_z_g = float(np.exp(fit.a_z_off_g)) * fit.u_g
     covariance = np.diag([*variance.ravel(), u_offset**2, u_offset**2, u_z_g**2])
-    warnings = [FitWarning(WarningKind.UNCHECKED, NOT_MEASURED)]
+    warnings = [FitWarning(NOT_MEASURED)]
     if abs(fit.a_z_off_g) > PLAUSIBLE_A_G:
         text = (
             f"A_z,off of {1000 * fit.a_z_off_g:.0f} mg is more than offset and scale of a data sheet "
             f"({1000 * PLAUSIBLE_A_G:.0f} mg): one number decides the scale, so measure the distance twice, and check that "
             "displacements are in mm and angles in degrees"
         )
-        warnings.append(FitWarning(WarningKind.OUTLIER, text))
+        warnings.append(FitWarning(text, is_outlier=True))
     if fit.widened > 1:
         text = f"the pairs scatter {fit.widened:.1f} times as much as stated: the uncertainty is enlarged by that"
-        warnings.append(FitWarning(WarningKind.SCATTER, text))
+        warnings.append(FitWarning(text))
     return CalibrationFit(
         method=SINGLE_PARAMETER,
         offset=(0.0, 0.0, float(np.expm1(fit.a_z_off_g))),

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from gateway.calibration.calibration_fit import K_OUTLIER, MAX_CONDITION_NUMBER, CalibrationFit, FitWarning, WarningKind
+from gateway.calibration.calibration_fit import K_OUTLIER, MAX_CONDITION_NUMBER, CalibrationFit, FitWarning
 from gateway.calibration.drift.change import SensorChange, sensor_change
 from gateway.calibration.pose import FACES, PLACEMENT_U_DEG
 from gateway.calibration.record import CalibrationRecord, PoseMethod, content_hash
@@ -58,8 +58,8 @@ class Acceptance(BaseModel):
 
 def judge(fit: CalibrationFit, parent: CalibrationRecord | None) -> Acceptance:
     """Judge a fit by the limits and by its parent, None if there is none."""
-    implausible = [warning.as_record_text() for warning in fit.warnings if warning.kind is WarningKind.OUTLIER]
-    notes = [warning.as_record_text() for warning in fit.warnings if warning.kind is not WarningKind.OUTLIER]
+    implausible = [warning.as_record_text() for warning in fit.warnings if warning.is_outlier]
+    notes = [warning.as_record_text() for warning in fit.warnings if not warning.is_outlier]
     if parent is not None:
         change = change_since(fit, parent)
         implausible += _implausible_changes(change, parent.id)
@@ -98,8 +98,8 @@ def find_changed_readings(new: RecordPoses, old: RecordPoses) -> list[FitWarning
     limit_g = K_OUTLIER * np.sqrt(2) * np.sin(np.radians(PLACEMENT_U_DEG))
     return [
         FitWarning(
-            WarningKind.OUTLIER,
             f"U_{'xyz'[axis]} with {faces[place]} up moved by {change_g[place, axis] * 1000:+.1f} mg, the others did not",
+            is_outlier=True,
         )
         for place, axis in np.argwhere(np.abs(change_g) > limit_g)
     ]

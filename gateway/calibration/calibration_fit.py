@@ -8,7 +8,6 @@ horizontal in the pairs of faces of the two *other* axes. Order and sign are tho
 """
 
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import Any, Literal
 
 import numpy as np
@@ -125,39 +124,17 @@ def misalignment_deg(sensitivity: Array) -> dict[str, list[float]]:
     }
 
 
-class WarningKind(StrEnum):
-    """Subject of a warning."""
-
-    INSTALLED = "installed"
-    """What was learned in service without taking the housing off."""
-    NON_LINEARITY = "non-linearity"
-    """An axis errs between its extremes."""
-    OUTLIER = "outlier"
-    """A reading that the other readings do not explain."""
-    PLACEMENT = "placement"
-    """The faces were placed worse than stated."""
-    SCATTER = "scatter"
-    """The magnitudes scatter more than the noise explains."""
-    THERMAL = "thermal"
-    """What a thermal model was learned from."""
-    UNCHECKED = "unchecked"
-    """There are no more poses than unknowns."""
-    UNUSED_POSES = "unused poses"
-    """Poses on no face."""
-    ZEROING = "zeroing"
-    """Zeroing has removed a sum of two errors, and by how much."""
-
-
 @dataclass(frozen=True, slots=True)
 class FitWarning:
     """A remark on a fit, for the person who decides on the record."""
 
-    kind: WarningKind
     text: str
+    is_outlier: bool = False
+    """A reading that the other readings do not explain: putting the record in force needs a reason."""
 
     def as_record_text(self) -> str:
-        """Return the warning as the record stores it: an outlier with its kind in front, any other as text alone."""
-        return f"{self.kind}: {self.text}" if self.kind is WarningKind.OUTLIER else self.text
+        """Return the warning as the record stores it: an outlier with this word in front."""
+        return f"outlier: {self.text}" if self.is_outlier else self.text
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,6 @@ from gateway.calibration.calibration_fit import (
     CalibrationFit,
     Contribution,
     FitWarning,
-    WarningKind,
     misalignment_deg,
     prediction_interval_g,
     uncertainty_budget,
@@ -272,7 +271,7 @@ def _offer(parent: CalibrationRecord, rows: dict[str, Row], better: Sequence[str
         residual_rms_g=float(parent.residual_rms_g or 0.0),
         condition_number=1.0,
         budget=uncertainty_budget(matrix, contributions),
-        warnings=(FitWarning(WarningKind.INSTALLED, f"in service: {text}; the rest is the parent's"),),
+        warnings=(FitWarning(f"in service: {text}; the rest is the parent's"),),
         thermal=parent.thermal,
     )
 

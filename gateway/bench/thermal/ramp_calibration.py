@@ -15,7 +15,7 @@ import numpy as np
 from gateway.bench.thermal.ramp import Ramp, read_ramp
 from gateway.bench.thermal.ramp_regression import AxisRegression, Cause, RampRegression, fit_ramps
 from gateway.calibration.calibrate_files import estimate_sensitivity
-from gateway.calibration.calibration_fit import CalibrationFit, FitWarning, WarningKind
+from gateway.calibration.calibration_fit import CalibrationFit, FitWarning
 from gateway.calibration.input_files import FileReadings
 from gateway.calibration.methods.six_position import fit_six_positions
 from gateway.calibration.pose import FACES
@@ -178,7 +178,7 @@ def _find_disagreement(ramps: Sequence[Ramp], regression: RampRegression) -> Fit
         f"the ramps disagree by {1000 * drift_g:.1f} mg in {AXES[axis]}, {worst.path} most: its temperatures are in another unit "
         "(°F), its sensor is another one or has slipped; take it again"
     )
-    return FitWarning(WarningKind.OUTLIER, text)
+    return FitWarning(text, is_outlier=True)
 
 
 def _shared_range(ramps: Sequence[Ramp]) -> tuple[float, float]:

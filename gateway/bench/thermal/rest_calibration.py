@@ -13,7 +13,7 @@ import numpy as np
 from gateway.bench.thermal.hysteresis import NUMBERS, PRIOR_PLAY_G, Explanation, explain, mean_over, play_forms
 from gateway.bench.thermal.ramp import AVERAGE_S, element_c
 from gateway.bench.thermal.slow_noise import NoiseGrid, RecordingCoefficients, System, block_means
-from gateway.calibration.calibration_fit import CalibrationFit, FitWarning, WarningKind
+from gateway.calibration.calibration_fit import CalibrationFit, FitWarning
 from gateway.calibration.correction import ZERO_G_OFFSET_LIMIT_G_PER_K
 from gateway.calibration.input_files import FileReadings
 from gateway.calibration.record import THERMAL_REST, CalibrationError, CalibrationRecord, NotDeterminedError
@@ -291,6 +291,6 @@ def _with_model(parent: CalibrationRecord, model: ThermalModel, coefficient: Res
         residual_rms_g=float(parent.residual_rms_g or 0.0),
         condition_number=1.0,
         budget=tuple(entry.model_dump() for entry in parent.budget),
-        warnings=(FitWarning(WarningKind.THERMAL, text),),
+        warnings=(FitWarning(text),),
         thermal=model.model_dump(mode="json"),
     )

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gateway.calibration.calibration_fit import CalibrationFit, Contribution, FitWarning, WarningKind, assemble_fit
+from gateway.calibration.calibration_fit import CalibrationFit, Contribution, FitWarning, assemble_fit
 from gateway.calibration.methods.experiment_design import condition_number, require_well_conditioned
 from gateway.calibration.pose import Pose
 from gateway.calibration.record import CalibrationRecord, NotDeterminedError, PoseMethod
@@ -219,7 +219,7 @@ def _find_outlier(solution: _Solution, u: Array) -> int | None:
 
 def _outlier_warning(place: int, residual_g: float) -> FitWarning:
     off = f"pose {place + 1} reads {1000 * residual_g:+.1f} mg off |m| = 1 of the others"
-    return FitWarning(WarningKind.OUTLIER, f"{off}: not used; it moved, or is of another part")
+    return FitWarning(f"{off}: not used; it moved, or is of another part", is_outlier=True)
 
 
 def _check_scatter(solution: _Solution, u: Array) -> tuple[float, list[FitWarning]]:
@@ -227,14 +227,14 @@ def _check_scatter(solution: _Solution, u: Array) -> tuple[float, list[FitWarnin
     freedom = len(u) - N_PARAMETERS
     if freedom < 1:
         text = "nine poses for nine unknowns: nothing checks the fit; one more pose would"
-        return 1.0, [FitWarning(WarningKind.UNCHECKED, text)]
+        return 1.0, [FitWarning(text)]
     norm_u = np.maximum(np.linalg.norm(solution.gradient * u, axis=1), MIN_U_G)
     chi_square = float(np.sum((solution.residual / norm_u) ** 2))
     if chi_square <= chi_square_quantile(CHANCE_LEVEL, freedom):
         return 1.0, []
     ratio = float(np.sqrt(chi_square / freedom))
     text = f"the norms scatter {ratio:.1f} times as much as the noise explains; the uncertainties are widened by it"
-    return ratio, [FitWarning(WarningKind.SCATTER, text)]
+    return ratio, [FitWarning(text)]
 
 
 def _contributions(

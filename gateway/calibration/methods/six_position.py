@@ -18,7 +18,6 @@ from gateway.calibration.calibration_fit import (
     CalibrationFit,
     Contribution,
     FitWarning,
-    WarningKind,
     assemble_fit,
     total_covariance,
 )
@@ -57,7 +56,7 @@ def find_outliers(poses: tuple[Pose, ...], residual_g: Array, u_g: Array) -> lis
         text = f"U_{'xyz'[axis]} stands {residual_g[pose, axis] * 1000:.1f} mg off the other positions"
         faces.setdefault(text, []).append(str(poses[pose].face))
     return [
-        FitWarning(WarningKind.OUTLIER, f"{text} with {' or '.join(names)} up; lay that face again")
+        FitWarning(f"{text} with {' or '.join(names)} up; lay that face again", is_outlier=True)
         for text, names in faces.items()
     ]
 
@@ -167,11 +166,11 @@ def fit_six_positions(poses: tuple[Pose, ...], placement_u_deg: float = PLACEMEN
         placement_rad *= np.sqrt(ratio)
         stated, assumed = f"{placement_u_deg:g} deg", f"{np.degrees(placement_rad):.2f} deg"
         text = f"the faces lay worse than the {stated} stated: {assumed} is reckoned with"
-        warnings.append(FitWarning(WarningKind.PLACEMENT, text))
+        warnings.append(FitWarning(text))
         readings = _face_readings(used, sensitivity, placement_rad)
     if len(poses) > len(used):
         text = f"{len(poses) - len(used)} poses lay on no face and were not used"
-        warnings.append(FitWarning(WarningKind.UNUSED_POSES, text))
+        warnings.append(FitWarning(text))
     return _affine_fit(poses, used, readings, projections, parameters, warnings)
 
 
@@ -230,7 +229,7 @@ def _affine_fit(
         contributions = (*contributions, non_linearity_contribution(found, matrix))
         if found.is_significant:
             text = f"non-linear between the faces: {found.describe()}; not corrected, in the budget"
-            warnings.append(FitWarning(WarningKind.NON_LINEARITY, text))
+            warnings.append(FitWarning(text))
     residual_g = (readings.mean - offset) @ matrix.T - readings.up
     return assemble_fit(
         PoseMethod.SIX_POSITION.value,

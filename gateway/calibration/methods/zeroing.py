@@ -12,7 +12,6 @@ from gateway.calibration.calibration_fit import (
     CalibrationFit,
     Contribution,
     FitWarning,
-    WarningKind,
     misalignment_deg,
     prediction_interval_g,
     total_covariance,
@@ -81,8 +80,8 @@ def zero_in_place(
         condition_number=1.0,
         budget=uncertainty_budget(zeroed, contributions),
         warnings=(
-            FitWarning(WarningKind.ZEROING, SUM_WARNING),
-            FitWarning(WarningKind.ZEROING, _removed_angles_text(matrix, offset, mean, housing_from_sensor)),
+            FitWarning(SUM_WARNING),
+            FitWarning(_removed_angles_text(matrix, offset, mean, housing_from_sensor)),
         ),
         thermal=parent.thermal,
     )

@@ -12,7 +12,7 @@ import pytest
 
 from devices.simulated.accelerometer import Accelerometer, factory_calibration, no_errors
 from gateway.calibration.acceptance import change_since, judge, make_record
-from gateway.calibration.calibration_fit import CalibrationFit, FitWarning, WarningKind, prediction_interval_g
+from gateway.calibration.calibration_fit import CalibrationFit, FitWarning, prediction_interval_g
 from gateway.calibration.methods.six_position import fit_six_positions
 from gateway.calibration.pose import FACE_DIRECTIONS, Pose
 from gateway.calibration.record import CalibrationRecord
@@ -84,7 +84,7 @@ def test_a_rotated_sensor_requires_a_reason() -> None:
 
 
 def test_an_outlier_requires_a_reason_and_other_warnings_are_notes() -> None:
-    warnings = (FitWarning(WarningKind.OUTLIER, "U_x"), FitWarning(WarningKind.SCATTER, "something else"))
+    warnings = (FitWarning("U_x", is_outlier=True), FitWarning("something else"))
     acceptance = judge(replace(make_fit(), warnings=warnings), None)
     assert acceptance.implausible == ("outlier: U_x",)
     assert acceptance.notes == ("something else",)

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 from gateway.calibration.acceptance import make_record
-from gateway.calibration.calibration_fit import CalibrationFit, FitWarning, WarningKind
+from gateway.calibration.calibration_fit import CalibrationFit, FitWarning
 from gateway.calibration.methods.zeroing import SUM_WARNING, zero_in_place, zeroing_rotation
 from gateway.calibration.pose import RawReadings
 from gateway.calibration.record import CalibrationError, CalibrationRecord, NotDeterminedError
@@ -62,7 +62,7 @@ def test_the_mean_points_along_the_rope_after_zeroing(housing_from_sensor: Array
     np.testing.assert_allclose(housing, [0, 0, 1], atol=3e-4)
     assert fit.method == "zero"
     assert fit.offset == (20.0, -10.0, 5.0)
-    assert fit.warnings[0] == FitWarning(WarningKind.ZEROING, SUM_WARNING)
+    assert fit.warnings[0] == FitWarning(SUM_WARNING)
     assert "removed pitch +2.0" in fit.warnings[1].text
     assert "roll -3.0" in fit.warnings[1].text
 
