@@ -14,7 +14,7 @@ from typing import Any
 
 import pyarrow as pa
 
-from gateway.archive.rows import RECORDINGS, RESULTS, ResultRow
+from gateway.archive.rows import RECORDINGS, RESULTS, ResultRow, row_of
 from gateway.archive.tables import Archive, partition_of, row_places, select, sql_in, table_of
 from gateway.archive.tasks import PROCESSES, Task, TaskKind, TaskLimits, TaskOutcome, plan_tasks, run_task
 from gateway.calibration.record import CalibrationRecord
@@ -160,19 +160,15 @@ def _write(archive: Archive, outcomes: Sequence[tuple[Task, TaskOutcome]]) -> No
 
 def _row(task: Task, outcome: TaskOutcome) -> pa.Table:
     first = task.origin
-    row = ResultRow(
+    row = row_of(
+        ResultRow,
+        outcome,
         gateway_time_ns=first.row.gateway_time_ns,
         kind=task.kind,
         task=task.id,
         software=task.software,
-        state=outcome.state,
-        verdict=outcome.verdict,
-        reason=outcome.reason,
-        content=outcome.content,
         recordings=len(task.files),
         subject=task.subject,
         calibration=None if task.calibration is None else task.calibration.id,
-        attempts=outcome.attempts,
-        duration_s=outcome.duration_s,
     )
     return table_of(RESULTS, [row], first, first.utc_ns - first.row.gateway_time_ns)

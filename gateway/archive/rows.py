@@ -6,9 +6,14 @@ Who acknowledged an alert stays in the signed recording; who calibrated is in th
 
 from dataclasses import dataclass, fields
 from types import NoneType, UnionType
-from typing import Any, Literal, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args, get_type_hints
 
 import pyarrow as pa
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+Row = TypeVar("Row", bound="DataclassInstance")
 
 Trust = Literal["verified", "consistent", "unsigned", "refused"]
 """verified: signed with the gateway's key, known from elsewhere; consistent: with a key that stands in the recording alone;
@@ -189,6 +194,12 @@ class RecordingRow:
     """Messages and records that cannot be read."""
     nameless: str | None = ""
     """When, by whom and why the names of people were taken out of its rows; empty: they were not; None: of an older version."""
+
+
+def row_of(kind: type[Row], source: object, /, **own: Any) -> Row:
+    """Return a row that takes the columns that are not given from the fields of a source with the same names."""
+    taken = (each.name for each in fields(kind) if each.name not in own)
+    return kind(**own, **{name: getattr(source, name) for name in taken})
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ from gateway.archive.rows import (
     MotionMinute,
     MotionSecond,
     SwingRow,
+    row_of,
 )
 from gateway.messages import Alert, Calibration, ClockOffset, Condition, Health, Motion, Swing
 from gateway.numerics.stats import NORMAL_975
@@ -109,15 +110,7 @@ class _SegmentReader:
             return SegmentRows(self._rows, 0, 0, 0, losses)
         self._rows["minutes"] = _minutes(self._rows["motion"], summary.wall_offset_ns)
         self._rows["alerts"] = _alerts(summary)
-        self._rows["clock"] = [
-            ClockRow(
-                gateway_time_ns=each.log_time_ns,
-                quality=each.quality,
-                wall_offset_ns=each.wall_offset_ns,
-                stepped=each.stepped,
-            )
-            for each in summary.clock
-        ]
+        self._rows["clock"] = [row_of(ClockRow, each, gateway_time_ns=each.log_time_ns) for each in summary.clock]
         return SegmentRows(self._rows, summary.wall_offset_ns, summary.from_ns, summary.to_ns, losses)
 
     def _end_second(self) -> None:
@@ -145,15 +138,7 @@ class _SegmentReader:
         """Keep the largest estimate of each period: the topic has three of the same swing."""
         if not message.swinging or message.phi_max_deg is None:
             return
-        found = SwingRow(
-            gateway_time_ns=time_ns,
-            phi_max_deg=message.phi_max_deg,
-            u_deg=message.u_deg,
-            azimuth_deg=message.azimuth_deg,
-            lean_deg=message.lean_deg,
-            period_s=message.period_s,
-            calibration_id=message.calibration_id,
-        )
+        found = row_of(SwingRow, message, gateway_time_ns=time_ns)
         if self._swing is not None:
             period_s = max(self._swing.period_s or LEAST_PERIOD_S, LEAST_PERIOD_S)
             if time_ns - self._swing_from_ns < period_s * NS_PER_S:
@@ -182,15 +167,8 @@ class _SegmentReader:
             return
         if before is not None:
             self._rows["conditions"].append(before)
-        self._span = ConditionRow(
-            gateway_time_ns=time_ns,
-            duration_s=0.0,
-            verdict=message.verdict,
-            cause=message.cause,
-            trusted=message.trusted,
-            validity=self._validity,
-            reason=reason,
-        )
+        said = {"validity": self._validity, "reason": reason}
+        self._span = row_of(ConditionRow, message, gateway_time_ns=time_ns, duration_s=0.0, **said)
 
     def _add_health(self, time_ns: int, message: Health) -> None:
         """Keep the last message of each minute."""
@@ -200,26 +178,13 @@ class _SegmentReader:
         drift = message.drift or {}
         error_mg = drift.get("norm_error_mg")
         rows.append(
-            HealthRow(
+            row_of(
+                HealthRow,
+                message,
                 gateway_time_ns=time_ns,
-                state=message.state,
-                device_id=message.device_id,
-                device_kind=message.device_kind,
-                software=message.software,
-                uptime_s=message.uptime_s,
-                measured_rate_hz=message.measured_rate_hz,
-                samples=message.samples,
-                lost=message.lost,
-                invalid=message.invalid,
                 faults=sum(message.faults.values()),
                 standing_faults=", ".join(sorted(message.standing_faults)),
                 dropped=sum(message.dropped.values()),
-                recording_error=message.recording_error,
-                disk_free_mb=message.disk_free_mb,
-                cpu_percent=message.cpu_percent,
-                resident_mb=message.resident_mb,
-                battery_percent=message.battery_percent,
-                signal_dbm=message.signal_dbm,
                 drift_state=None if drift.get("state") is None else str(drift["state"]),
                 drift_norm_error_mg=float(error_mg) if isinstance(error_mg, int | float) else None,
             )
@@ -230,15 +195,8 @@ class _SegmentReader:
         if key == self._calibration:
             return
         self._calibration = key
-        self._rows["calibrations"].append(
-            CalibrationRow(
-                gateway_time_ns=time_ns,
-                status=message.status,
-                calibration_id=message.calibration_id,
-                device_id=message.device_id,
-                record=msgspec.json.encode(message.record).decode() if message.record else "",
-            )
-        )
+        record = msgspec.json.encode(message.record).decode() if message.record else ""
+        self._rows["calibrations"].append(row_of(CalibrationRow, message, gateway_time_ns=time_ns, record=record))
 
 
 def _minutes(seconds: Sequence[MotionSecond], wall_offset_ns: int) -> list[MotionMinute]:
@@ -264,18 +222,11 @@ def _minute(time_ns: int, seconds: Sequence[MotionSecond], wall_offset_ns: int) 
 
 def _alerts(summary: SegmentSummary) -> list[AlertRow]:
     return [
-        AlertRow(
+        row_of(
+            AlertRow,
+            each,
             gateway_time_ns=each.from_utc_ns - summary.wall_offset_ns,
-            incident=each.incident,
-            rule=each.rule,
-            level=each.level,
             end_utc=each.to_utc_ns,
-            is_raised_before=each.is_raised_before,
-            ended=each.ended,
-            largest_deg=each.largest_deg,
-            largest_upper_deg=each.largest_upper_deg,
-            limit_deg=each.limit_deg,
-            is_corrected=each.is_corrected,
             is_acknowledged=each.acknowledged_by is not None,
         )
         for each in join_alerts([("", summary)])
