@@ -74,16 +74,7 @@ SOURCE_CODES: dict[str, Code] = {
     "replay": Code(3, "a recording"),
 }
 """Definition: the numbers that stand for these words."""
-STATED: dict[GatewayState, PlantState] = {
-    GatewayState.FINE: PlantState.FINE,
-    GatewayState.NOT_KNOWN: PlantState.NOT_KNOWN,
-    GatewayState.UNCALIBRATED: PlantState.UNCALIBRATED,
-    GatewayState.NOT_AUTHENTICATED: PlantState.NOT_AUTHENTICATED,
-    GatewayState.SUSPENDED: PlantState.SUSPENDED,
-    GatewayState.SENSOR_GONE: PlantState.SENSOR_GONE,
-    GatewayState.GATEWAY_GONE: PlantState.GATEWAY_GONE,
-    GatewayState.LINK_GONE: PlantState.LINK_GONE,
-}
+STATED = {state: PlantState(state) for state in GatewayState}
 """The words of the bus, which this list extends."""
 UNHEARD = (
     PlantState.NO_DATA,
