@@ -1,6 +1,7 @@
 """The drift monitor of the record in force. The pipeline feeds it at rest; it evaluates the readings once an hour."""
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ class DriftMonitor:
         self._rest = rest_monitor
         self._hour: int | None = None
         self._status = None if rest_monitor is None else judge_at_rest(rest_monitor)
-        self.status_json: dict[str, Any] | None = None if self._status is None else self._status.as_json()
+        self.status_json: dict[str, Any] | None = None if self._status is None else asdict(self._status)
         """The content of the health message; None: nothing is monitored."""
         self.has_unsaved_readings = False
         """Readings have come since the last call of `dump_state`."""
@@ -48,7 +49,7 @@ class DriftMonitor:
         if (hour := utc_ns // NS_PER_HOUR) != self._hour:
             self._hour = hour
             self._status = judge_at_rest(self._rest)
-            self.status_json = self._status.as_json()
+            self.status_json = asdict(self._status)
 
     def dump_state(self) -> dict[str, Any] | None:
         """Return the state from which a restart continues; None where nothing is monitored."""

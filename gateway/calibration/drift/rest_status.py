@@ -1,7 +1,6 @@
 """Status of the drift monitor at rest, as the `health` message reports it."""
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -45,10 +44,6 @@ class RestStatus:
     shows: str
     """Which errors rest in this pose shows, and which it does not."""
     reasons: tuple[str, ...]
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the status as the health message contains it."""
-        return asdict(self)
 
 
 def judge_at_rest(monitor: RestDriftMonitor) -> RestStatus:
