@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 EXAMPLE = """examples:
   plumbline simulate rig.toml --out log.csv --effect viscous_damping
-  plumbline simulate rig.toml --out log.mcap --effect wind_gust:accel_m_s2=0.3,0.1:start_s=40 --duration 180 --seed 7
+  plumbline simulate rig.toml --out log.mcap --effect wind_gust:accel_m_s2=0.3,0.1:start_s=20 --duration 60 --seed 7
   plumbline simulate rig.toml --out log.csv --initial tilt_x_deg=8 rate_y_deg_s=1
   plumbline simulate rig.toml --out log.csv --effects-from my_effects.py --effect my_effect"""
 FORMATS = (".csv", ".mcap")

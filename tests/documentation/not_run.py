@@ -25,6 +25,17 @@ BY_SECTION = {
     "docs/development/add_an_effect.md#2. Simulate it": "run by tests/gateway/twin/test_user_effects.py",
     "docs/development/add_an_effect.md#3. Find it in a recording": "run by tests/gateway/twin/test_user_effects.py",
 }
+ELSEWHERE = {
+    "README.md": {
+        "plumbline record replay": "docs/guides/investigator/recordings.md",
+        "plumbline measure phone.csv": "docs/guides/investigator/read_other_recordings.md",
+        "plumbline reconcile log.csv": "docs/guides/investigator/twin.md",
+    },
+    "docs/guides/integrator/plc_codesys.md": {"plumbline bridge modbus": "docs/guides/integrator/plant.md"},
+    "docs/guides/integrator/plc_siemens_s7.md": {"plumbline bridge modbus": "docs/guides/integrator/plant.md"},
+    "docs/guides/service/installation.md": {"plumbline doctor": "README.md"},
+}
+"""Beginnings of commands by page, each with the page on which the same command is run, on files of the same kind."""
 
 
 def parts_to_run(command: Command, section: str) -> list[str]:
@@ -33,4 +44,5 @@ def parts_to_run(command: Command, section: str) -> list[str]:
         return []
     first, *others = command.text.split(" && sudo ")
     parts = [first, *(f"sudo {other}" for other in others)]
-    return [part for part in parts if not part.startswith(tuple(BY_BEGINNING))]
+    elsewhere = ELSEWHERE.get(section.partition("#")[0], {})
+    return [part for part in parts if not part.startswith((*BY_BEGINNING, *elsewhere))]

@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from collections.abc import Iterable
 from itertools import groupby
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 from gateway.cli.main import parser
 from tests.command_lines import command_words
 from tests.documentation.examples import ROOT, Command, is_as_shown, pages, sections
-from tests.documentation.not_run import BY_BEGINNING, BY_SECTION, parts_to_run
+from tests.documentation.not_run import BY_BEGINNING, BY_SECTION, ELSEWHERE, parts_to_run
 from tests.documentation.reader import Reader
 from tests.documentation.worlds import WORLDS, World, world_of
 
@@ -63,6 +64,21 @@ def test_what_is_not_run_is_listed_for_a_command_that_is_printed() -> None:
     assert set(WORLDS) - places == set()
 
 
+def test_what_is_run_elsewhere_is_printed_there_in_the_same_words() -> None:
+    def typed(commands: Iterable[Command]) -> set[str]:
+        return {command.text.partition(" #")[0].strip() for command in commands}
+
+    for page, beginnings in ELSEWHERE.items():
+        shown = typed(command for name, *_, command in printed() if name.startswith(f"{page}#"))
+        for beginning, place in beginnings.items():
+            here = {text for text in shown if text.startswith(beginning)}
+            run = typed(
+                each for name, (_, several) in readings().items() if name.startswith(f"{place}#") for each in several
+            )
+            assert here, beginning
+            assert here <= run
+
+
 def test_what_is_not_run_names_files_that_exist() -> None:
     for *_, command in printed():
         named = [word for word in command.text.split() if word.startswith(PATHS_OF_THE_CHECKOUT)]
@@ -72,14 +88,14 @@ def test_what_is_not_run_names_files_that_exist() -> None:
 @pytest.mark.slow
 def test_every_command_in_a_text_is_understood(capsys: pytest.CaptureFixture[str]) -> None:
     """Those between backquotes, which may leave out what they are given, and those in blocks that are not run."""
-    refused = []
+    refused, whole = [], parser()
     for page in pages():
         quoted = re.findall(r"`([^`\n]+)`", re.sub(r"^ *```.*?^ *```", "", page.read_text(), flags=re.M | re.S))
         blocks = [command.text.replace("\\\n", " ") for commands in sections(page).values() for command in commands]
         for part in (part for text in [*quoted, *blocks] for part in text.split(" && ") if PLUMBLINE.match(part)):
             words = command_words(PLUMBLINE.sub("plumbline ", part, count=1))
             try:
-                parser().parse_args(words[1:])
+                whole.parse_args(words[1:])
             except SystemExit as ended:
                 said = capsys.readouterr().err
                 cut_short = part in quoted and "the following arguments are required" in said
