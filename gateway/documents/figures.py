@@ -76,7 +76,7 @@ def _extreme_places(values: Array) -> NDArray[np.intp]:
     """Return the places of minimum, maximum and the first NaN."""
     unknown = np.isnan(values)
     if not unknown.any():
-        return np.unique([values.argmin(), values.argmax()])
+        return np.array(sorted({int(values.argmin()), int(values.argmax())}))
     extremes = [] if unknown.all() else [int(np.nanargmin(values)), int(np.nanargmax(values))]
     return np.unique([int(unknown.argmax()), *extremes])
 
