@@ -24,7 +24,7 @@ from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
 from tests.gateway.motion.conftest import GRAVITY_M_S2
 
-BIN_S, BINS, RUNS = 0.1, 50, 80
+BIN_S, BINS, RUNS = 0.1, 50, 40
 UNKNOWN_BINS = 5
 NOISE_G = 1e-3
 """Of a bin; the filter's allowance for what its equations leave out is small beside it."""
