@@ -15,9 +15,9 @@ from tests.working_crane.real.write import COLUMNS
 
 pytestmark = pytest.mark.slow
 
-NUMBERS = {"a": (0, 1), "b": (0, 1, 2), "c": (0, 7, 2), "d": (3, 1, 2), "e": (0,), "f": (0, 1, 2), "g": (4, 1, 2, 3)}
-NUMBERS |= {"h": (0, 1, 2, 3), "i": (0, 1, 2)}
-"""One of each variant. Most have an angle in range at the first draw; the first two of kind h are drawn again."""
+NUMBERS = {"a": (0, 1), "b": (0, 1, 2), "c": (0, 7, 2), "d": (3, 1, 2), "e": (0,), "f": (0, 1, 2), "g": (0, 1, 2, 3)}
+NUMBERS |= {"h": (40, 9, 2, 3), "i": (0, 1, 2)}
+"""One of each variant. They have an angle in range at the first draw; the first of kind g is drawn again."""
 DURATION_S = {"h": 60.0}
 """Of a recording; 40 s of the others, which show a drive."""
 
