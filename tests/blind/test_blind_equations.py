@@ -11,7 +11,7 @@ from tests.blind.cases import generate
 from tests.blind.plan import Plan
 
 RESULTS = Path(__file__).parent / "results"
-LENGTHS_S = {"log": 45.0, "held_out": 30.0}
+LENGTHS_S = {"log": 36.0, "held_out": 24.0}
 SEED = 7132
 
 

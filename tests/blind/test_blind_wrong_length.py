@@ -22,7 +22,7 @@ from tests.blind.rigid_pendulum import GRAVITY_M_S2, RigidPendulum, simulate
 pytestmark = pytest.mark.slow
 
 NOISE_G = 1e-3
-PERIODS, SAMPLES_PER_PERIOD = 18, 30
+PERIODS, SAMPLES_PER_PERIOD = 14, 30
 
 
 @dataclass(frozen=True)
