@@ -31,15 +31,10 @@ def swing(
     return make_observations(time_s, force_g, None, np.array(rig.noise_g))
 
 
-def make_recording(
-    effects: EffectValues, name: str = "log", memory: float = 0.0, seed: int = 1, share: float = 1.0
-) -> Observations:
-    """Return a recording with these effects; the noise is a process of first order with this memory.
-
-    `share` is that of the usual duration, for what shows sooner.
-    """
+def make_recording(effects: EffectValues, name: str = "log", memory: float = 0.0, seed: int = 1) -> Observations:
+    """Return a recording with these effects; the noise is a process of first order with this memory."""
     rng = np.random.default_rng([seed, len(name)])
-    time_s = np.arange(0, share * DURATIONS_S[name], 1 / RATE_HZ)
+    time_s = np.arange(0, DURATIONS_S[name], 1 / RATE_HZ)
     simulator = Simulator(RIG, sorted(effects))
     force_g = simulator.predict(simulator.values([*INITIAL_STATES[name], 0.0], effects), time_s)
     noise = rng.normal(size=force_g.shape)
@@ -65,10 +60,8 @@ def record() -> Callable[..., Observations]:
 
 @pytest.fixture
 def loaded() -> Callable[..., CheckedRecording]:
-    def make(
-        effects: EffectValues, name: str = "log", memory: float = 0.0, seed: int = 1, share: float = 1.0
-    ) -> CheckedRecording:
-        observations = make_recording(effects, name, memory, seed, share)
+    def make(effects: EffectValues, name: str = "log", memory: float = 0.0, seed: int = 1) -> CheckedRecording:
+        observations = make_recording(effects, name, memory, seed)
         return CheckedRecording(observations, None, {"read": len(observations.time_s)}, observations.time_s)
 
     return make

@@ -186,7 +186,7 @@ def test_a_best_set_below_the_noise_bars_no_other() -> None:
 def test_causes_that_every_rig_has_are_named_beside_a_remainder(
     model: Model, loaded: Callable[..., CheckedRecording]
 ) -> None:
-    log, held_out = (with_remainder(loaded(OF_A_REAL_RIG, name, share=0.7), 1.5e-3) for name in ("log", "held_out"))
+    log, held_out = (with_remainder(loaded(OF_A_REAL_RIG, name), 1.5e-3) for name in ("log", "held_out"))
     found = reconcile(model, log, held_out)
 
     assert found.verdict in ("named_with_remainder", "one_of")
@@ -199,7 +199,7 @@ def test_causes_that_every_rig_has_are_named_beside_a_remainder(
 def test_causes_that_every_rig_has_do_not_imitate_what_is_unknown(
     model: Model, loaded: Callable[..., CheckedRecording]
 ) -> None:
-    log, held_out = (with_remainder(loaded({}, name, share=0.7), 4e-3) for name in ("log", "held_out"))
+    log, held_out = (with_remainder(loaded({}, name), 4e-3) for name in ("log", "held_out"))
     found = reconcile(model, log, held_out)
 
     assert found.verdict == "unmodelled"
