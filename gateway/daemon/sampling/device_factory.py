@@ -8,8 +8,6 @@ import math
 import subprocess
 from collections.abc import Callable
 from functools import partial
-from importlib import import_module
-from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 from devices.clock import Clock
@@ -136,23 +134,75 @@ def _make_combined(device: SingleAxisDevice, block: int, clock: Clock) -> Device
     return CombinedAxes(axes, odr_hz=device.odr_hz, serial=device.serial)
 
 
-def _by_keys(place: str) -> "Maker":
-    """Return what makes a device by `module:function` in `devices`, whose parameters have the names of the section's keys."""
-    module, name = place.split(":")
-
-    def make(device: DeviceSection, block: int, clock: Clock) -> Device:
-        function = getattr(import_module(f"devices.{module}"), name)
-        taken = signature(function).parameters
-        keys = {key: value for key, value in device if key in taken}
-        made: Device = function(**keys | {"block_samples": block, "clock": clock})
-        return made
-
-    return make
-
-
 def _make_iio(device: IioDevice, block: int, clock: Clock) -> Device:
-    polled, buffered = "iio.polled:PolledIioAccelerometer", "iio.accelerometer:IioAccelerometer"
-    return _by_keys(polled if device.mode == "polled" else buffered)(device, block, clock)
+    if device.mode == "polled":
+        from devices.iio.polled import PolledIioAccelerometer
+
+        return PolledIioAccelerometer(
+            device.name,
+            clock=clock,
+            odr_hz=device.odr_hz,
+            range_g=device.range_g,
+            block_samples=block,
+            serial=device.serial,
+        )
+    from devices.iio.accelerometer import IioAccelerometer
+
+    return IioAccelerometer(
+        device.name,
+        clock=clock,
+        odr_hz=device.odr_hz,
+        range_g=device.range_g,
+        trigger=device.trigger,
+        block_samples=block,
+        serial=device.serial,
+    )
+
+
+def _make_witmotion(device: WitMotionDevice, block: int, clock: Clock) -> Device:
+    from devices.serial.witmotion import open_witmotion
+
+    return open_witmotion(
+        device.port,
+        device.baud,
+        clock=clock,
+        odr_hz=device.odr_hz,
+        frames=device.frames,
+        block_samples=block,
+        serial=device.serial,
+    )
+
+
+def _make_node(device: NodeDevice, block: int, clock: Clock) -> Device:
+    from devices.serial.node import open_node
+
+    return open_node(
+        device.port,
+        device.baud,
+        node=device.node,
+        clock=clock,
+        odr_hz=device.odr_hz,
+        range_g=device.range_g,
+        block_samples=block,
+        serial=device.serial,
+    )
+
+
+def _make_aspp(device: AsppDevice, block: int, clock: Clock) -> Device:
+    from devices.serial.aspp import open_aspp
+
+    return open_aspp(
+        device.port,
+        device.baud,
+        node=device.node,
+        clock=clock,
+        range_g=device.range_g,
+        odr_hz=device.odr_hz,
+        channels=device.channels,
+        units_per_g=device.units_per_g,
+        block_samples=block,
+        serial=device.serial,
+    )
 
 
 def _make_replay(device: ReplayDevice, block: int, clock: Clock) -> Device:
@@ -167,9 +217,9 @@ _MAKERS: dict[type[DeviceSection], Maker] = {
     Ads1115Device: _make_ads1115,
     IioDevice: _make_iio,
     SingleAxisDevice: _make_combined,
-    WitMotionDevice: _by_keys("serial.witmotion:open_witmotion"),
-    NodeDevice: _by_keys("serial.node:open_node"),
-    AsppDevice: _by_keys("serial.aspp:open_aspp"),
+    WitMotionDevice: _make_witmotion,
+    NodeDevice: _make_node,
+    AsppDevice: _make_aspp,
     ReplayDevice: _make_replay,
 }
 """What makes the devices of a section. The simulated crane also wants the rest of the configuration, and others are plugins."""
