@@ -287,4 +287,5 @@ def _read_alerts(timeline: Timeline, report: ReportProgress, hidden: list[str]) 
 
 
 def _is_eventful(state: AlertState) -> bool:
-    return state.event != "standing" or any(active.level in ("warn", "trip") for active in state.active)
+    stands = (active.level in ("warn", "trip") or active.incident is not None for active in state.active)
+    return state.event != "standing" or any(stands)
