@@ -1,15 +1,25 @@
 """Alerts from raised to cleared, over segments."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, Literal
 
 import pytest
 
 from gateway.alert_periods import AlertState
+from gateway.incident.incident_selection import read_incidents
 from gateway.messages import ActiveAlert, Level
+from gateway.pipeline.outgoing_message import encode_message
+from gateway.recording.chain.segment_chain import SegmentChain
+from gateway.recording.format.content import RecordingHeader
 from gateway.recording.format.segment_summary import SegmentSummary
 from gateway.recording.format.summary_builder import SummaryBuilder, join_alerts, unknown_s
-from tests.gateway.recording.conftest import SECOND_NS
+from gateway.recording.reading.timeline import open_timeline
+from gateway.recording.segments.recorder import Recorder
+from tests.clocks import START_NS
+from tests.gateway.conftest import make_samples
+from tests.gateway.incident import stated
+from tests.gateway.recording.conftest import DEVICE, SECOND_NS
 from tests.values import present
 
 OFFSET_NS = 7 * SECOND_NS
@@ -163,3 +173,27 @@ def test_an_alert_has_its_acknowledgement_also_one_that_came_after_its_end() -> 
     (alert,) = join_alerts([("boot", segment)])
     assert (alert.ended, alert.to_utc_ns) == ("cleared", utc(40))
     assert (alert.acknowledged_by, alert.acknowledged_utc_ns) == ("ann", utc(50))
+
+
+@pytest.mark.slow
+def test_an_incident_whose_alert_is_suspended_goes_on_in_later_segments(
+    header: RecordingHeader, tmp_path: Path
+) -> None:
+    recorder = Recorder(
+        tmp_path, header, segment_s=10, fsync_s=1.0, quota_mb=100.0, chain=SegmentChain(tmp_path, "a/b/c", None)
+    )
+    recorder.set_device(DEVICE, START_NS)
+    recorder.start(START_NS)
+    for second in range(35):
+        now_ns = START_NS + second * SECOND_NS
+        recorder.write(encode_message("samples", make_samples(second), now_ns))
+        stands = stated.active("swing", "trip" if second < 5 else "unknown", "b-1")
+        told = stated.alert("standing", None, stands)
+        if second == 0:
+            told = stated.alert("raised", "swing", stands, incident="b-1")
+        recorder.write(encode_message("alert", told, now_ns))
+        recorder.tick(now_ns)
+    recorder.close()
+    assert len(list(tmp_path.glob("*.mcap"))) > 2
+    (found,) = read_incidents(open_timeline([tmp_path]))
+    assert (found.id, found.last_ns) == ("b-1", START_NS + 34 * SECOND_NS)
