@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from gateway.configuration.relay_section import CommandRelay, GpioRelay, RelaySection
 from gateway.daemon.outputs.relay_watchdog import ENERGISE, RELEASE, STATES_BY_LINE, RelayParameters, RelayState
@@ -211,6 +211,18 @@ class RelayWorker(Worker[Alert]):
 
 
 def relay_parameters(settings: CommandRelay | GpioRelay) -> RelayParameters:
-    """Return the settings of the process, which have the names of the keys."""
-    taken = {field.name for field in fields(RelayParameters)}
-    return RelayParameters(**settings.model_dump(mode="json", include=taken))
+    """Return the settings of the process."""
+    if isinstance(settings, CommandRelay):
+        return RelayParameters(
+            watchdog_s=settings.watchdog_s,
+            command=list(settings.command),
+            command_timeout_s=settings.command_timeout_s,
+            repeat_s=settings.repeat_s,
+        )
+    return RelayParameters(
+        watchdog_s=settings.watchdog_s,
+        chip=str(settings.chip),
+        line=settings.line,
+        active_low=settings.active_low,
+        pulse_hz=settings.pulse_hz,
+    )
