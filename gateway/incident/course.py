@@ -45,6 +45,7 @@ MAX_ALERT_SILENCE_S = 5.0
 TRUSTED_TEXT = "trusted"
 BEFORE_REPORT = "before the time of this report"
 CUT_OFF = "Nothing says that the gateway was stopped: it was killed, lost its power, still runs, or files are missing"
+STOPPED = "The gateway was stopped then, and said so: nothing of these recordings is later"
 REPAIRED_LATER = (
     "The gateway was killed or lost its power, and was started again later: it completed this file then, and what it recorded "
     "from then on is not in these files"
@@ -157,7 +158,7 @@ class Course:
     begin_cause: str
     """Why nothing before the begin is in this course."""
     end_cause: str
-    """Why nothing follows the end where the recordings end with it; empty where they go on or the gateway was stopped."""
+    """Why nothing follows the end where the recordings end with it; empty where they go on."""
 
     @property
     def holes(self) -> tuple[TimeGap, ...]:
@@ -301,8 +302,7 @@ class CourseBuilder:
         """Return the course of everything that was added.
 
         `before` and `after`: the blocks next to it in the recordings, None: there is none; `causes`: of what is missing;
-        `end_cause`: why nothing follows where the recordings end, empty: the gateway was stopping; `checked_ns`:
-        `Course.checked_s`.
+        `end_cause`: why nothing follows where the recordings end; `checked_ns`: `Course.checked_s`.
         """
         span_s = (begin_ns - self.origin_ns) / 1e9, (end_ns - self.origin_ns) / 1e9
         if after is not None:  # a restart that comes later belongs to the end of the run

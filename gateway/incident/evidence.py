@@ -15,7 +15,7 @@ from gateway import __version__
 from gateway.calibration.record import CalibrationRecord
 from gateway.certificate.page import render_certificate
 from gateway.errors import counted
-from gateway.incident.course import COURSE_TOPICS, CUT_OFF, REPAIRED_LATER, Course, CourseBuilder
+from gateway.incident.course import COURSE_TOPICS, CUT_OFF, REPAIRED_LATER, STOPPED, Course, CourseBuilder
 from gateway.incident.incident_selection import ALERTS, IncidentWindow
 from gateway.incident.sample_gaps import BlockPlace
 from gateway.messages import Health
@@ -117,7 +117,7 @@ def read_evidence(
         copier.describe(newest)
     elsewhere |= _copy_changes(timeline, window, copier, lambda time_ns: time_ns > window.end_ns)
     before, after = _neighbours(timeline, window, builder)
-    read = {each.path for each in timeline.segments if wanted.may_contain(each.from_ns, each.to_ns)}
+    read = {each.path for each in timeline.chosen(wanted)}
     neighbours = {each.segment.path for each in (before, after) if each is not None}
     used = read | elsewhere | neighbours
     segments = _segments_to_check(timeline, used, is_first=before is None, is_last=after is None)
@@ -194,14 +194,14 @@ def _segments_to_check(
 
 
 def _end_cause(timeline: Timeline) -> str:
-    """Return why the recordings end; empty: the newest statement of the gateway on itself is that it was stopping."""
+    """Return why the recordings end, by the newest statement of the gateway on itself."""
     otherwise = REPAIRED_LATER if names.REPAIRED in timeline.segments[-1].metadata else CUT_OFF
     for segment in reversed(timeline.segments):
         stated = replace(timeline, segments=(segment,)).messages(Selection(None, None, frozenset({"/health"})))
         newest = max(stated, key=lambda message: message.recorded.log_time_ns, default=None)
         if newest is not None:
             content = newest.decode()
-            return "" if isinstance(content, Health) and content.state == "stopping" else otherwise
+            return STOPPED if isinstance(content, Health) and content.state == "stopping" else otherwise
     return otherwise
 
 
