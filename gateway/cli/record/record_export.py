@@ -95,7 +95,7 @@ def run_export(arguments: argparse.Namespace) -> int:
     selection = timeline.select(interval(arguments))
     with ProgressBar(f"writing {target}") as bar:
         count, notes, has_losses = _write(arguments, timeline, selection, bar.update)
-    removed = describe_removed([each for each in timeline.segments if selection.may_contain(each.from_ns, each.to_ns)])
+    removed = describe_removed(timeline.chosen(selection))
     for note in (*timeline.remarks, *removed, *notes):
         print(f"plumbline record: {note}", file=sys.stderr)
     print(f"{target}: {count} {'messages' if arguments.topic else 'samples'}")

@@ -137,7 +137,7 @@ def summarise_timeline(
 ) -> RecordingInfo:
     """Return the contents of an interval of a timeline. Raises `RecordingError`, and `InputError` for an impossible interval."""
     selection = timeline.select(interval)
-    chosen = [each for each in timeline.segments if selection.may_contain(each.from_ns, each.to_ns)]
+    chosen = timeline.chosen(selection)
     total, done = sum(segment.size_bytes for segment in chosen), 0
     read: list[tuple[SegmentIndex, SegmentSummary]] = []
     files: list[FileInfo] = []

@@ -154,8 +154,7 @@ class CalibratedReader:
 
     def _before_begin(self) -> Selection:
         """Return the selection of the calibrations in the segment where the interval begins, and later."""
-        chosen = (each for each in self._timeline.segments if self._selection.may_contain(each.from_ns, each.to_ns))
-        first = next(chosen, None)
+        first = next(iter(self._timeline.chosen(self._selection)), None)
         return Selection(first.from_ns if first else None, self._selection.end_ns, frozenset({CALIBRATION}))
 
     def _set_calibration(self, message: messages.Calibration) -> None:

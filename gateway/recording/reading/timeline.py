@@ -124,7 +124,7 @@ class Timeline:
         What a segment repeats of the one before is left out. Raises `RecordingError`.
         """
         seen: dict[tuple[str, str], int] = {}
-        chosen = [segment for segment in self.segments if selection.may_contain(segment.from_ns, segment.to_ns)]
+        chosen = self.chosen(selection)
         total = sum(segment.size_bytes for segment in chosen)
         done = 0
         for segment in chosen:
@@ -140,6 +140,10 @@ class Timeline:
                 yield TimelineMessage(segment, file, recorded)
             done += segment.size_bytes
         report(1.0)
+
+    def chosen(self, selection: Selection) -> list[SegmentIndex]:
+        """Return the segments that may have messages of a selection."""
+        return [segment for segment in self.segments if selection.may_contain(segment.from_ns, segment.to_ns)]
 
     def summary(self, segment: SegmentIndex) -> SegmentSummary | None:
         """Return the summary of a segment, from its index, or else by reading it; None where it has no message."""

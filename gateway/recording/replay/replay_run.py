@@ -134,13 +134,12 @@ class ReplayRun:
         return result
 
     def _hidden(self, selection: Selection) -> list[str]:
-        chosen = [each for each in self._timeline.segments if selection.may_contain(each.from_ns, each.to_ns)]
         damaged = [
             f"{path.name}: {', '.join(describe_losses(file.losses))}"
             for path, file in self._files.items()
             if is_damaged(file.losses)
         ]
-        return [*describe_removed(chosen), *damaged]
+        return [*describe_removed(self._timeline.chosen(selection)), *damaged]
 
     def _steps(self) -> Selection:
         """Return the selection of the steps: from the beginning of the run, or of the warm-up."""
