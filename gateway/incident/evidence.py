@@ -271,6 +271,17 @@ def _source(segment: SegmentIndex, file: RecordingFile | None, *, is_read: bool)
 
 
 @dataclass(frozen=True, slots=True)
+class AlterableEnd:
+    """The end of a file that its gateway did not sign while it ran."""
+
+    from_ns: int
+    to_ns: int
+    """Gateway times of the last signature before it, and of its last message."""
+    words: str
+    """What became of it, after its length."""
+
+
+@dataclass(frozen=True, slots=True)
 class RecordVerdict:
     """The result of the verification."""
 
@@ -284,10 +295,11 @@ class RecordVerdict:
     """Those of the sentences that say what differs."""
     alarm: str = ""
     """What differs, in some words above everything else; empty: nothing does."""
+    is_from_first: bool = False
+    """The files begin with the first segment: there are no earlier ones."""
     is_to_newest: bool = False
     """Later files would have been missed."""
-    signed_late_ns: tuple[tuple[int, int], ...] = ()
-    """From and to when a gateway that had been cut off signed its last messages at its next start alone, in gateway time."""
+    alterable: tuple[AlterableEnd, ...] = ()
 
     @property
     def line(self) -> str:
@@ -295,11 +307,15 @@ class RecordVerdict:
         return " ".join(filter(None, (f"Recordings: {self.label}.", self.scope)))
 
 
-def scope_text(checked: int, given: int, *, is_to_newest: bool) -> str:
+def scope_text(checked: int, given: int, verdict: RecordVerdict) -> str:
     """Return which of the files that were given were checked, as a sentence."""
     if checked == given:
-        others = "earlier ones" if is_to_newest else "others"
-        return f"Checked: {counted(checked, 'file')}, all that were given; whether {others} are missing was not."
+        missed = "all that were given"
+        if verdict.is_from_first and verdict.is_to_newest:
+            return f"Checked: {counted(checked, 'file')}, {missed}, from the gateway’s first one to its newest."
+        others = {(True, False): "later ones", (False, True): "earlier ones"}
+        which = others.get((verdict.is_from_first, verdict.is_to_newest), "others")
+        return f"Checked: {counted(checked, 'file')}, {missed}; whether {which} are missing was not."
     rest = given - checked
     report = f"the {counted(checked, 'file')} that this report is made from"
     return f"Checked: {report}; the other {rest} {'was' if rest == 1 else 'were'} not."
@@ -324,8 +340,25 @@ def judge_recordings(
         chain = verify_chain([verify_file(path, key) for path in paths], (), key, ends_in=ends_in)
     except KeyFileError as error:
         return RecordVerdict("open", "not verified", (f"{error}.",))
-    is_to_newest = ends_in is not None and (ends_in / STATE_NAME).exists()
-    return replace(_judge(chain, key, said_by, refusal), is_to_newest=is_to_newest)
+    return replace(
+        _judge(chain, key, said_by, refusal),
+        is_from_first=chain.segments[:1] == [1],
+        is_to_newest=ends_in is not None and (ends_in / STATE_NAME).exists(),
+        alterable=tuple(_alterable_ends(chain)),
+    )
+
+
+def _alterable_ends(chain: ChainVerification) -> Iterator[AlterableEnd]:
+    for file in chain.files:
+        if file.statement is None:
+            continue
+        if file.open_end:
+            yield AlterableEnd(
+                file.statement.to_ns, file.unsigned_to_ns, f"at the end of {file.path.name} that are not signed"
+            )
+        elif file.statement.repaired_from_ns:
+            words = "before the end of a run that were signed at the next start alone"
+            yield AlterableEnd(file.statement.repaired_from_ns, file.statement.to_ns, words)
 
 
 def _judge(chain: ChainVerification, key: str | None, said_by: str, refusal: str | None) -> RecordVerdict:
@@ -365,9 +398,7 @@ def _judge(chain: ChainVerification, key: str | None, said_by: str, refusal: str
         kind, label = "genuine", f"{GENUINE}{label}"
     else:
         kind, label = "open", f"{label} {chain.signed_up_to or 'of those that are signed; copies are among them'}"
-    stated = [file.statement for file in chain.files if file.statement is not None and file.statement.repaired]
-    late_ns = tuple((each.repaired_from_ns, each.to_ns) for each in stated if each.repaired_from_ns)
-    return RecordVerdict(kind, label, sentences, signed_late_ns=late_ns)
+    return RecordVerdict(kind, label, sentences)
 
 
 def _problems(chain: ChainVerification) -> tuple[str, ...]:

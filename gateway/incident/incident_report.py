@@ -73,7 +73,7 @@ def render_page(
         title=f"Incident report: {', '.join(filter(None, (course.source, evidence.gateway)))}",
         label=": ".join(filter(None, (course.source, label))),
         kind=kind,
-        sentences=summary_sentences(course, incident, facts, evidence.window.others),
+        sentences=summary_sentences(course, incident, facts, evidence.window.others, evidence.window.hidden),
         identity=_identity(evidence),
         timeline=timeline_figure(course, incident, facts),
         details=_figures(evidence, facts),
@@ -203,13 +203,12 @@ def write_report(
             with (partial / CUT_FILE).open("wb") as stream:
                 evidence = read_evidence(timeline, window, stream, report)
             verification = verify([source.path for source in evidence.sources])
-            scope = scope_text(len(evidence.sources), len(timeline.segments), is_to_newest=verification.is_to_newest)
-            verification = replace(verification, scope=scope)
+            scope = scope_text(len(evidence.sources), len(timeline.segments), verification)
             if evidence.course.source:  # nothing simulated is called genuine
                 verification = replace(verification, label=verification.label.removeprefix(GENUINE))
             facts = incident_facts(evidence.course, window.incident, partial / CUT_FILE, smooth)
-            late = _signed_late(evidence.course, facts, verification)
-            verification = replace(verification, scope=f"{verification.scope}{late}")
+            alterable = _alterable_peak(evidence.course, facts, verification)
+            verification = replace(verification, scope=f"{scope}{alterable}")
             page = render_page(
                 evidence,
                 facts,
@@ -225,21 +224,19 @@ def write_report(
                 (partial / Path(name).name).write_bytes(certificate)
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror}); choose another --out") from error
-    sentences = summary_sentences(evidence.course, window.incident, facts, window.others)
+    sentences = summary_sentences(evidence.course, window.incident, facts, window.others, window.hidden)
     return IncidentReport(folder, sentences, verification, content)
 
 
-def _signed_late(course: Course, facts: IncidentFacts, verification: RecordVerdict) -> str:
-    """Return that the largest angle was signed when the gateway had been down in between; empty: it was not, or is not known."""
+def _alterable_peak(course: Course, facts: IncidentFacts, verification: RecordVerdict) -> str:
+    """Return that the largest angle was not signed while the gateway ran; empty: it was, or is not known."""
     if facts.peak is None:
         return ""
     peak_ns = course.gateway_ns(facts.peak.time_s)
-    for from_ns, to_ns in verification.signed_late_ns:
-        if from_ns < peak_ns <= to_ns:
-            return (
-                f" The largest angle lies in the {format_fixed((to_ns - from_ns) / 1e9, 1)} s before the end of a run that were "
-                "signed at the next start alone: who could write to the files in between could change it."
-            )
+    for end in verification.alterable:
+        if end.from_ns < peak_ns <= end.to_ns:
+            length = f"{format_fixed((end.to_ns - end.from_ns) / 1e9, 1)} s"
+            return f" The largest angle lies in the {length} {end.words}: who could write to the files then could change it."
     return ""
 
 

@@ -173,6 +173,8 @@ class IncidentWindow:
     others: tuple[AlertIncident, ...]
     """Other incidents in the same time, and of the same rule one before it that has no end, or one after it if it has none."""
     is_shortened: bool = False
+    hidden: tuple[str, ...] = ()
+    """What could not be read of the recordings, or is missing: other incidents may have been in it."""
 
 
 def read_incidents(

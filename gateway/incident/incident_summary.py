@@ -52,9 +52,13 @@ SOURCE_SENTENCES = {
 
 
 def summary_sentences(
-    course: Course, incident: AlertIncident | None, facts: IncidentFacts, others: Sequence[AlertIncident] = ()
+    course: Course,
+    incident: AlertIncident | None,
+    facts: IncidentFacts,
+    others: Sequence[AlertIncident] = (),
+    hidden: Sequence[str] = (),
 ) -> tuple[str, ...]:
-    """Return the sentences in the order in which a reader asks."""
+    """Return the sentences in the order in which a reader asks; `others` and `hidden` are those of the report's window."""
     clock = ReportClock(course)
     return tuple(
         sentence
@@ -66,7 +70,7 @@ def summary_sentences(
             _how_large(clock, incident, facts),
             cause_sentences(clock, facts),
             _when_it_ended(course, clock, incident, facts),
-            _which_others_were(clock, others),
+            _which_others_were(clock, others, hidden),
             _which_calibrations_changed(course, clock, facts),
             suspension_texts(course, clock),
             _when_it_was_restarted(course, clock),
@@ -149,16 +153,17 @@ def _few(texts: Sequence[str]) -> str:
 
 
 def _which_limits_were_changed(course: Course, clock: ReportClock, incident: AlertIncident | None) -> Iterator[str]:
-    """Yield the changes before the alert, or of the whole time where there is none."""
+    """Yield the changes before the alert reached its highest level, or of the whole time where there is none."""
     alert_s = None if incident is None else course.time_s(incident.highest.time_ns)
+    level = "" if incident is None else LEVEL_WORDS.get(incident.level, "alert")
     for change in course.limit_changes:
         if alert_s is None or change.time_s <= alert_s:
-            before = "" if alert_s is None else f", {format_fixed(alert_s - change.time_s, 1)} s before the alert"
+            before = "" if alert_s is None else f", {format_fixed(alert_s - change.time_s, 1)} s before the {level}"
             yield f"Before it, {change.words}{_by_whom(clock, change)}; in force from {clock.both(change.time_s)} on{before}."
 
 
-def _which_others_were(clock: ReportClock, others: Sequence[AlertIncident]) -> Iterator[str]:
-    """Yield the other incidents of the time, and those that stood when the gateway ended or was started."""
+def _which_others_were(clock: ReportClock, others: Sequence[AlertIncident], hidden: Sequence[str]) -> Iterator[str]:
+    """Yield the other incidents of the time, those that stood when the gateway ended or was started, and what hides others."""
     for each in others[:MAX_SUMMARY_OTHERS]:
         level = LEVEL_WORDS.get(each.level, "level not recorded")
         since = f"{clock.time(clock.course.time_s(each.raised_ns))} UTC{' or before' if each.is_raised_before else ''}"
@@ -168,6 +173,12 @@ def _which_others_were(clock: ReportClock, others: Sequence[AlertIncident]) -> I
         yield f"Another incident, no. {each.number} ({each.rule}, {level}): from {since} {until}."
     if len(others) > MAX_SUMMARY_OTHERS:
         yield f"There are {len(others)} others; record incident --list has all of them."
+    if hidden:
+        more = f" and {len(hidden) - 1} more" if len(hidden) > 1 else ""
+        yield (
+            f"A part of the recordings is missing or cannot be read ({hidden[0]}{more}): other incidents may have been, and the "
+            "numbers of incidents may be other than in the originals; record incident --list has all that is missing."
+        )
 
 
 def _which_calibrations_changed(course: Course, clock: ReportClock, facts: IncidentFacts) -> Iterator[str]:
@@ -241,12 +252,12 @@ def _how_large(clock: ReportClock, incident: AlertIncident | None, facts: Incide
     if facts.stated_deg is not None and {"recordings", "report"} & set(facts.angle.missing):
         largest, upper = (format_fixed(each, 2) for each in facts.stated_deg)
         yield f"By the alert itself it was {largest}°, at most {upper}°, over the whole incident."
-    if len(facts.rises) == 1:
-        yield _limit_text(clock, facts, replace(facts.rises[0], answer=facts.answer), "It")
-        return
     level = LEVEL_WORDS.get(incident.level, incident.level)
+    if len(facts.rises) == 1:
+        yield _limit_text(clock, facts, replace(facts.rises[0], answer=facts.answer), "It", level)
+        return
     for rise in facts.rises[:MAX_SUMMARY_RISES]:
-        yield _limit_text(clock, facts, rise, f"After the {level} of {clock.time(rise.raised_s)} UTC it")
+        yield _limit_text(clock, facts, rise, f"After the {level} of {clock.time(rise.raised_s)} UTC it", level)
     if more := facts.rises[MAX_SUMMARY_RISES:]:
         reached = sum(each.answer == "reached" for each in more)
         yield f"After {reached} of the {len(more)} later ones it reached that limit."
@@ -274,10 +285,10 @@ def _after_the_end(clock: ReportClock, end_s: float) -> str:
     )
 
 
-def _limit_text(clock: ReportClock, facts: IncidentFacts, rise: AlertRise, subject: str) -> str:
-    """Return whether and when the angle was above the limit from a raise of the alert on, `It` over the whole incident."""
+def _limit_text(clock: ReportClock, facts: IncidentFacts, rise: AlertRise, subject: str, level: str) -> str:
+    """Return whether and when the angle was above the limit from a raise to a level on, `It` over the whole incident."""
     limit_deg = facts.limit_deg or 0.0
-    limit, when = f"the limit of {format_limit(limit_deg)}°", _lead_text(rise)
+    limit, when = f"the limit of {format_limit(limit_deg)}°", _lead_text(rise, level)
     if rise.answer == "not_reached":
         return f"{subject} did not reach {limit}: the alert came from an upper bound that was not reached."
     if rise.answer == "reached":
@@ -297,14 +308,14 @@ def _limit_text(clock: ReportClock, facts: IncidentFacts, rise: AlertRise, subje
     return f"{subject} may have reached {limit}{when}: {'; '.join([why, *reasons])}."
 
 
-def _lead_text(rise: AlertRise) -> str:
+def _lead_text(rise: AlertRise, level: str) -> str:
     """Return when the angle reached the limit, counted from the raise; empty: that is not known."""
     if rise.reached_s is None:
         return ""
     lead_s = rise.reached_s - rise.raised_s
     if abs(lead_s) <= SAME_TIME_S:
-        return " when the alert was raised"
-    return f" {format_fixed(abs(lead_s), 1)} s {'after' if lead_s > 0 else 'before'} the alert"
+        return f" when the {level} was raised"
+    return f" {format_fixed(abs(lead_s), 1)} s {'after' if lead_s > 0 else 'before'} the {level}"
 
 
 def cause_sentences(clock: ReportClock, facts: IncidentFacts) -> Iterator[str]:

@@ -4,6 +4,7 @@ import argparse
 import shlex
 import sys
 import time
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -94,7 +95,7 @@ def run_incident(arguments: argparse.Namespace) -> int:
         incidents = read_incidents(timeline, bar.update, hidden)
     if arguments.list:
         return _list(arguments, timeline, incidents, hidden)
-    window = choose_window(timeline, incidents, choice, arguments.margin)
+    window = replace(choose_window(timeline, incidents, choice, arguments.margin), hidden=tuple(hidden))
     require_plots()
     if arguments.reconcile:
         require_extra("twin")

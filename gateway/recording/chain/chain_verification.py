@@ -40,6 +40,7 @@ Answer = Literal["genuine", "unsigned_end", "extract", "consistent", "copy", "di
 may be missing; everything is as the recordings say themselves, whoever wrote them; a file was made of recordings, and never
 signed; something is not as it was signed."""
 OTHERS = "whether others were removed, an extract cannot tell"
+LATER = f"whether later ones were removed, a folder without a sound {STATE_NAME} cannot tell"
 CONSISTENT = (
     "consistent in itself only: nothing differs from what was signed, but whoever wrote the files may have signed them; "
     "give the gateway's public key with --key"
@@ -66,8 +67,9 @@ class ChainVerification:
     """Those that have signed the files; more than one where a gateway got another name."""
     extract_of: int | None = None
     """The files are a part of the segments 1 to this one at least; None: nothing says that there are others."""
-    is_extract: bool = False
-    """Others may have been removed: files were named, or the folder lacks some, or what would tell the newest."""
+    untold: str = ""
+    """What cannot be told of others, where files were named, or the folder lacks some, or what would tell the newest; empty: none
+    was removed."""
 
     @property
     def answer(self) -> Answer:
@@ -84,7 +86,7 @@ class ChainVerification:
             return "consistent"
         if self.signed_up_to:
             return "unsigned_end"
-        return "extract" if self.is_extract else "genuine"
+        return "extract" if self.untold else "genuine"
 
     @property
     def signed_up_to(self) -> str:
@@ -117,9 +119,9 @@ class ChainVerification:
             case "genuine":
                 return "genuine: everything is as the gateway's key signed"
             case "extract":
-                return f"genuine as far as it goes: everything here is as the gateway's key signed; {OTHERS}"
+                return f"genuine as far as it goes: everything here is as the gateway's key signed; {self.untold}"
             case "unsigned_end":
-                return f"genuine {self.signed_up_to}{f'; {OTHERS}' if self.is_extract else ''}"
+                return f"genuine {self.signed_up_to}{self.untold and f'; {self.untold}'}"
             case _:
                 return f"{CONSISTENT}{self.signed_up_to and f'; signed {self.signed_up_to}'}"
 
@@ -204,7 +206,7 @@ def verify_chain(
         key is not None,
         named,
         max(newest, last) if is_part or is_begun_later else None,
-        not folders or is_part or bool(unproven),
+        OTHERS if not folders or is_part else LATER if unproven else "",
     )
 
 

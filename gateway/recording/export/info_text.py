@@ -48,7 +48,9 @@ class _InfoText:
         yield "clock", self._clock()
         yield "gateway", self._gateway()
         yield "device", self._device()
-        yield "calibration", f"{info.calibration_id or 'no record'}, {info.calibration_status or 'status not recorded'}"
+        at_end = "; in force at the end" if len(info.calibrations) > 1 else ""
+        status = info.calibration_status or "status not recorded"
+        yield "calibration", f"{info.calibration_id or 'no record'}, {status}{at_end}"
         yield "configuration", "in the file" if info.configuration else "not in every file"
         yield "samples", self._samples()
         yield "largest angle", self._peak(info.largest_angle)
@@ -144,8 +146,9 @@ class _InfoText:
         else:
             seconds = (alert.to_utc_ns - alert.from_utc_ns) / 1e9
             end = f"{alert.ended} after {seconds:.1f} s"
-        largest = [] if alert.largest_deg is None else [f"largest {alert.largest_deg:.2f} deg"]
-        if alert.largest_upper_deg is not None:
+        least = "" if alert.ended == "cleared" and not alert.is_raised_before else "at least "
+        largest = [] if alert.largest_deg is None else [f"largest {least}{alert.largest_deg:.2f} deg"]
+        if alert.largest_upper_deg is not None and not least:
             largest.append(f"up to {alert.largest_upper_deg:.2f} deg")
         limit = "" if alert.limit_deg is None else f", limit {alert.limit_deg:.1f} deg"
         bound = ", only an upper bound: the limit was not reached" if alert.is_corrected else ""

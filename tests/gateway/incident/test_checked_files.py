@@ -8,14 +8,15 @@ from pathlib import Path
 import pytest
 
 from gateway.cli.main import main
-from gateway.incident.evidence import judge_recordings
-from gateway.incident.incident_report import IncidentReport
-from gateway.incident.incident_selection import find_incidents
+from gateway.incident.evidence import AlterableEnd, RecordVerdict, judge_recordings, scope_text
+from gateway.incident.incident_report import IncidentReport, write_report
+from gateway.incident.incident_selection import IncidentChoice, choose_window, find_incidents, read_incidents
 from gateway.messages import Alert
 from gateway.pipeline.outgoing_message import OutgoingMessage
 from gateway.pki.signing_key import read_public_key
 from gateway.recording.reading.recording_file import open_recording
-from tests.gateway.incident.conftest import write_report_of
+from gateway.recording.reading.timeline import open_timeline
+from tests.gateway.incident.conftest import text_of, write_report_of
 from tests.gateway.recorded_crane import HastyCrane, RecordedCrane
 from tests.gateway.recording.recorded_crane import BOOT_ID
 
@@ -156,6 +157,49 @@ def test_each_command_says_what_is_hidden_from_it(
     assert main(["record", command[0], str(damaged_copies[name]), *command[1:]]) == code
     printed = capsys.readouterr()
     assert words in printed.out + printed.err
+
+
+@pytest.mark.parametrize("name", ["whole", "hole", "flipped"])
+def test_a_report_says_that_other_incidents_may_be_hidden(
+    damaged_copies: dict[str, Path], name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    main(["record", "incident", str(damaged_copies[name]), "--margin", "1", "--out", str(tmp_path / "report")])
+    said = "other incidents may have been"
+    printed, page = capsys.readouterr().out, text_of(tmp_path / "report" / "incident.html")
+    assert (said in printed, said in page) == (name != "whole", name != "whole")
+
+
+def test_a_report_says_that_its_largest_angle_was_not_signed_in_time(recorded: RecordedCrane, tmp_path: Path) -> None:
+    peak_ns = recorded.largest.time_ns
+    timeline = open_timeline([recorded.folder])
+    window = choose_window(timeline, read_incidents(timeline), IncidentChoice(), 1.0)
+
+    def scope(from_ns: int, folder: Path) -> str:
+        end = AlterableEnd(from_ns, from_ns + 3_000_000_000, "at the end of a file that are not signed")
+        verdict = RecordVerdict("open", "not signed", (), alterable=(end,))
+        return write_report(timeline, window, folder, verify=lambda _: verdict, computed={}).verification.scope
+
+    assert " The largest angle lies in the 3.0 s at the end of a file that are not signed: " in scope(
+        peak_ns - 1_000_000_000, tmp_path / "in it"
+    )
+    assert "largest" not in scope(peak_ns + 1_000_000_000, tmp_path / "before it")
+
+
+@pytest.mark.parametrize(
+    ("files", "has_state", "said"),
+    [
+        (slice(0, None), True, "from the gateway’s first one to its newest"),
+        (slice(0, None), False, "whether later ones are missing was not"),
+        (slice(1, None), True, "whether earlier ones are missing was not"),
+        (slice(1, None), False, "whether others are missing was not"),
+    ],
+)
+def test_a_report_says_which_files_it_would_have_missed(
+    recorded: RecordedCrane, files: slice, has_state: bool, said: str
+) -> None:
+    paths = recorded.files[files]
+    verdict = judge_recordings(paths, None, ends_in=recorded.folder if has_state else None)
+    assert said in scope_text(len(paths), len(paths), verdict)
 
 
 @pytest.mark.parametrize(("name", "words"), [("hole", REMOVED_INSIDE), ("flipped", DAMAGED)])

@@ -54,7 +54,7 @@ def test_a_change_of_the_limit_before_the_alert_is_told_in_words(report_of_resta
     report = report_of_restarts
     assert (
         "Before it, the trip limit of the swing was changed from 6.0° to 5.0° by ann at 00:00:07.2 UTC, with the words: "
-        "crane <b>7</b>; in force from 2026-01-01 00:00:10.3 UTC on, 9.7 s before the alert."
+        "crane <b>7</b>; in force from 2026-01-01 00:00:10.3 UTC on, 9.7 s before the trip."
     ) in report.sentences
     page = text_of(report.folder / "incident.html")
     assert "log Settings changed by ann: alerts.trip_deg: 6.0 -> 5.0, with the words: crane <b>7</b>" in page

@@ -128,17 +128,17 @@ def course_of(stated: Sequence[Stated], angles: Sequence[Motion], end_s: float) 
         (
             6.1,
             0.1,
-            "it may have reached the limit of 6.0° when the alert was raised: the best estimate did, and the interval of 95 % "
+            "it may have reached the limit of 6.0° when the trip was raised: the best estimate did, and the interval of 95 % "
             "reaches down to 5.90°.",
         ),
-        (6.5, 0.1, "it reached the limit of 6.0° when the alert was raised."),
+        (6.5, 0.1, "it reached the limit of 6.0° when the trip was raised."),
     ],
 )
 def test_each_trip_has_its_own_answer_and_its_own_lead(first_deg: float, first_u_deg: float, answer: str) -> None:
     angles = [motion(1.0)] * 20 + [motion(first_deg, first_u_deg)] * 20 + [motion(1.0)] * 53 + [motion(7.0)] * 60
     sentences = told(TWO_TRIPS, angles)
     assert f"After the trip of 00:00:02.0 UTC {answer}" in sentences
-    assert "After the trip of 00:00:08.0 UTC it reached the limit of 6.0° 1.3 s after the alert." in sentences
+    assert "After the trip of 00:00:08.0 UTC it reached the limit of 6.0° 1.3 s after the trip." in sentences
     assert "It was raised to trip again at 00:00:08.0 UTC." in sentences
 
 

@@ -292,6 +292,8 @@ def test_without_a_key_too_the_end_that_is_not_signed_is_told(live: Path, capsys
 def test_a_report_of_a_live_file_is_not_as_of_one_that_is_signed_as_a_whole(live: Path) -> None:
     verdict = judge_recordings([live], key_of(live.parent))
     assert (verdict.kind, f"the last 8.0 s of {live.name} are not signed" in verdict.line) == ("open", True), verdict
+    (end,) = verdict.alterable
+    assert end.to_ns - end.from_ns == pytest.approx(8e9, abs=1e8)
 
 
 def test_of_a_live_file_by_name_both_are_told(live: Path, capsys: pytest.CaptureFixture[str]) -> None:
