@@ -114,8 +114,8 @@ def find_lack_of_rest(twin: TwinRig, *parts: Observations) -> str | None:
         resting_s = float(part.used.mean()) * part.duration_s
         if resting_s < MIN_PERIODS * twin.small_swing_period_s:
             return (
-                f"the crane works: it rests for {resting_s:.3g} s of a part of {part.duration_s:.3g} s; record a swing of at least "
-                f"{3 * twin.small_swing_period_s:.0f} s with the crane at rest"
+                f"the crane works: it rests for {resting_s:.3g} s of a part of {part.duration_s:.3g} s; record a swing of "
+                f"at least {3 * twin.small_swing_period_s:.0f} s with the crane at rest"
             )
     return None
 
