@@ -1,6 +1,6 @@
 """The errors that a person reads: one line with the place and the remedy, and an exit code; and text as a terminal shows it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -48,6 +48,12 @@ def describe_problem(problem: Mapping[str, Any]) -> str:
 def printable(text: str) -> str:
     """Return a text with every character escaped that steers a terminal, reverses the direction of text or begins a line."""
     return "".join(character if character.isprintable() else ascii(character)[1:-1] for character in text)
+
+
+def first_of(texts: Sequence[str], shown: int, joined: str = ", ") -> str:
+    """Return the first texts of a list, and how many others there are."""
+    more = [f"{len(texts) - shown} more"] if len(texts) > shown else []
+    return " and ".join([joined.join(texts[:shown]), *more])
 
 
 def counted(number: int, thing: str) -> str:

@@ -15,7 +15,7 @@ from typing import Any
 import zenoh
 
 from gateway.configuration.bus_section import BusSection
-from gateway.errors import PlumblineError
+from gateway.errors import PlumblineError, first_of
 from gateway.topics import ALIVE, EVERY_KEY
 
 READ = ("declare_subscriber", "query", "liveliness_query", "declare_liveliness_subscriber")
@@ -270,6 +270,4 @@ def describe_links(session: zenoh.Session) -> str:
     except zenoh.ZError:
         return "a link that is down"
     ends = sorted({f"{link.auth_identifier}, {link.dst}" if link.auth_identifier else str(link.dst) for link in links})
-    more = f" and {len(ends) - MOST_NAMED} more" if len(ends) > MOST_NAMED else ""
-    listed = " or ".join(ends[:MOST_NAMED]) + more
-    return listed or "a link that is closed"
+    return first_of(ends, MOST_NAMED, " or ") or "a link that is closed"

@@ -12,7 +12,7 @@ from gateway.documents.format import (
     format_short,
     printable_text,
 )
-from gateway.errors import counted
+from gateway.errors import counted, first_of
 from gateway.incident.cause import CAUSE_BEFORE_S, MIN_MOVE_S, CraneMove
 from gateway.incident.course import MAX_ALERT_SILENCE_S, Course
 from gateway.incident.facts import AlertRise, IncidentFacts, KnownAngle, PeakAngle
@@ -174,10 +174,9 @@ def _which_others_were(clock: ReportClock, others: Sequence[AlertIncident], hidd
     if len(others) > MAX_SUMMARY_OTHERS:
         yield f"There are {len(others)} others; record incident --list has all of them."
     if hidden:
-        more = f" and {len(hidden) - 1} more" if len(hidden) > 1 else ""
         yield (
-            f"A part of the recordings is missing or cannot be read ({hidden[0]}{more}): other incidents may have been, and the "
-            "numbers of incidents may be other than in the originals; record incident --list has all that is missing."
+            f"A part of the recordings is missing or cannot be read ({first_of(hidden, 1)}): other incidents may have been, and "
+            "the numbers of incidents may be other than in the originals; record incident --list has all that is missing."
         )
 
 

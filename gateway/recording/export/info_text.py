@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from gateway.errors import counted
+from gateway.errors import counted, first_of
 from gateway.file_input import parse_json
 from gateway.recording.export.recording_info import RecordingInfo
 from gateway.recording.format.salvage import describe_losses
@@ -78,7 +78,7 @@ class _InfoText:
         losses = self.info.losses
         closed = ["closed properly"] if losses.closed and not losses.altered else []
         repaired = [Path(file.path).name for file in self.info.files if file.repaired]
-        which = "" if len(self.info.files) == 1 else f"{_few(repaired)} "
+        which = "" if len(self.info.files) == 1 else f"{first_of(repaired, MAX_NAMES)} "
         cut_off = [f"{which}cut off by a kill or a power failure and completed at the next start"] if repaired else []
         return ", ".join(closed + cut_off + describe_losses(losses))
 
@@ -228,11 +228,6 @@ class _InfoText:
         for topic in self.info.topics:
             rate = "" if topic.rate_hz is None else f"{topic.rate_hz:10.3f} Hz"
             yield f"{topic.topic:<{width}}{topic.count:>10}{rate}{topic.bytes / 1e6:>12.3f} MB  {topic.schema}"
-
-
-def _few(names: Sequence[str]) -> str:
-    more = len(names) - MAX_NAMES
-    return " and ".join([", ".join(names[:MAX_NAMES]), *([f"{more} more"] if more > 0 else [])])
 
 
 def _calibration_text(change: CalibrationState) -> str:
