@@ -94,10 +94,11 @@ def _serve(configuration: dict[str, Any], endpoints: list[str], *, encrypted: bo
 
     from gateway.bus.router import LatestStates
     from gateway.bus.silent_connections import SilentConnections, raise_open_files
+    from gateway.daemon.runtime.stop_request import StopRequest
     from gateway.errors import InputError
 
     listen = ", ".join(endpoints)
-    stopping = threading.Event()
+    stopping = StopRequest()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stopping.set())
     try:

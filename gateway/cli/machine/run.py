@@ -46,9 +46,10 @@ milliseconds, and a reader that hangs holds no end up."""
 def run_gateway(arguments: argparse.Namespace) -> int:
     """Run the gateway."""
     from gateway.daemon.runtime.logs import LineWriter, start_logging
+    from gateway.daemon.runtime.stop_request import StopRequest
 
     os.umask(NO_OTHERS)
-    stopping = threading.Event()
+    stopping = StopRequest()
     for name in (signal.SIGINT, signal.SIGTERM):
         signal.signal(name, lambda *_: stopping.set())
     output = LineWriter(sys.stdout.fileno())
