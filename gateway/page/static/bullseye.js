@@ -4,7 +4,7 @@
 // axes.
 
 import {shownLean} from "./alarm.js";
-import {degrees, directionWords, isKnown} from "./number.js";
+import {degrees, directionWords, isKnown, limitText} from "./number.js";
 import {addShape} from "./svg.js";
 import {text} from "./texts.js";
 
@@ -63,7 +63,7 @@ export class Bullseye {
       const r = this.radius(page[`${name}_deg`]);
       addShape(this.ground, "circle", {class: `limit ${name}`, r});
       const label = at(r, azimuthDeg);
-      addShape(this.ground, "text", {class: "limit-name", x: label.x, y: label.y + 4}, `${page[`${name}_deg`]}°`);
+      addShape(this.ground, "text", {class: "limit-name", x: label.x, y: label.y + 4}, limitText(page[`${name}_deg`]));
     }
   }
 

@@ -48,7 +48,10 @@ function upText(session) {
 }
 
 function whatNext(session) {
-  if (session.phase === "collecting") return [...new Set((session.hints ?? []).map(reasonText))].join(" ");
+  if (session.phase === "collecting") {
+    const hints = session.hints ?? [], next = hints.filter((code) => code !== "pose_taken"); // what to do now says it, too
+    return [...new Set((next.length > 0 ? next : hints).map(reasonText))].join(" ");
+  }
   if (session.phase === "review") return text(session.committable ? "rigger_review" : "rigger_refused");
   return text("rigger_left");
 }

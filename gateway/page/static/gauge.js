@@ -1,6 +1,6 @@
 // The gauge: the angle that decides as a bar with its 95 % interval, the present angle, and the limits.
 
-import {degrees, isKnown} from "./number.js";
+import {degrees, isKnown, limitText} from "./number.js";
 import {text} from "./texts.js";
 
 const BEYOND_LIMIT = 1.3; // scale of the gauge, in units of the limit
@@ -20,7 +20,7 @@ export class Gauge {
     for (const [name, key] of [["warn", "warn_at"], ["trip", "limit_at"]]) {
       const limitDeg = limits[`${name}_deg`];
       place(this.parts[name], isKnown(limitDeg) ? share(limitDeg) : null);
-      this.parts[name].firstElementChild.textContent = text(key, {angle: `${limitDeg}°`});
+      this.parts[name].firstElementChild.textContent = text(key, {angle: limitText(limitDeg)});
     }
     this.parts.fill.style.width = value === null ? "0" : share(value.angleDeg);
     this.parts.band.style.width = value === null ? "0" : share(value.angleDeg + (value.halfDeg ?? 0));

@@ -8,6 +8,7 @@ const known = (value) => typeof value === "number" && Number.isFinite(value);
 // A value that rounds to zero has no sign.
 export const decimal = (value, digits) => value.toFixed(digits).replace(/^-(?=[0.]*$)/, "").replace(".", text("decimal_mark"));
 export const degrees = (value) => (known(value) ? `${decimal(value, 1)}°` : NONE);
+export const limitText = (value) => `${String(value).replace(".", text("decimal_mark"))}°`; // as it was configured
 export const upwards = (value) => degrees(known(value) ? Math.ceil(value * 10 - 1e-6) / 10 : value);
 export const fixed = (value, digits, unit) => (known(value) ? `${decimal(value, digits)} ${unit}` : NONE);
 export const count = (value) => (known(value) ? String(value).replace(/\B(?=(\d{3})+$)/g, "\u202f") : NONE);

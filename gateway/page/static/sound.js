@@ -1,6 +1,7 @@
 // The alarm tone: a fast series for the limit, one long low tone where the swing is not monitored, two tones for a warning; until
 // somebody acknowledges the alarm, the operator silences it on this screen, or it ends. Losing the gateway ends none.
-// A browser plays sound only after somebody has touched the page, wherever that is; the button says whether the tone can be heard.
+// A browser plays sound only after somebody has touched the page, wherever that is; the button says whether the tone can be heard,
+// and in words what a press does to one that sounds, or that somebody has silenced it.
 
 import {setText} from "./facts.js";
 import {text} from "./texts.js";
@@ -34,9 +35,10 @@ export class Sound {
     const level = this.level();
     const audible = this.context?.state === "running";
     this.button.dataset.state = level ? "alarm" : audible ? "on" : "off";
-    this.button.classList.toggle("mute", !audible);
-    setText("sound-word", audible ? "" : text("mute"));
-    const label = level && audible ? text("silence") : audible ? text("sound_on") : text("sound_off");
+    const word = !audible ? text("mute") : level ? text("silence") : this.alarms.size > 0 ? text("silenced") : "";
+    this.button.classList.toggle("worded", word !== "");
+    setText("sound-word", word);
+    const label = !audible ? text("sound_off") : word || text("sound_on");
     if (this.button.getAttribute("aria-label") !== label) {
       this.button.setAttribute("aria-label", label);
       this.button.title = label;

@@ -3,6 +3,7 @@
 // is drawn at its upper edge.
 
 import {nowS} from "./link.js";
+import {limitText} from "./number.js";
 import {addShape} from "./svg.js";
 import {text} from "./texts.js";
 import {timeOfDay} from "./time.js";
@@ -54,8 +55,8 @@ export class Trend {
     this.path("limit warn", `M0 ${y(warnDeg)}H${WIDTH}`);
     this.path("limit trip", `M0 ${y(tripDeg)}H${WIDTH}`);
     this.drawAlerts(alerts, timeNs, x);
-    this.label("warn", `${warnDeg}°`, y(warnDeg));
-    this.label("trip", `${tripDeg}°`, y(tripDeg));
+    this.label("warn", limitText(warnDeg), y(warnDeg));
+    this.label("trip", limitText(tripDeg), y(tripDeg));
     this.svg.setAttribute("aria-label", text("trend_words", {count: this.points.length}));
   }
 

@@ -78,6 +78,11 @@ def _suspended(scene: Scene) -> None:
     )
 
 
+def _holding(scene: Scene) -> None:
+    _suspended(scene)
+    scene.session = replace(scene.session, still=True, seconds_left=9.4)
+
+
 def _uncalibrated(scene: Scene) -> None:
     scene.calibration = "uncalibrated"
 
@@ -95,6 +100,7 @@ STATES: dict[str, Callable[[Scene], None]] = {
     "TRIP acknowledged": _acknowledged,
     "UNKNOWN": _unknown,
     "SUSPENDED": _suspended,
+    "SUSPENDED while a pose is taken": _holding,
     "UNCALIBRATED": _uncalibrated,
     "DISTURBED": _disturbed,
 }

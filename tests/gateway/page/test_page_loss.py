@@ -155,6 +155,19 @@ def test_the_first_touch_turns_the_sound_on_wherever_it_is(
     screen.page.evaluate(NOTE_TONES)
     screen.page.locator(touched).click()
     wait_for_tone(screen.page, LIMIT_HZ)
+    screen.text("#sound-word", "Silence")
+
+
+def test_the_button_says_in_words_what_it_does_and_that_a_tone_was_silenced(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser
+) -> None:
+    gateway.scene.level = "trip"
+    screen = Screen(browser, page.url)
+    turn_sound_on(screen.page)
+    screen.text("#sound-word", "Silence")
+    screen.page.locator("#sound").click()
+    screen.text("#sound-word", "silenced")
+    gateway.scene.level = "normal"
     screen.text("#sound-word", "")
 
 

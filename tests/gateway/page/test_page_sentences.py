@@ -32,6 +32,20 @@ def test_rest_is_not_held_against_a_number_that_denies_it(shown_page: ShownPage)
     assert shown_page.screen.page.evaluate(YIELDING) == ["rest", "free", "free"]
 
 
+SLOW = """() => import('/steady.js').then(({Steady}) => {
+  let nowS = 0;
+  const steady = new Steady(() => nowS);
+  return [[0, "free"], [3, "rest"], [3.3, "free"], [4, "rest"], [5.9, "rest"], [6, "rest"], [6.1, "free"]].map(([atS, form]) => {
+    nowS = atS;
+    return steady.keep("doing", form);
+  });
+})"""
+
+
+def test_the_load_is_said_to_rest_once_it_has_rested_for_two_seconds(shown_page: ShownPage) -> None:
+    assert shown_page.screen.page.evaluate(SLOW) == ["free", "free", "free", "free", "free", "rest", "free"]
+
+
 def test_a_sentence_keeps_its_form_for_two_seconds(shown_page: ShownPage) -> None:
     assert shown_page.screen.page.evaluate(STEADY) == ["a", "a", "a", "b", "b", "a", "a"]
 
