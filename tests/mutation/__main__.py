@@ -67,12 +67,16 @@ def is_caught(copy: Path, mutation: Mutation) -> bool:
     kept = file.read_text()
     file.write_text(mutation.source)
     try:
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-n0", "-p", "no:cacheprovider", "-m", "not slow"]
-        environment = {**os.environ, "PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1"}
-        done = subprocess.run([*command, *mutation.tests], cwd=copy, env=environment, capture_output=True, check=False)
-        return done.returncode == 1
+        return any(_fails(copy, mutation, which) for which in ("not slow", "slow"))
     finally:
         file.write_text(kept)
+
+
+def _fails(copy: Path, mutation: Mutation, which: str) -> bool:
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-n0", "-p", "no:cacheprovider", "-m", which]
+    environment = {**os.environ, "PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1"}
+    done = subprocess.run([*command, *mutation.tests], cwd=copy, env=environment, capture_output=True, check=False)
+    return done.returncode == 1
 
 
 def main() -> None:
