@@ -1,7 +1,9 @@
 """The course of an incident: what the recordings state between two times, as arrays, collected from their messages."""
 
+from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +53,7 @@ REPAIRED_LATER = (
     "from then on is not in these files"
 )
 NOTHING_STATED = AbsenceCauses()
+Entry = TypeVar("Entry")
 
 
 @dataclass(frozen=True, slots=True)
@@ -331,9 +334,9 @@ class CourseBuilder:
             health=states.get("health", nothing),
             clock=states.get("clock", nothing),
             clock_steps_s=tuple(time_s for time_s, clock in self._clock if clock.stepped),
-            calibrations=tuple(self._calibrations),
+            calibrations=_from(self._calibrations, [time_s for time_s, _ in self._calibrations], span_s[0]),
             restarts=self._runs.restarts(states.get("health", nothing), alert_levels, counts.gaps),
-            configurations=tuple(self._configurations),
+            configurations=_from(self._configurations, [each.time_s for each in self._configurations], span_s[0]),
             limit_changes=limit_changes(self._configurations, self._audit),
             log=tuple(self._log),
             sessions=tuple(self._sessions),
@@ -438,6 +441,11 @@ class CourseBuilder:
         before = [clock for time_s, clock in self._clock if time_s <= 0]
         known = before[-1:] or [clock for _, clock in self._clock[:1]]
         return known[0].wall_offset_ns if known else 0
+
+
+def _from(entries: Sequence[Entry], times_s: Sequence[float], begin_s: float) -> tuple[Entry, ...]:
+    """Return what was in force at the begin, and what came later; messages before the begin state it."""
+    return tuple(entries[max(0, bisect_right(times_s, begin_s) - 1) :])
 
 
 def _in_force(calibration: Calibration) -> tuple[object, ...]:

@@ -69,7 +69,8 @@ def spectrum_figure(course: Course, facts: IncidentFacts) -> Figure | None:
     if spectrum is None:
         return None
     frequency_hz, amplitude_mg = spectrum
-    which = "of the incident that are in the recordings" if facts.angle.missing else "from begin to end of the incident"
+    whole = "this time" if facts.raised_s is None else "the incident"
+    which = f"of {whole} that are in the recordings" if facts.angle.missing else f"from begin to end of {whole}"
 
     def draw(canvas: Canvas) -> None:
         axes = canvas.subplots(gridspec_kw={"left": 0.11, "right": 0.985, "bottom": 0.17, "top": 0.97})

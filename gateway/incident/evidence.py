@@ -328,9 +328,11 @@ def judge_recordings(
     said_by: str = "",
     refusal: str | None = None,
     ends_in: Path | None = None,
+    is_extract: bool = False,
 ) -> RecordVerdict:
     """Verify the files of a report.
 
+    `is_extract`: what was given is not a whole data folder, so that files may have been removed from it unnoticed;
     `key`: the gateway's public key, None: not known; `said_by`: the key and who says that it is the gateway's, as a sentence;
     `refusal`: why the site's CA does not vouch for it, None: it does, or was not asked. Files that are not given cannot be
     missed, but those behind the last one where its folder is given, which `ends_in` names: only `record verify` of the whole
@@ -340,8 +342,11 @@ def judge_recordings(
         chain = verify_chain([verify_file(path, key) for path in paths], (), key, ends_in=ends_in)
     except KeyFileError as error:
         return RecordVerdict("open", "not verified", (f"{error}.",))
+    verdict = _judge(chain, key, said_by, refusal)
+    if is_extract and verdict.kind == "genuine":
+        verdict = replace(verdict, kind="open", label=verdict.label.removeprefix(GENUINE))
     return replace(
-        _judge(chain, key, said_by, refusal),
+        verdict,
         is_from_first=chain.segments[:1] == [1],
         is_to_newest=ends_in is not None and (ends_in / STATE_NAME).exists(),
         alterable=tuple(_alterable_ends(chain)),

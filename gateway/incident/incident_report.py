@@ -73,7 +73,7 @@ def render_page(
         title=f"Incident report: {', '.join(filter(None, (course.source, evidence.gateway)))}",
         label=": ".join(filter(None, (course.source, label))),
         kind=kind,
-        sentences=summary_sentences(course, incident, facts, evidence.window.others, evidence.window.hidden),
+        sentences=summary_sentences(course, incident, facts, evidence.window),
         identity=_identity(evidence),
         timeline=timeline_figure(course, incident, facts),
         details=_figures(evidence, facts),
@@ -224,7 +224,7 @@ def write_report(
                 (partial / Path(name).name).write_bytes(certificate)
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror}); choose another --out") from error
-    sentences = summary_sentences(evidence.course, window.incident, facts, window.others, window.hidden)
+    sentences = summary_sentences(evidence.course, window.incident, facts, window)
     return IncidentReport(folder, sentences, verification, content)
 
 

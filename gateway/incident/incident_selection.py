@@ -1,7 +1,7 @@
 """The incidents in recordings, from the messages of their alerts, and the choice of one, with the time around it."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from gateway.alert_periods import AlertPeriods, AlertState, AlertStep
@@ -173,6 +173,8 @@ class IncidentWindow:
     others: tuple[AlertIncident, ...]
     """Other incidents in the same time, and of the same rule one before it that has no end, or one after it if it has none."""
     is_shortened: bool = False
+    asked_ns: int | None = None
+    """The time that was asked for, where the incident did not stand then."""
     hidden: tuple[str, ...] = ()
     """What could not be read of the recordings, or is missing: other incidents may have been in it."""
 
@@ -207,7 +209,9 @@ def choose_window(
             raise InputError(f"--around {choice.around.text}: is outside the recording, which is {span.extent}")
         begin_ns, end_ns = around_ns - margin_ns, around_ns + margin_ns
         incident = _nearest(_within(incidents, begin_ns, end_ns), around_ns)
-        return _window(span, incidents, incident, begin_ns, end_ns, around_ns if incident is None else None)
+        window = _window(span, incidents, incident, begin_ns, end_ns, around_ns if incident is None else None)
+        is_beside = incident is not None and not incident.raised_ns <= around_ns <= incident.last_ns
+        return replace(window, asked_ns=around_ns if is_beside else None)
     incident = _chosen(timeline, incidents, choice)
     return _window(span, incidents, incident, incident.raised_ns - margin_ns, incident.last_ns + margin_ns)
 

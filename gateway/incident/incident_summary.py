@@ -17,7 +17,7 @@ from gateway.incident.cause import CAUSE_BEFORE_S, MIN_MOVE_S, CraneMove
 from gateway.incident.course import MAX_ALERT_SILENCE_S, Course
 from gateway.incident.facts import AlertRise, IncidentFacts, KnownAngle, PeakAngle
 from gateway.incident.gateway_runs import GatewayRestart
-from gateway.incident.incident_selection import AlertIncident, IncidentChange
+from gateway.incident.incident_selection import AlertIncident, IncidentChange, IncidentWindow
 from gateway.incident.limit_changes import MAX_WORDS_CHARACTERS, LimitChange
 from gateway.incident.timeline_figure import ReportClock
 from gateway.stages.alerts import GRACE_S
@@ -52,25 +52,22 @@ SOURCE_SENTENCES = {
 
 
 def summary_sentences(
-    course: Course,
-    incident: AlertIncident | None,
-    facts: IncidentFacts,
-    others: Sequence[AlertIncident] = (),
-    hidden: Sequence[str] = (),
+    course: Course, incident: AlertIncident | None, facts: IncidentFacts, window: IncidentWindow | None = None
 ) -> tuple[str, ...]:
-    """Return the sentences in the order in which a reader asks; `others` and `hidden` are those of the report's window."""
+    """Return the sentences in the order in which a reader asks; without the window of the report, of the incident alone."""
     clock = ReportClock(course)
     return tuple(
         sentence
         for part in (
             [SOURCE_SENTENCES[course.source]] if course.source else [],
+            _what_was_asked(clock, facts, window),
             _where_they_begin(course, clock, incident),
             _what_was_raised(course, clock, incident, facts),
             _which_limits_were_changed(course, clock, incident),
             _how_large(clock, incident, facts),
             cause_sentences(clock, facts),
             _when_it_ended(course, clock, incident, facts),
-            _which_others_were(clock, others, hidden),
+            () if window is None else _which_others_were(clock, window.others, window.hidden),
             _which_calibrations_changed(course, clock, facts),
             suspension_texts(course, clock),
             _when_it_was_restarted(course, clock),
@@ -78,6 +75,18 @@ def summary_sentences(
         )
         for sentence in part
     )
+
+
+def _what_was_asked(clock: ReportClock, facts: IncidentFacts, window: IncidentWindow | None) -> Iterator[str]:
+    """Yield that no alert stood at the time that was asked for, where the report is of an incident near it."""
+    if window is None or window.asked_ns is None:
+        return
+    asked_s = clock.course.time_s(window.asked_ns)
+    if asked_s < facts.begin_s:
+        near = f"the next one began {format_fixed(facts.begin_s - asked_s, 1)} s later"
+    else:
+        near = f"the one before had ended {format_fixed(asked_s - facts.end_s, 1)} s earlier"
+    yield f"At {clock.both(asked_s)}, the time that was asked for, no alert stood; {near}, and this report is of it."
 
 
 def _where_they_begin(course: Course, clock: ReportClock, incident: AlertIncident | None) -> Iterator[str]:
@@ -167,10 +176,9 @@ def _which_others_were(clock: ReportClock, others: Sequence[AlertIncident], hidd
     for each in others[:MAX_SUMMARY_OTHERS]:
         level = LEVEL_WORDS.get(each.level, "level not recorded")
         since = f"{clock.time(clock.course.time_s(each.raised_ns))} UTC{' or before' if each.is_raised_before else ''}"
-        until = f"to {clock.time(clock.course.time_s(each.last_ns))} UTC"
-        if each.cleared_ns is None:
-            until = f"last stated at {clock.time(clock.course.time_s(each.last_ns))} UTC, without an end"
-        yield f"Another incident, no. {each.number} ({each.rule}, {level}): from {since} {until}."
+        until = f"{clock.time(clock.course.time_s(each.last_ns))} UTC"
+        until = f" to {until}" if each.cleared_ns is not None else f" on; it was last stated at {until}, and has no end"
+        yield f"Another incident, no. {each.number} ({each.rule}, {level}): from {since}{until}."
     if len(others) > MAX_SUMMARY_OTHERS:
         yield f"There are {len(others)} others; record incident --list has all of them."
     if hidden:
@@ -181,10 +189,11 @@ def _which_others_were(clock: ReportClock, others: Sequence[AlertIncident], hidd
 
 
 def _which_calibrations_changed(course: Course, clock: ReportClock, facts: IncidentFacts) -> Iterator[str]:
-    """Yield what was put in force while the alert stood."""
+    """Yield what was put in force while the alert stood, or in the whole time where there is none."""
     for time_s, calibration in course.calibrations[1:]:
         if facts.begin_s <= time_s <= facts.end_s:
-            yield f"Another calibration was put in force at {clock.both(time_s)}, during the incident: {calibration.text}."
+            during = "" if facts.raised_s is None else ", during the incident"
+            yield f"Another calibration was put in force at {clock.both(time_s)}{during}: {calibration.text}."
 
 
 def _by_whom(clock: ReportClock, change: LimitChange) -> str:
@@ -231,7 +240,7 @@ def restart_text(clock: ReportClock, restart: GatewayRestart) -> str:
         return f"The gateway {stopped} and was started again at {clock.both(restart.started_s)}, after the time of this report."
     times = f"{stopped} and was started again at {clock.time(restart.started_s)} UTC"
     if restart.judged_s is None:
-        return f"The gateway {times}: alerts were not judged until it ended or this report ends."
+        return f"The gateway {times}: as far as this report goes, no alert was judged from then on."
     return f"The gateway {times}: alerts were not judged for {format_fixed(restart.judged_s - restart.stopped_s, 1)} s."
 
 
@@ -264,14 +273,15 @@ def _how_large(clock: ReportClock, incident: AlertIncident | None, facts: Incide
 
 def _not_known(clock: ReportClock, facts: IncidentFacts, angle: KnownAngle) -> list[str]:
     """Return what is not known of the angle, and why."""
+    whole = "this time" if facts.raised_s is None else "the incident"
     texts = {
-        "recordings": "a part of the incident is not in the recordings",
-        "report": "a part of the incident is outside the time of this report",
+        "recordings": f"a part of {whole} is not in the recordings",
+        "report": f"a part of {whole} is outside the time of this report",
         "end": f"what came {_after_the_end(clock, facts.end_s)} is not known",
     }
     if angle.peak is None:
         return [*(texts[each] for each in angle.missing), "it was not known at any time"]
-    unknown = f"for {format_fixed(angle.unknown_s, 1)} s of the incident it was not known"
+    unknown = f"for {format_fixed(angle.unknown_s, 1)} s of {whole} it was not known"
     return [*(texts[each] for each in angle.missing), *([unknown] if angle.unknown_s > GRACE_S else [])]
 
 
@@ -372,7 +382,7 @@ def _when_it_ended(
         else:
             yield f"It stood at {stood}, where this report ends; the recordings go on."
         if course.end_cause:
-            yield f"{course.end_cause}."
+            yield f"The last recording ends at {clock.both(course.end_s)}. {course.end_cause}."
     else:
         after_s = format_fixed(facts.cleared_s - facts.raised_s, 1)
         least = "at least " if incident.is_raised_before else ""

@@ -37,8 +37,8 @@ EXIT_CODES = {"genuine": 0, "differs": ANSWER_IS_NO, "open": WITH_LOSSES}
     "Write a report of an incident into a new folder: a page with a summary, a timeline and figures, and the "
     "part of the recordings that it is made from. Without a choice, of the last incident. The files that it is made from, and no "
     "others, are checked as by `record verify`, with the same exit codes: 0 genuine; 1 they differ from what was signed; 3 "
-    "consistent in themselves only, because no key is known, or nothing is signed, or the end of a file is not. The report is "
-    "written in each case.",
+    "consistent in themselves only, because no key is known, or nothing is signed, or the end of a file is not, or an extract. "
+    "The report is written in each case.",
     "example: plumbline record incident plumbline-data --last --out crane-1-trip",
     PATHS_OPTION,
     one_of(
@@ -149,6 +149,8 @@ def _list(
     if hidden:
         lines += ["", "not all is here, others may have been, and the numbers may be other than in the originals:"]
         lines += [f"  {each}" for each in hidden]
+    elif _is_extract(arguments, timeline):
+        lines += ["", "those in files that are not given, or that somebody has removed, are not among these"]
     show("\n".join(lines), rows, arguments.json)
     return WITH_LOSSES if hidden else 0
 
@@ -165,8 +167,7 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
     made = datetime.now(tz=UTC)
     origin = datetime.fromtimestamp((window.origin_ns + timeline.span().wall_offset_ns) / 1e9, tz=UTC)
     newest = timeline.segments[-1].path
-    given_folders = {path.resolve() for path in arguments.paths if path.is_dir()}
-    is_to_newest = newest.resolve().parent in given_folders
+    is_folder = _is_folder(arguments, timeline)
     folder = arguments.out or Path(f"incident-{origin:%Y%m%dT%H%M%SZ}")
     with ProgressBar("reading the incident") as bar:
         written = write_report(
@@ -178,7 +179,8 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
                 known.public_key,
                 said_by=known.said_by,
                 refusal=refusal,
-                ends_in=newest.parent if is_to_newest and newest in paths else None,
+                ends_in=newest.parent if is_folder and newest in paths else None,
+                is_extract=_is_extract(arguments, timeline),
             ),
             computed={
                 "Made by": f"plumbline {__version__}",
@@ -194,6 +196,19 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
     lines.append(f"report: {folder / PAGE_FILE}")
     show("\n".join(lines), written.content, arguments.json)
     return EXIT_CODES[written.verification.kind]
+
+
+def _is_folder(arguments: argparse.Namespace, timeline: "Timeline") -> bool:
+    """Return whether the folder of the newest segment was given, and not some of its files."""
+    given = {path.resolve() for path in arguments.paths if path.is_dir()}
+    return timeline.segments[-1].path.resolve().parent in given
+
+
+def _is_extract(arguments: argparse.Namespace, timeline: "Timeline") -> bool:
+    """Return whether files may be missing unnoticed, because some were named, or nothing states which one is the newest."""
+    from gateway.recording.chain.chain_state import has_sound_state
+
+    return not (_is_folder(arguments, timeline) and has_sound_state(timeline.segments[-1].path.parent))
 
 
 def smooth_motion(recording: Path, begin_ns: int, end_ns: int) -> "MotionAroundPeak | None":

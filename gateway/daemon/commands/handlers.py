@@ -33,6 +33,7 @@ WAITING = 16
 REMEMBERED = 256
 """Number of answers that are kept. Basis: a choice; a repeated request comes within seconds, and the memory is bounded."""
 log = logging.getLogger("plumbline.mark")
+alert_log = logging.getLogger("plumbline.alert")
 JSON = "application/json"
 NOT_IN_STATUS = "samples"
 
@@ -83,6 +84,9 @@ def _acknowledge(
     for incident_id in found:
         acknowledge(Acknowledgement(incident_id, request.by, request.reason))
     text = f"{', '.join(found)} by {request.by}" if found else _nothing_found(request.incident, incidents)
+    if not found:  # who tried, and in vain, stands in the recordings, too
+        because = f" ({request.reason})" if request.reason else ""
+        alert_log.warning("acknowledgement by %s%s refused: %s", request.by, because, text)
     return RequestAnswer(id=request.id, request="acknowledge", accepted=bool(found), text=text)
 
 

@@ -53,6 +53,14 @@ class ChainState:
     """Of all the others, by the gateway's key. Empty: not signed, or by a version that did not sign it."""
 
 
+def has_sound_state(data_dir: Path) -> bool:
+    """Return whether a folder has a state that can be read, which names the newest segment."""
+    try:
+        return read_state(data_dir) is not None
+    except ChainStateError:
+        return False
+
+
 def read_state(data_dir: Path) -> ChainState | None:
     """Return the state that is saved in a folder; None where there is none. Raises `ChainStateError` for a damaged one."""
     path = data_dir / STATE_NAME

@@ -223,3 +223,10 @@ def test_no_state_outlasts_the_run_that_stated_it() -> None:
 def test_times_are_rounded(time_s: float, text: str) -> None:
     clock = ReportClock(CourseBuilder(ORIGIN_NS).course(ORIGIN_NS, ORIGIN_NS + 10**9))
     assert clock.time(time_s) == text
+
+
+def test_only_the_calibration_in_force_at_the_begin_and_later_ones_are_of_a_report() -> None:
+    """Messages of the 15 s before a report state what is in force at its begin; the one before that was not."""
+    stated = ((-12.0, calibration(0.5)), (-5.0, calibration(0.25)), (3.0, calibration(0.75)))
+    found = built(*stated).course(ORIGIN_NS, ORIGIN_NS + 9_000_000_000)
+    assert [time_s for time_s, _ in found.calibrations] == [-5.0, 3.0]

@@ -4,7 +4,7 @@ import pytest
 
 from gateway.errors import InputError
 from gateway.incident.incident_selection import IncidentChoice, choose_window, find_incidents, read_incidents
-from gateway.recording.reading.interval import parse_recording_time
+from gateway.recording.reading.interval import iso_utc, parse_recording_time
 from gateway.recording.reading.timeline import open_timeline
 from tests.gateway.incident.conftest import MakeReport
 from tests.gateway.incident.stated import active, alert
@@ -69,3 +69,13 @@ def test_an_incident_without_an_end_is_told_beside_the_next_one(recorded: Record
         for number in (1, 2, 3)
     ]
     assert others == [[2], [1], []]
+
+
+def test_a_report_says_that_no_alert_stood_at_the_time_that_was_asked_for(recorded: RecordedCrane) -> None:
+    timeline = open_timeline([recorded.folder])
+    incidents = read_incidents(timeline)
+    first = incidents[0]
+    for time_ns, is_beside in ((first.raised_ns + 1_000_000_000, False), (first.raised_ns - 2_000_000_000, True)):
+        at = iso_utc(time_ns + timeline.span().wall_offset_ns)
+        window = choose_window(timeline, incidents, IncidentChoice(around=parse_recording_time(at)), 60.0)
+        assert (window.asked_ns is not None) == is_beside

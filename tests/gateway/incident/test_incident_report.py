@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -142,9 +143,8 @@ def test_live_and_torn_recordings_are_reported_up_to_their_end(
     last.write_bytes(last.read_bytes()[: last.stat().st_size // 2])
     report = make_report([folder])
     ended = next(place for place, words in enumerate(report.sentences) if words.endswith(", after which they end."))
-    assert report.sentences[ended + 1].startswith(
-        "Nothing says that the gateway was stopped: it was killed, lost its power"
-    )
+    assert report.sentences[ended + 1].startswith(f"The last recording ends at {report.content['utc']['to'][:10]} ")
+    assert "Nothing says that the gateway was stopped: it was killed, lost its power" in report.sentences[ended + 1]
     page = text_of(report.folder / "incident.html")
     assert "not closed" in page
     assert "alert The swing alert stands where the recordings end [incident" in page
@@ -208,11 +208,12 @@ def test_a_report_of_a_simulated_crane_says_so_in_its_first_lines_whatever_the_n
 
 
 @pytest.mark.parametrize(
-    ("change", "with_key", "code", "verdict", "said"),
+    ("change", "with_key", "with_state", "code", "verdict", "said"),
     [
-        (0, True, 0, "genuine", "Recordings: nothing differs from what the gateway signed (key {key})"),
-        (0, False, 3, "open", "Recordings: consistent in themselves only."),
-        (1, True, 1, "differs", "Recordings: THEY DIFFER FROM WHAT THE GATEWAY SIGNED."),
+        (0, True, True, 0, "genuine", "Recordings: nothing differs from what the gateway signed (key {key})"),
+        (0, True, False, 3, "open", "Recordings: nothing differs from what the gateway signed (key {key})"),
+        (0, False, True, 3, "open", "Recordings: consistent in themselves only."),
+        (1, True, True, 1, "differs", "Recordings: THEY DIFFER FROM WHAT THE GATEWAY SIGNED."),
     ],
 )
 def test_the_verdict_on_the_recordings_is_printed_and_is_the_exit_code(
@@ -221,6 +222,7 @@ def test_the_verdict_on_the_recordings_is_printed_and_is_the_exit_code(
     capsys: pytest.CaptureFixture[str],
     change: int,
     with_key: bool,
+    with_state: bool,
     code: int,
     verdict: str,
     said: str,
@@ -231,6 +233,8 @@ def test_the_verdict_on_the_recordings_is_printed_and_is_the_exit_code(
         content = bytearray(path.read_bytes())
         content[len(content) // 2] ^= change * (path == recorded.files[1])
         (folder / path.name).write_bytes(content)
+    if with_state:
+        shutil.copy(recorded.folder / "chain.json", folder)
     key_file = str(recorded.folder / "signing-key.pem.pub")
     arguments = ["--margin", "1", *(["--key", key_file] if with_key else []), "--out", str(tmp_path / "report")]
     assert main(["record", "incident", str(folder), *arguments]) == code

@@ -55,7 +55,7 @@ def test_an_angle_that_was_not_known_for_a_part_may_have_been_larger(unknown: in
     sentences = summary_sentences(course, None, incident_facts(course, None))
     (told,) = (each for each in sentences if each.startswith("The largest"))
     assert told.startswith(expected)
-    assert told.endswith("for 3.0 s of the incident it was not known.") == (unknown == 30)
+    assert told.endswith("for 3.0 s of this time it was not known.") == (unknown == 30)
 
 
 def test_who_acknowledged_a_warning_has_not_acknowledged_the_trip_that_followed() -> None:

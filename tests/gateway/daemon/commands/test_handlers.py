@@ -153,9 +153,12 @@ def test_the_same_request_is_done_once_and_answered_each_time() -> None:
     assert len(site.given) == 1
 
 
-def test_what_cannot_be_acknowledged_is_refused_with_the_reason() -> None:
+def test_what_cannot_be_acknowledged_is_refused_with_the_reason_and_recorded(caplog: pytest.LogCaptureFixture) -> None:
     site = Site()
     assert "no incident b00t-7" in site.ask(incident="b00t-7")[1]
+    (line,) = caplog.messages
+    assert line.startswith("acknowledgement by ann")
+    assert line.endswith("refused: no incident b00t-7 is known since the start of the gateway")
     site.ask(id="cli-1234567a", incident="b00t-1")
     assert "acknowledged before, by ann" in site.ask(id="cli-1234567b", incident="b00t-1")[1]
     assert site.ask(id="cli-1234567c") == (False, "no incident waits for an acknowledgement")
