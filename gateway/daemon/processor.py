@@ -2,6 +2,7 @@
 
 import logging
 import threading
+import time
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
@@ -95,6 +96,8 @@ class Processor(Worker[SamplerItem]):
         self._incidents = IncidentRegister(health.boot_id, last_number=0)
         self._reporting = threading.Lock()
         self._next_second_ns = 0
+        self._block_s = 0.0
+        """Monotonic time at which the last block was taken."""
         self._clock_steps = 0
         self.info: DeviceInfo | None = None
         self.correction: Correction | None = None
@@ -143,6 +146,7 @@ class Processor(Worker[SamplerItem]):
             self._follow_commands()
             assert self._pipeline is not None  # the sampler announces a device before its blocks
             time_ns = int(item.time_ns[-1])
+            self._block_s = time.monotonic()
             self._forward(item, self._pipeline.process(item, self._wall_clock.state), time_ns)
             self._serve_acknowledgements(time_ns)
         elif item != self.info:
@@ -152,11 +156,18 @@ class Processor(Worker[SamplerItem]):
     def idle(self) -> None:
         """Take what the commands tell, and let the pipeline detect a stale reading."""
         self._follow_commands()
-        now_ns = self._wall_clock.clock.now_ns()
+        now_ns = self._idle_ns()
         if self._pipeline is not None:
             self._forward(None, self._pipeline.idle(now_ns, self._wall_clock.state), now_ns)
         self._serve_acknowledgements(now_ns)
         self._each_step()
+
+    def _idle_ns(self) -> int:
+        """Return gateway time; while a recording with times of its own is played, that of its last block and what has passed."""
+        newest_ns = self._counters.newest_ns
+        if self._configuration.device.kind != "replay" or newest_ns is None:
+            return self._wall_clock.clock.now_ns()
+        return newest_ns + round((time.monotonic() - self._block_s) * 1e9)
 
     def close(self) -> None:
         """Send the last health message and save the state of the drift monitor."""

@@ -149,3 +149,20 @@ def test_a_processor_that_hangs_leaves_losses(start_gateway: StartGateway, tmp_p
     assert "samples that waited in a queue could not be recorded" in err
     (path,) = gateway.recordings
     assert summarise(path).samples.count == 190
+
+
+def test_a_recording_of_long_ago_that_is_played_in_its_own_time_is_not_stale(
+    start_gateway: StartGateway, tmp_path: Path
+) -> None:
+    """Its blocks are 0.26 s apart: what is between them is no silence of the sensor, however long ago they were recorded."""
+    source = tmp_path / "swing.mcap"
+    rig = tmp_path / "rig.toml"
+    rig.write_text("[rope]\nlength_m = 12.0\n[housing]\nposition_m = 9.0\n")
+    assert run_process("simulate", rig, "--duration", "6", "--out", source).returncode == 0
+    path = replayed(start_gateway, f'[device]\nkind = "replay"\nspeed = 1\npath = "{source}"\n')
+    validity = [each.validity for each in messages(path, "alert")]
+    first = next(
+        place for place, each in enumerate(validity) if each != "no_samples"
+    )  # before the first block there is none
+    assert len(validity) - first > 3
+    assert "no_samples" not in validity[first:]
