@@ -15,6 +15,8 @@ from tests.gateway.bench.intervals import service, temperature, workshop
 PAGE = Path(__file__).parents[4] / "docs" / "evidence" / "bench_methods.md"
 MARKS = ("<!-- written by python -m tests.gateway.bench.intervals --write -->", "<!-- end -->")
 HEAD = ("| sessions of | sessions | intervals | hold / % |", "|---|---|---|---|")
+REFUSED = "-"
+"""A session that was refused, and has no interval."""
 KINDS = {**temperature.KINDS, **service.KINDS, **workshop.KINDS}
 
 
@@ -24,15 +26,16 @@ def hits(kind: str, sessions: int, folder: Path) -> list[list[bool]]:
     known = file.read_text().split() if file.exists() else []
     with file.open("a") as out:
         for seed in range(len(known), sessions):
-            known.append("".join(str(int(hit)) for hit in KINDS[kind](seed)))
+            known.append("".join(str(int(hit)) for hit in KINDS[kind](seed)) or REFUSED)
             print(known[-1], file=out, flush=True)
-    return [[hit == "1" for hit in session] for session in known[:sessions]]
+    return [[hit == "1" for hit in session if session != REFUSED] for session in known[:sessions]]
 
 
 def row(kind: str, found: list[list[bool]]) -> str:
     """Return the row of a kind."""
     every = np.concatenate(found).astype(float)
-    u_percent = 100 * np.std([np.mean(each) for each in found]) / np.sqrt(len(found))
+    shares = [np.mean(each) for each in found if each]
+    u_percent = 100 * np.std(shares) / np.sqrt(len(shares))
     return f"| {kind} | {len(found)} | {every.size} | {100 * every.mean():.1f} ± {u_percent:.1f} |"
 
 
