@@ -156,6 +156,7 @@ class Course:
     faults: tuple[TimedText, ...]
     """Faults of the gateway and dropped items, when their number had grown."""
     last_health: Health | None
+    """Of the run in which the origin lies."""
     source: str
     """SIMULATION or REPLAY; empty where a sensor took all samples."""
     begin_cause: str
@@ -240,6 +241,7 @@ class CourseBuilder:
     _calibrations: list[tuple[float, Calibration]] = field(default_factory=list)
     _log: list[TimedText] = field(default_factory=list)
     _health: Health | None = None
+    _own_health: Health | None = None
     _device_kinds: set[str] = field(default_factory=set)
     _session: CalibrationSession = NO_SESSION
     _sessions: list[TimedText] = field(default_factory=list)
@@ -343,7 +345,7 @@ class CourseBuilder:
             suspended=suspended,
             marks=tuple(self._marks),
             faults=tuple(self._faults),
-            last_health=self._health,
+            last_health=self._own_health,
             source=next((word for kind, word in SOURCES.items() if kind in self._device_kinds), ""),
             begin_cause=self._begin_cause(before, causes),
             end_cause="" if after is not None or self._is_cut_out else end_cause,
@@ -359,6 +361,8 @@ class CourseBuilder:
                 for rule in RULE_NAMES:
                     self._add_state(rule, time_s, levels.get(rule, "normal"))
             case Health():
+                own = self._own_health
+                self._own_health = content if own is None or time_s <= 0 or content.boot_id == own.boot_id else own
                 self._device_kinds.add(content.device_kind)
                 self._add_faults(time_s, content)
                 self._add_state("health", time_s, content.state)

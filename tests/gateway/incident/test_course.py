@@ -27,6 +27,7 @@ from gateway.recording.reading.sample_calibration import CalibratedBlock
 from tests.gateway.calibration.test_acceptance import make_parent
 from tests.gateway.certificate.conftest import sealed
 from tests.gateway.incident.stated import HEAD, ORIGIN_NS, active, alert, built, calibration, health
+from tests.values import present
 
 BEGIN_NS = 1_767_225_607_130_000_123
 """2026-01-01 00:00:07.130 UTC."""
@@ -230,3 +231,9 @@ def test_only_the_calibration_in_force_at_the_begin_and_later_ones_are_of_a_repo
     stated = ((-12.0, calibration(0.5)), (-5.0, calibration(0.25)), (3.0, calibration(0.75)))
     found = built(*stated).course(ORIGIN_NS, ORIGIN_NS + 9_000_000_000)
     assert [time_s for time_s, _ in found.calibrations] == [-5.0, 3.0]
+
+
+def test_the_health_of_a_report_is_that_of_the_run_in_which_its_incident_lies() -> None:
+    stated = ((-5.0, health(boot_id="one")), (4.0, health(boot_id="one", samples=9)), (8.0, health(boot_id="two")))
+    found = present(built(*stated).course(ORIGIN_NS, ORIGIN_NS + 9_000_000_000).last_health)
+    assert (found.boot_id, found.samples) == ("one", 9)
