@@ -71,13 +71,11 @@ class Motion(Message):
     phi_max_deg: Annotated[float | None, Field(description="largest angle of the last period")] = None
     phi_max_u_deg: Degrees | None = None
     predicted_phi_max_deg: Annotated[
-        float | None, Field(description="largest angle of the next whole swing if the pivot keeps its acceleration")
+        float | None, Field(description="largest angle of the next whole swing if pivot and gust go on as now")
     ] = None
     predicted_u_deg: Degrees | None = None
     time_to_peak_s: Seconds | None = None
-    coasting_phi_max_deg: Annotated[
-        float | None, Field(description="the same if the acceleration of the pivot ends now")
-    ] = None
+    coasting_phi_max_deg: Annotated[float | None, Field(description="the same if both end now")] = None
     coasting_u_deg: Degrees | None = None
     coasting_time_to_peak_s: Seconds | None = None
     lean_deg: Annotated[float | None, Field(description="steady angle of the rope, about which the load swings")] = None

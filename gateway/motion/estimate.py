@@ -60,9 +60,9 @@ class MotionEstimate:
     probabilities: tuple[float, ...] = ()
     """Of the hypotheses, in the order of `gateway.motion.hypotheses`."""
     next_peak: PeakEstimate | None = None
-    """The largest angle of the next whole swing if the pivot keeps its present acceleration."""
+    """The largest angle of the next whole swing if the pivot keeps its present acceleration, and a gust its force."""
     next_peak_if_coasting: PeakEstimate | None = None
-    """The same if the pivot's acceleration ends now."""
+    """The same if both end now."""
     last_peak: PeakEstimate | None = None
     """The largest angle of the last period."""
     amplitude_rad: float | None = None
@@ -85,7 +85,7 @@ class MotionEstimate:
 
     @property
     def expected_peak(self) -> PeakEstimate | None:
-        """The next maximum halfway between a pivot that keeps its acceleration and one that coasts: nobody knows which it does.
+        """The next maximum halfway between a pivot or gust that goes on and one that ends now: nobody knows which it does.
 
         Decisions rest on it. Basis: with the larger of both, 1.4 times as many trips on simulated cranes are without cause.
         """

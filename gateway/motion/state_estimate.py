@@ -73,8 +73,11 @@ class Angle:
         return cls(math.asin(sine), math.sqrt(max(share * along + (1 - share) * total, 0.0)), direction)
 
 
-def swing_phase(state: Described, gravity_m_s2: float, ahead_s: float) -> SwingPhase:
-    """Return the motion at a time after that of the state: a harmonic swing about where pivot and forces let the load hang."""
+def swing_phase(state: Described, gravity_m_s2: float, ahead_s: float, *, gust_lasts: bool = True) -> SwingPhase:
+    """Return the motion at a time after that of the state: a harmonic swing about where pivot and forces let the load hang.
+
+    `gust_lasts`: the force from that time on has the present gust in it, else the steady wind alone.
+    """
     rate_1_s = math.sqrt(gravity_m_s2 / math.exp(state.mean[LN_LENGTH]))
     cosine, sine = math.cos(rate_1_s * ahead_s), math.sin(rate_1_s * ahead_s)
     carry = np.zeros((4, 2, N_STATES))
@@ -82,7 +85,9 @@ def swing_phase(state: Described, gravity_m_s2: float, ahead_s: float) -> SwingP
         carry[0, :, i], carry[1, :, i] = sign * (1 - cosine) * _PAIR, -sign * rate_1_s * sine * _PAIR
     carry[0, :, GRAVITY], carry[0, :, RATE] = cosine * _PAIR, -sine / rate_1_s * _PAIR
     carry[1, :, GRAVITY], carry[1, :, RATE] = rate_1_s * sine * _PAIR, cosine * _PAIR
-    carry[2, :, GUST] = carry[2, :, SIDE_FORCE] = carry[3, :, PIVOT] = _PAIR
+    carry[2, :, SIDE_FORCE] = carry[3, :, PIVOT] = _PAIR
+    if gust_lasts:
+        carry[2, :, GUST] = _PAIR
     transition = carry.reshape(8, N_STATES)
     covariance = state.covariance[:N_STATES, :N_STATES]
     return SwingPhase(transition @ state.mean[:N_STATES], transition @ covariance @ transition.T, rate_1_s)
@@ -121,7 +126,9 @@ def describe(
         hoist_u_m_s=sigma[HOIST_SPEED],
         probabilities=tuple(state.weight.tolist()),
         next_peak=next_peak(phase, is_driven=True) if known else None,
-        next_peak_if_coasting=next_peak(phase, is_driven=False) if known else None,
+        next_peak_if_coasting=next_peak(swing_phase(state, g, ahead_s, gust_lasts=False), is_driven=False)
+        if known
+        else None,
         last_peak=largest if known else None,
         amplitude_rad=2 * math.asin(min(major / 2, 1.0)),
         minor_amplitude_rad=2 * math.asin(min(minor / 2, 1.0)),

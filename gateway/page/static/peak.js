@@ -7,8 +7,8 @@ const NORMAL_975 = 1.959964;
 export const SOON_S = 0.05; // a peak that comes sooner is the present angle
 const ALIKE_DEG = 0.5; // a number further above the present angle is never shown as that
 
-// Return the next peak as alerts judge it (MotionEstimate.expected_peak): halfway between a pivot that keeps its acceleration and
-// one that coasts, at the time of the larger of both; null where it is not known.
+// Return the next peak as alerts judge it (MotionEstimate.expected_peak): halfway between a pivot or gust that goes on and one
+// that ends now, at the time of the larger of both; null where it is not known.
 export function comingPeak(motion) {
   const peaks = [
     {angleDeg: motion?.predicted_phi_max_deg, uDeg: motion?.predicted_u_deg, inS: motion?.time_to_peak_s},

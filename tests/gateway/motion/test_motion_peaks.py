@@ -8,8 +8,10 @@ from devices.pendulum.small_swing import period_ratio
 from gateway.motion.hypotheses import N_HYPOTHESES
 from gateway.motion.peaks import SwingPhase, ellipse, next_peak
 from gateway.motion.rope_model import RopeModel
+from gateway.motion.state_estimate import Described, swing_phase
 from gateway.motion.state_vector import (
     GRAVITY,
+    GUST,
     LN_LENGTH,
     N_MOVING,
     N_STATES,
@@ -158,3 +160,14 @@ def test_ellipse_of_a_harmonic_motion_is_the_planted_one(seed: int) -> None:
 
     assert found[:2] == pytest.approx((major, minor), abs=1e-12)
     assert np.angle(np.exp(2j * (found[2] - direction))) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_gust_may_end_now_as_a_drive_may() -> None:
+    """From rest under a force that has just begun: if it goes on, the load swings to twice its lean, and else hardly at all."""
+    mean = np.zeros(N_STATES)
+    mean[LN_LENGTH], mean[GUST], mean[SIDE_FORCE] = np.log(LENGTH_M), (0.05, 0.0), (0.01, 0.0)
+    mean[GRAVITY] = (-0.01, 0.0)  # it hung at the lean of the steady wind
+    state = Described(mean, 1e-8 * np.eye(N_STATES), np.ones(N_HYPOTHESES) / N_HYPOTHESES)
+    lasting, ended = (swing_phase(state, GRAVITY_M_S2, 0.0, gust_lasts=lasts) for lasts in (True, False))
+    assert next_peak(lasting, is_driven=True).angle_rad == pytest.approx(0.01 + 2 * 0.05, rel=0.01)
+    assert next_peak(ended, is_driven=False).angle_rad == pytest.approx(0.01, rel=0.01)
