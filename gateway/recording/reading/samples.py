@@ -277,8 +277,6 @@ def _check_overlap(
     before: RecordingFile, samples: SampleColumns, after: RecordingFile, following: SampleColumns
 ) -> None:
     span_ns, next_ns = samples.span_ns, following.span_ns
-    if next_ns == span_ns:
-        raise RecordingError(f"{after.path}: has the same times as {before.path}; give one of them")
     if next_ns[0] <= span_ns[1]:
         overlap_s = (span_ns[1] - next_ns[0]) / 1e9
         raise RecordingError(f"{after.path}: overlaps {before.path} by {overlap_s:.3f} s; give one of them")
