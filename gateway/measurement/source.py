@@ -36,6 +36,11 @@ UNCALIBRATED_NORM_ERROR_G = 0.05
 offsets of 0.02 to 0.08 g."""
 LONGEST_END_S = 1.0
 """Time without a sample at an end of an interval that is worth a remark. Basis: a choice; blocks of samples are shorter."""
+TURNED_RAD = math.radians(60.0)
+"""Angle of the specific force to the housing's z axis beyond which the housing does not hang on the rope. Basis: five of the six
+poses of a recalibration are at 90° and more, and no load swings so far."""
+REMOUNTING_S = 60.0
+"""Time behind a recalibration in which the housing may be turned still. Basis: a choice; a clamp is closed within a minute."""
 UNALIGNED_MOUNT_U_DEG = 0.57
 """Standard uncertainty of the angle between sensor and rope where nobody has zeroed it: fixed by eye, within one degree. Basis:
 within one degree, uniformly distributed."""
@@ -298,7 +303,8 @@ def _without_suspended(source: Source, run: RecordedSamples) -> Source:
     origin_ns = source.recording.origin_ns or 0
     for (begin_ns, by), (end_ns, _) in pairwise((*run.suspensions, (sys.maxsize, ""))):
         time_s, first_s = source.recording.time_s, source.extent.first_s
-        begin_s, end_s = (begin_ns - origin_ns) / 1e9, (end_ns - origin_ns) / 1e9
+        begin_s = (begin_ns - origin_ns) / 1e9
+        end_s = _remounted_s(source, (end_ns - origin_ns) / 1e9)
         inside = (time_s >= begin_s) & (time_s < end_s) & bool(by)
         if not inside.any():
             continue
@@ -308,6 +314,14 @@ def _without_suspended(source: Source, run: RecordedSamples) -> Source:
             raise InputError(f"{text}, and no reading describes the load; choose another time")
         source = source.keeping(~inside, source.recording.without_invalid(inside), f"{text}; not judged")
     return source
+
+
+def _remounted_s(source: Source, end_s: float) -> float:
+    """Return when the housing hangs on the rope again after a recalibration, which may have ended in a pose."""
+    first, last = np.searchsorted(source.recording.time_s, [end_s, end_s + REMOUNTING_S])
+    force_g = source.force_g[first:last]
+    turned = np.flatnonzero(np.arctan2(np.hypot(force_g[:, 0], force_g[:, 1]), force_g[:, 2]) > TURNED_RAD)
+    return end_s if len(turned) == 0 else math.nextafter(source.recording.time_s[first + turned[-1]], math.inf)
 
 
 def _filtered_temperature_c(run: RecordedSamples, recording: Recording) -> NDArray[np.float64]:

@@ -49,8 +49,9 @@ def write(tmp_path: Path) -> Write:
         wall_offset_ns: int = 0,
         calibrations: dict[float, str] | None = None,
         sessions: dict[float, str] | None = None,
+        turned_s: tuple[float, float] = (0.0, 0.0),
     ) -> Path:
-        """`calibrations`: texts by their times; `sessions`: who begins to recalibrate; empty: an end."""
+        """`calibrations`: texts by their times; `sessions`: who begins to recalibrate; empty: an end; `turned_s`: with -z up."""
         header = RecordingHeader("0.1.0", "yard", "crane-2", "hook", "b00t", toml)
         recorder = Recorder(tmp_path, header, segment_s=600.0, fsync_s=1.0, quota_mb=100.0)
         time_s = begin_s + np.arange(0, seconds, 1 / RATE_HZ)
@@ -71,7 +72,9 @@ def write(tmp_path: Path) -> Write:
             recorder.write(encode_message("calibration", calibration, START_NS + round(at_s * 1e9)))
         clock = messages.ClockOffset(**head, log_time_ns=START_NS, wall_offset_ns=wall_offset_ns, stepped=False)
         recorder.write(encode_message("clock", clock, int(time_ns[0])))
-        block = SampleBlock(time_ns, np.repeat(time_s[:, np.newaxis], 3, axis=1), lost=4)
+        readings_g = np.repeat(time_s[:, np.newaxis], 3, axis=1)
+        readings_g[(time_s >= turned_s[0]) & (time_s < turned_s[1])] = [0.0, 0.0, -1.0]
+        block = SampleBlock(time_ns, readings_g, lost=4)
         recorder.write(
             encode_message(
                 "samples",
@@ -180,6 +183,20 @@ def test_readings_of_a_housing_off_the_rope_are_not_judged(write: Write) -> None
     with pytest.raises(InputError, match="by Carla, and no reading describes the load; choose another time"):
         read_source([path], interval=interval("4", "5"))
     assert read_source([path], interval=interval("6", "8")).remarks == ()
+
+
+@pytest.mark.parametrize("begin_s", [0.0, 2.0, 3.2])
+def test_a_pose_in_which_a_recalibration_ends_is_left_out_with_it(write: Write, begin_s: float) -> None:
+    path = write("a.mcap", 0, 10, sessions={0.0: "", 1.0: "Carla", 3.0: ""}, turned_s=(2.5, 3.6))
+    source = read_source([path], interval=interval(str(begin_s)))
+    judged = np.unique(np.floor(10 * source.recording.time_s + 1e-6)).tolist()
+    assert judged == [*range(round(10 * begin_s), 10), *range(36, 100)]
+    assert source.remarks[-1].startswith("from 1.0 s to 3.6 s the sensor was being recalibrated by Carla")
+
+
+def test_a_housing_that_is_turned_long_after_a_recalibration_is_none_of_its_poses(write: Write) -> None:
+    path = write("a.mcap", 0, 80, sessions={0.0: "", 1.0: "Carla", 3.0: ""}, turned_s=(70.0, 71.0))
+    assert len(read_source([path]).recording) == 78 * RATE_HZ
 
 
 def test_text_tables_are_not_joined(tmp_path: Path, write: Write) -> None:

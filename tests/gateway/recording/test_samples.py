@@ -143,6 +143,16 @@ def test_gap_between_segments_is_counted_as_lost_samples(write: Write) -> None:
     assert (recording.lost, recording.lost_before[3 * BLOCK]) == (2 * BLOCK, 2 * BLOCK)
 
 
+@pytest.mark.parametrize("begin", [None, "0.01"])
+def test_time_in_which_the_gateway_was_off_is_no_lost_samples(write: Write, begin: str | None) -> None:
+    restarted = replace(HEADER, boot_id="b002")
+    paths = [write("a.mcap", range(3)), write("b.mcap", range(5, 8), header=restarted), write("c.mcap", range(9, 12))]
+    joined = read_samples(paths, RecordingInterval(None if begin is None else parse_recording_time(begin)))
+    assert joined.remarks[0] == "b.mcap: begins 0.065 s after a.mcap ends: the gateway was started again"
+    lost_before = joined.recording().lost_before
+    assert lost_before[3 * BLOCK] == lost_before[6 * BLOCK] == 0
+
+
 def test_each_change_of_calibration_is_kept(write: Write) -> None:
     paths = [write(f"{place}.mcap", [place], calibration=name) for place, name in enumerate("aab")]
     joined = read_samples(paths)
