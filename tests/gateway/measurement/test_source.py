@@ -1,5 +1,6 @@
 """The input of `measure`: an interval of one file or of several files of a gateway, and a rig, which may state no rope length."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +22,12 @@ from gateway.pipeline.outgoing_message import encode_message
 from gateway.pipeline.rig import Rig, RigHousing, RigRope
 from gateway.recording.format.content import RecordingHeader
 from gateway.recording.reading.interval import RecordingInterval, parse_recording_time
+from gateway.recording.reading.recording_file import EVERYTHING
+from gateway.recording.reading.sample_calibration import CalibratedReader
+from gateway.recording.reading.timeline import open_timeline
 from gateway.recording.segments.recorder import Recorder
+from tests.gateway.recording.recorded_crane import RecordedCrane, recalibrated
+from tests.values import present
 
 START_NS = 1_767_225_600_000_000_000
 """2026-01-01 00:00:00 UTC."""
@@ -162,12 +168,39 @@ def test_a_rig_replaces_different_ropes_but_not_different_axes(write: Write) -> 
         read_source(paths, RIG)
 
 
-def test_change_of_calibration_in_the_interval_is_remarked(write: Write) -> None:
+@pytest.fixture(scope="module")
+def recalibrated_crane(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """12 s by the factory's record, 3 s of a recalibration, and 15 s by its record."""
+    folder = tmp_path_factory.mktemp("recalibrated")
+    recalibrated(RecordedCrane(folder))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "ids"), [(None, None, ["factory-simulated-1-2g", "site-2"]), ("16", None, ["site-2"])]
+)
+def test_each_part_is_read_by_the_calibration_that_was_in_force(
+    recalibrated_crane: Path, begin: str | None, end: str | None, ids: list[str]
+) -> None:
+    """As `record export` and the report of an incident read it."""
+    source = read_source([recalibrated_crane], interval=interval(begin, end))
+    blocks = list(CalibratedReader(open_timeline([recalibrated_crane]), EVERYTHING).blocks())
+    time_ns = np.concatenate([each.block.time_ns for each in blocks])
+    kept = np.searchsorted(time_ns, present(source.recording.origin_ns) + np.rint(1e9 * source.recording.time_s))
+    force_g = np.concatenate([each.force_g for each in blocks])
+    np.testing.assert_allclose(source.force_g, force_g[kept], rtol=0, atol=1e-12)
+    assert [text.split(",")[0].split()[-1] for text in source.calibration.split("; then ")] == ids
+    used = {each.correction.text: each.correction for each in blocks}
+    largest_u_g = np.max([used[text].u_zero_g_offset_g for text in source.calibration.split("; then ")], axis=0)
+    assert (present(source.correction).u_zero_g_offset_g >= largest_u_g).all()
+    changes = [text for text in source.remarks if text.startswith("another calibration")]
+    assert len(changes) == len(ids) - 1
+    assert all(re.fullmatch(r".* at 1[45]\.\d{3} s; each part is judged by its own", text) for text in changes)
+
+
+def test_a_calibration_that_is_stated_again_is_no_other_one(write: Write) -> None:
     path = write("a.mcap", 0, 10, calibrations={0.0: "old", 6.0: "new"})
-    (remark,) = read_source([path]).remarks
-    assert remark == "another calibration came into force at 6.000 s and is not used; measure that part with --from"
-    assert read_source([path], interval=interval("6")).remarks == ()
-    assert read_source([path], interval=interval(None, "6")).remarks == ()
+    assert read_source([path]).remarks == ()
 
 
 def test_readings_of_a_housing_off_the_rope_are_not_judged(write: Write) -> None:
