@@ -136,7 +136,7 @@ def _lines(result: ReplayResult, is_local: bool) -> Iterator[str]:
         yield f"{total} messages computed again, {differing} differ ({how})"
         yield f"  {topics}"
         if not_compared := comparison.not_compared.total():
-            yield f"{not_compared} were not compared: they are in or beside what is missing, or depend on it"
+            yield f"{not_compared} were not compared: they are in or beside what was not replayed, or depend on it"
         if cut_off := comparison.cut_off.total():
             yield f"{cut_off} at the end of the last file, or of one that was cut off, are not recorded, which is no difference"
     if comparison.first is not None:
