@@ -1,6 +1,7 @@
 """The correction in force: from raw readings to specific force in the housing frame, with its uncertainty."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -127,6 +128,21 @@ class Correction:
         if temperature_c is None:
             return ("widened: the temperature is not known, the thermal model is not applied",)
         return (f"widened: at {temperature_c:.0f} °C, calibrated at {low_c:.0f} to {high_c:.0f} °C",)
+
+
+def widest(corrections: Sequence[Correction]) -> Correction:
+    """Return the first correction with the largest uncertainty of all, each quantity by itself, and the texts of all."""
+    first, *others = corrections
+    if not others:
+        return first
+    return replace(
+        first,
+        u_zero_g_offset_g=np.max([each.u_zero_g_offset_g for each in corrections], axis=0),
+        u_scale_factor=np.max([each.u_scale_factor for each in corrections], axis=0),
+        u_cross_axis=max(each.u_cross_axis for each in corrections),
+        permissible_norm_error_g=max(each.permissible_norm_error_g for each in corrections),
+        text="; then ".join(each.text for each in corrections),
+    )
 
 
 def correction_for(info: DeviceInfo, axes: AxesMap, stored: CalibrationRecord | None) -> Correction:

@@ -9,7 +9,7 @@ from gateway.errors import InputError
 from gateway.messages import LEVEL_RANK, Alert, Level
 from gateway.recording.chain.statements import describe_removed
 from gateway.recording.format.content import CUT
-from gateway.recording.format.salvage import describe_losses, is_damaged
+from gateway.recording.format.salvage import describe_losses, may_hide_messages
 from gateway.recording.reading.interval import RecordingInterval, RecordingTime
 from gateway.recording.reading.recording_file import Selection, open_recording
 from gateway.recording.reading.timeline import ReportProgress, Timeline, TimelineSpan, ignore_progress
@@ -275,7 +275,7 @@ def _worst(incidents: Sequence[AlertIncident]) -> AlertIncident | None:
 def _read_alerts(timeline: Timeline, report: ReportProgress, hidden: list[str]) -> Iterator[tuple[int, Alert]]:
     """Yield the messages of alerts; segments in which none stood and nothing changed, by their summaries, are left out.
 
-    `hidden` takes a line for each file of which a part cannot be read.
+    `hidden` takes a line for each file of which messages cannot be read.
     """
     done, total = 0, max(timeline.size_bytes, 1)
     for segment in timeline.segments:
@@ -286,7 +286,7 @@ def _read_alerts(timeline: Timeline, report: ReportProgress, hidden: list[str]) 
                 content = file.decode(recorded)
                 if isinstance(content, Alert):
                     yield recorded.log_time_ns, content
-            if is_damaged(file.losses):
+            if may_hide_messages(file.losses):
                 hidden.append(f"{segment.path.name}: {', '.join(describe_losses(file.losses))}")
         done += segment.size_bytes
         report(done / total)

@@ -4,15 +4,18 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
+from devices.axes_map import AxesMap
 from devices.errors import RecordingError
 from devices.recording import Recording
 from devices.tables.foreign import NOTHING_STATED, TableOptions
+from gateway.calibration.correction import Correction
 from gateway.calibration.input_files import FileReadings, read_file
 from gateway.configuration.model import Configuration
 from gateway.errors import InputError
-from gateway.messages import Calibration
 from gateway.recording.reading.recording_file import RecordingFile
-from gateway.recording.reading.sample_calibration import recorded_configuration
+from gateway.recording.reading.sample_calibration import recorded_configuration, recorded_correction
 from gateway.recording.reading.samples import RecordedSamples, read_samples
 from gateway.recording.reading.timeline import list_recordings
 
@@ -46,20 +49,24 @@ def _settings(configuration: Configuration | None, *, same_rig: bool) -> dict[st
     return settings | rig if same_rig else settings
 
 
-def calibration_in_force(run: RecordedSamples, recording: Recording) -> tuple[Calibration | None, tuple[str, ...]]:
-    """Return the calibration in force at the first sample, and a remark if another one followed."""
-    if not run.calibrations or recording.origin_ns is None:
-        return None, ()
-    first_ns, last_ns = (recording.origin_ns + round(float(recording.time_s[end]) * 1e9) for end in (0, -1))
-    known = [calibration for calibration in run.calibrations if calibration.log_time_ns <= first_ns]
-    later = [calibration for calibration in run.calibrations if first_ns < calibration.log_time_ns <= last_ns]
-    in_force = known[-1] if known else run.calibrations[0]
-    changes = [calibration for calibration in later if calibration is not in_force]
-    if not changes:
-        return in_force.message, ()
-    change_s = (changes[0].log_time_ns - recording.origin_ns) / 1e9
-    remark = f"another calibration came into force at {change_s:.3f} s and is not used; measure that part with --from"
-    return in_force.message, (remark,)
+def corrections_in_force(run: RecordedSamples, recording: Recording, axes: AxesMap) -> list[tuple[slice, Correction]]:
+    """Return the correction of each part of a recording, by the calibration that was in force there.
+
+    Raises `RecordingError`, and `CalibrationError` for a damaged record.
+    """
+    sample_ns = (recording.origin_ns or 0) + np.rint(recording.time_s * 1e9).astype(np.int64)
+    stated_ns = np.array([each.log_time_ns for each in run.calibrations], dtype=np.int64)
+    starts = np.where(stated_ns <= sample_ns[0], 0, np.searchsorted(sample_ns, stated_ns, "right")).tolist()
+    in_force = {start: each.message for start, each in zip(starts, run.calibrations, strict=True)}
+    first = in_force.pop(0, run.calibrations[0].message if run.calibrations else None)
+    found: list[tuple[int, Correction]] = []
+    for start, message in ((0, first), *in_force.items()):
+        if start < len(recording):
+            correction = recorded_correction(run.files[0], message, axes)
+            if not found or correction.text != found[-1][1].text:
+                found.append((start, correction))
+    stops = [*(start for start, _ in found[1:]), len(recording)]
+    return [(slice(start, stop), correction) for (start, correction), stop in zip(found, stops, strict=True)]
 
 
 def read_calibration_readings(paths: Sequence[Path], options: TableOptions) -> list[FileReadings]:

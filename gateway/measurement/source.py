@@ -4,7 +4,7 @@ import math
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,18 +15,17 @@ from devices.axes_map import SAME_AXES, map_axes
 from devices.recording import Recording
 from devices.tables.foreign import NOTHING_STATED, TableOptions, is_native
 from devices.tables.native import read_table
-from gateway.calibration.correction import Correction
+from gateway.calibration.correction import Correction, widest
 from gateway.configuration.model import ALIGNED_MOUNT_U_DEG
 from gateway.errors import InputError
 from gateway.measurement.foreign_file import read_foreign
-from gateway.measurement.recording_files import calibration_in_force, common_configuration
+from gateway.measurement.recording_files import common_configuration, corrections_in_force
 from gateway.motion.gyro_reading import GyroPrior
 from gateway.numerics.foreign_readings import find_dropouts, find_fresh_rows, saturation_level
 from gateway.pipeline.force_stage import TemperatureFilter, find_clipped
 from gateway.pipeline.motion_stage import device_gyro, gyro_prior
 from gateway.pipeline.rig import CALIBRATED, UNCALIBRATED, DefaultUncertainty, Rig, configured_housing, with_sensor
 from gateway.recording.reading.interval import WHOLE_RECORDING, RecordingExtent, RecordingInterval
-from gateway.recording.reading.sample_calibration import recorded_correction
 from gateway.recording.reading.samples import RecordedSamples, read_samples
 from gateway.recording.reading.timeline import list_recordings
 from gateway.swing.rig import MountedHousing
@@ -36,6 +35,11 @@ UNCALIBRATED_NORM_ERROR_G = 0.05
 offsets of 0.02 to 0.08 g."""
 LONGEST_END_S = 1.0
 """Time without a sample at an end of an interval that is worth a remark. Basis: a choice; blocks of samples are shorter."""
+TURNED_RAD = math.radians(60.0)
+"""Angle of the specific force to the housing's z axis beyond which the housing does not hang on the rope. Basis: five of the six
+poses of a recalibration are at 90° and more, and no load swings so far."""
+REMOUNTING_S = 60.0
+"""Time behind a recalibration in which the housing may be turned still. Basis: a choice; a clamp is closed within a minute."""
 UNALIGNED_MOUNT_U_DEG = 0.57
 """Standard uncertainty of the angle between sensor and rope where nobody has zeroed it: fixed by eye, within one degree. Basis:
 within one degree, uniformly distributed."""
@@ -75,7 +79,8 @@ class Source:
     housing: MountedHousing | None = None
     """From the rig, or from the configuration in the recording; None: the position is not known."""
     correction: Correction | None = None
-    """Correction applied to the readings, its uncertainty widened for the recording's temperatures; None: none was applied."""
+    """Correction applied to the readings, its uncertainty widened for the recording's temperatures, of several the largest; None:
+    none was applied."""
     bandwidth_hz: float | None = None
     """Bandwidth of the low-pass inside the sensor."""
     rate_rad_s: NDArray[np.float64] | None = None
@@ -248,19 +253,20 @@ def _from_run(files: Sequence[Path], rig: Rig | None, interval: RecordingInterva
     whole = run.recording()
     extent = _extent(whole, run.wall_offset_ns) if run.span is None else run.span.extent
     recording = _cut(whole, interval, extent)
-    calibration, calibration_remarks = calibration_in_force(run, recording)
     axes = SAME_AXES if configuration is None else configuration.device.axes
-    correction = recorded_correction(run.files[0], calibration, axes)
-    extreme_c = _extreme_temperature_c(recording, correction)
-    widened = correction.widened_by(correction.kelvin_beyond(extreme_c))
+    parts = corrections_in_force(run, recording, axes)
+    temperature_c = _filtered_temperature_c(run, recording)
+    extremes_c = [_extreme_temperature_c(recording, *part) for part in parts]
+    widened = widest([each.widened_by(each.kelvin_beyond(c)) for (_, each), c in zip(parts, extremes_c, strict=True)])
+    warnings = [each.range_warnings(c) for (_, each), c in zip(parts, extremes_c, strict=True)]
     bandwidth_hz = run.device.bandwidth_hz
     source = Source(
         files=tuple(each.path for each in run.files),
         recording=recording,
         extent=extent,
-        force_g=correction.apply(recording.raw, _filtered_temperature_c(run, recording)),
-        permissible_norm_error_g=correction.permissible_norm_error_g,
-        calibration=correction.text,
+        force_g=np.concatenate([each.apply(recording.raw[part], temperature_c[part]) for part, each in parts]),
+        permissible_norm_error_g=widened.permissible_norm_error_g,
+        calibration=widened.text,
         noise_g=run.device.noise_g,
         full_scale_g=run.device.full_scale_g,
         housing=None if configuration is None else configured_housing(configuration, widened, bandwidth_hz),
@@ -269,12 +275,15 @@ def _from_run(files: Sequence[Path], rig: Rig | None, interval: RecordingInterva
         rate_rad_s=None if recording.gyro_dps is None else np.radians(map_axes(recording.gyro_dps, axes)),
         gyro=None if recording.gyro_dps is None else device_gyro(run.device),
         mount_u_deg=ALIGNED_MOUNT_U_DEG if configuration is None else configuration.housing.mount_u_deg,
-        temperature_warnings=correction.range_warnings(extreme_c),
+        temperature_warnings=tuple(dict.fromkeys(chain.from_iterable(warnings))),
         remarks=(
             *run.remarks,
             *interval.describe_excess(extent),
             *_describe_ends(recording, interval, extent),
-            *calibration_remarks,
+            *(
+                f"another calibration came into force at {recording.time_s[part.start]:.3f} s; each part is judged by its own"
+                for part, _ in parts[1:]
+            ),
         ),
     )
     return _without_suspended(source, run)
@@ -298,7 +307,8 @@ def _without_suspended(source: Source, run: RecordedSamples) -> Source:
     origin_ns = source.recording.origin_ns or 0
     for (begin_ns, by), (end_ns, _) in pairwise((*run.suspensions, (sys.maxsize, ""))):
         time_s, first_s = source.recording.time_s, source.extent.first_s
-        begin_s, end_s = (begin_ns - origin_ns) / 1e9, (end_ns - origin_ns) / 1e9
+        begin_s = (begin_ns - origin_ns) / 1e9
+        end_s = _remounted_s(source, (end_ns - origin_ns) / 1e9)
         inside = (time_s >= begin_s) & (time_s < end_s) & bool(by)
         if not inside.any():
             continue
@@ -308,6 +318,14 @@ def _without_suspended(source: Source, run: RecordedSamples) -> Source:
             raise InputError(f"{text}, and no reading describes the load; choose another time")
         source = source.keeping(~inside, source.recording.without_invalid(inside), f"{text}; not judged")
     return source
+
+
+def _remounted_s(source: Source, end_s: float) -> float:
+    """Return when the housing hangs on the rope again after a recalibration, which may have ended in a pose."""
+    first, last = np.searchsorted(source.recording.time_s, [end_s, end_s + REMOUNTING_S])
+    force_g = source.force_g[first:last]
+    turned = np.flatnonzero(np.arctan2(np.hypot(force_g[:, 0], force_g[:, 1]), force_g[:, 2]) > TURNED_RAD)
+    return end_s if len(turned) == 0 else math.nextafter(source.recording.time_s[first + turned[-1]], math.inf)
 
 
 def _filtered_temperature_c(run: RecordedSamples, recording: Recording) -> NDArray[np.float64]:
@@ -334,9 +352,9 @@ def _cut(recording: Recording, interval: RecordingInterval, extent: RecordingExt
     return recording.part(start, stop)
 
 
-def _extreme_temperature_c(recording: Recording, correction: Correction) -> float | None:
-    """Return the temperature of the recording that is farthest outside those of the calibration."""
-    if recording.temperature_c is None or not np.isfinite(recording.temperature_c).any():
+def _extreme_temperature_c(recording: Recording, part: slice, correction: Correction) -> float | None:
+    """Return the temperature of a part of a recording that is farthest outside those of the calibration."""
+    if recording.temperature_c is None or not np.isfinite(recording.temperature_c[part]).any():
         return None
-    ends_c = float(np.nanmin(recording.temperature_c)), float(np.nanmax(recording.temperature_c))
+    ends_c = float(np.nanmin(recording.temperature_c[part])), float(np.nanmax(recording.temperature_c[part]))
     return max(ends_c, key=correction.kelvin_beyond)

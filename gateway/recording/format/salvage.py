@@ -74,7 +74,8 @@ class SalvageReport:
     closed: bool = False
     """The file was closed properly: its footer is complete."""
     altered: bool = False
-    """The content does not match its checksum: bad memory, a bad disk, or a change by somebody. Known for closed files only."""
+    """The content does not match its checksum: bad memory, a bad disk, or a change by somebody. Known for closed files only. It
+    hides no message by itself: chunks have checksums of their own, and one that is no chunk any more is a damaged record."""
     torn_bytes: int = 0
     """Number of bytes after the last complete record."""
     damaged_records: int = 0
@@ -101,7 +102,12 @@ def describe_losses(report: SalvageReport) -> list[str]:
 
 def is_damaged(report: SalvageReport) -> bool:
     """Return whether something was altered or cannot be read; an incomplete end alone is how a running recording looks."""
-    return report.altered or report.damaged_records > 0 or report.unreadable_messages > 0
+    return report.altered or may_hide_messages(report)
+
+
+def may_hide_messages(report: SalvageReport) -> bool:
+    """Return whether messages may have been where something cannot be read, an incomplete end apart."""
+    return report.damaged_records > 0 or report.unreadable_messages > 0
 
 
 def sum_losses(losses: Sequence[SalvageReport]) -> SalvageReport:

@@ -18,7 +18,7 @@ from gateway.configuration.model import Configuration
 from gateway.file_input import parse_toml
 from gateway.messages import Calibration
 from gateway.pipeline.force_stage import TemperatureFilter
-from gateway.recording.format.salvage import SalvageReport, describe_losses, sum_losses
+from gateway.recording.format.salvage import SalvageReport, describe_losses, is_damaged, sum_losses
 from gateway.recording.reading.recording_file import RecordingFile, SegmentIndex, Selection
 from gateway.recording.reading.timeline import (
     CALIBRATION,
@@ -219,5 +219,4 @@ class CalibratedReader:
     @property
     def has_losses(self) -> bool:
         """Something between the first and the last readable sample could not be read."""
-        losses = sum_losses(self.losses)
-        return bool(losses.altered or losses.damaged_records or losses.unreadable_messages)
+        return is_damaged(sum_losses(self.losses))

@@ -46,11 +46,16 @@ class SampleColumns:
         return int(kept_ns[0]), int(kept_ns[-1])
 
     def recording(
-        self, device: DeviceInfo, origin_ns: int | None = None, after_ns: int | None = None
+        self,
+        device: DeviceInfo,
+        origin_ns: int | None = None,
+        after_ns: int | None = None,
+        restarts_ns: Sequence[int] = (),
     ) -> Recording | None:
         """Return the samples as one recording, times from `origin_ns` or from the first sample; None for fewer than two.
 
         Samples with a repeated or backward time are left out and counted. `after_ns` is the time of the sample before these.
+        `restarts_ns` are those of the first sample of each later run of the gateway: what was not measured before is not lost.
         """
         mask = np.ones(len(self), dtype=np.bool_) if after_ns is None else self.time_ns > after_ns
         mask[mask] = longest_increasing_mask(self.time_ns[mask])
@@ -62,6 +67,8 @@ class SampleColumns:
         time_s = (self.time_ns[kept] - origin_ns) / 1e9
         before_s = [] if after_ns is None else [(after_ns - origin_ns) / 1e9]
         missing = missing_before(np.concatenate([before_s, time_s]))[len(before_s) :]
+        restarts = np.searchsorted(self.time_ns[kept], np.array(restarts_ns, dtype=np.int64))
+        missing[restarts[restarts < len(missing)]] = 0
         scale, rates = device.gyro_rad_s_per_count, self.gyro_counts
         return Recording(
             time_s=time_s,

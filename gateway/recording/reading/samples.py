@@ -66,6 +66,9 @@ class SampleReader:
     suspensions: list[tuple[int, str]] = field(default_factory=list)
     """Gateway time of each begin and end of a recalibration in which no reading described the load, and who recalibrated; empty:
     it ended."""
+    restarts_ns: list[int] = field(default_factory=list)
+    """Gateway time of the first sample of each run of the gateway but the first."""
+    _boot_id: str | None = None
 
     @property
     def device(self) -> DeviceInfo:
@@ -86,6 +89,7 @@ class SampleReader:
             content = self._read(message)
             if isinstance(content, SampleBlock):
                 self._begin_file(message.file)
+                self._begin_run(message.file.boot_id, content)
                 _check_unit(message.file, content)
                 blocks.append(content)
             elif isinstance(content, messages.Calibration):
@@ -130,6 +134,11 @@ class SampleReader:
             _check_same_device(self.files[0], file, device)
         self.files.append(file)
 
+    def _begin_run(self, boot_id: str, block: SampleBlock) -> None:
+        if self._boot_id not in (None, boot_id):
+            self.restarts_ns.append(int(block.time_ns[0]))
+        self._boot_id = boot_id
+
     def _add_calibration(self, calibration: CalibrationInForce) -> None:
         if not self.calibrations or _content(self.calibrations[-1]) != _content(calibration):
             self.calibrations.append(calibration)
@@ -150,7 +159,8 @@ class RecordedSamples:
     calibrations: tuple[CalibrationInForce, ...]
     """The calibration in force at the start, and each later one."""
     suspensions: tuple[tuple[int, str], ...]
-    """As of `SampleReader`."""
+    """As of `SampleReader`, also the next."""
+    restarts_ns: tuple[int, ...]
     wall_offset_ns: int
     """UTC of the wall clock minus gateway time, by the last message of the clock in the last file."""
     remarks: tuple[str, ...]
@@ -178,7 +188,8 @@ class RecordedSamples:
 
         Samples with a repeated or backward time are left out and counted. Raises `RecordingError` for fewer than two.
         """
-        recording = self.samples.recording(self.device, None if self.span is None else self.span.first_ns)
+        origin_ns = None if self.span is None else self.span.first_ns
+        recording = self.samples.recording(self.device, origin_ns, restarts_ns=self.restarts_ns)
         if recording is None:
             raise RecordingError(f"{self.path}: has a single sample; choose a longer recording")
         return recording
@@ -230,6 +241,7 @@ def _gather(reader: SampleReader, span: TimelineSpan | None) -> RecordedSamples:
         samples=concatenate(samples),
         calibrations=tuple(reader.calibrations),
         suspensions=tuple(reader.suspensions),
+        restarts_ns=tuple(reader.restarts_ns),
         wall_offset_ns=reader.wall_offsets_ns.get(reader.files[-1].path, 0),
         remarks=tuple(remarks),
         span=span,
@@ -277,8 +289,6 @@ def _check_overlap(
     before: RecordingFile, samples: SampleColumns, after: RecordingFile, following: SampleColumns
 ) -> None:
     span_ns, next_ns = samples.span_ns, following.span_ns
-    if next_ns == span_ns:
-        raise RecordingError(f"{after.path}: has the same times as {before.path}; give one of them")
     if next_ns[0] <= span_ns[1]:
         overlap_s = (span_ns[1] - next_ns[0]) / 1e9
         raise RecordingError(f"{after.path}: overlaps {before.path} by {overlap_s:.3f} s; give one of them")
@@ -301,4 +311,5 @@ def _describe_gaps(files: Sequence[SampledFile]) -> Iterator[str]:
     for (before, samples), (after, following) in pairwise(files):
         gap_ns = following.span_ns[0] - samples.span_ns[1]
         if (lost := round(gap_ns / period_ns) - 1) > 0:
-            yield f"{after.path.name}: begins {gap_ns / 1e9:.3f} s after {before.path.name} ends, {lost} samples lost"
+            what = f", {lost} samples lost" if after.boot_id == before.boot_id else ": the gateway was started again"
+            yield f"{after.path.name}: begins {gap_ns / 1e9:.3f} s after {before.path.name} ends{what}"

@@ -4,8 +4,11 @@ Every command that reads recordings gets them from here. The segments are listed
 segment at a time, so that memory does not grow with the number of files.
 """
 
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from filecmp import cmp
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -14,7 +17,7 @@ from devices.block import SampleBlock
 from devices.errors import RecordingError
 from gateway.messages import Samples
 from gateway.packing import unpack
-from gateway.recording.format.content import RECOVERED
+from gateway.recording.format.content import RECOVERED, segment_number
 from gateway.recording.format.salvage import SalvageReport
 from gateway.recording.format.segment_summary import SampleSummary, SegmentSummary
 from gateway.recording.format.summary_builder import SummaryBuilder
@@ -204,8 +207,8 @@ class NoMessageError(RecordingError):
 def open_timelines(paths: Sequence[Path]) -> list[Timeline]:
     """Return the timelines of files, and of the `.mcap` files in folders, in the order of their first messages.
 
-    A file without a message, and in a folder a file that cannot be read, is left out with a remark. Raises `RecordingError`
-    where a file that was named cannot be read, or nothing has a message.
+    A file without a message, a second copy of a file, and in a folder a file that cannot be read, is left out with a remark.
+    Raises `RecordingError` where a file that was named cannot be read, or nothing has a message.
     """
     named = {path for path in paths if not path.is_dir()}
     segments: list[SegmentIndex] = []
@@ -219,8 +222,9 @@ def open_timelines(paths: Sequence[Path]) -> list[Timeline]:
             problems.append(error)
     if not segments:
         raise problems[0]
+    segments, copies = _without_copies(segments)
     segments, replaced = _without_recovered_sources(segments)
-    remarks = (*(f"{problem}; it is left out" for problem in problems), *replaced)
+    remarks = (*(f"{problem}; it is left out" for problem in problems), *copies, *replaced)
     names = sorted({segment.gateway for segment in segments})
     timelines = [
         Timeline(name, _in_order(each for each in segments if each.gateway == name), remarks) for name in names
@@ -269,6 +273,38 @@ def _open_segment(path: Path) -> SegmentIndex:
 
 def _in_order(segments: Iterable[SegmentIndex]) -> tuple[SegmentIndex, ...]:
     return tuple(sorted(segments, key=lambda segment: (segment.from_ns, segment.to_ns, segment.path)))
+
+
+def _without_copies(segments: Sequence[SegmentIndex]) -> tuple[list[SegmentIndex], list[str]]:
+    """Return each segment once where files have the same bytes, and a remark on each other copy.
+
+    A damaged copy has the statement and the checksum of the sound one: bytes alone tell, and are compared where size, run and
+    times agree.
+    """
+    kept: defaultdict[tuple[object, ...], list[SegmentIndex]] = defaultdict(list)
+    remarks = []
+    for segment in sorted(segments, key=_is_renamed):
+        alike = kept[segment.size_bytes, segment.from_ns, segment.to_ns, segment.boot_id]
+        original = next((each for each in alike if _has_same_bytes(each.path, segment.path)), None)
+        if original is None:
+            alike.append(segment)
+        else:
+            number = segment_number(segment.origin)
+            same = f"the same segment {number} as" if number else "the same as"
+            remarks.append(f"{segment.path.name} is {same} {original.path.name}: left out")
+    return [segment for alike in kept.values() for segment in alike], remarks
+
+
+def _is_renamed(segment: SegmentIndex) -> bool:
+    """Return whether nothing in a file states its name: a statement about it has the one that the gateway gave it."""
+    stated = (text for record in segment.metadata.values() for text in record.values())
+    return not any(f'"{segment.path.name}"' in text for text in stated)
+
+
+def _has_same_bytes(one: Path, other: Path) -> bool:
+    with suppress(OSError):  # which whoever reads the file is told
+        return cmp(one, other, shallow=False)
+    return False
 
 
 def _without_recovered_sources(segments: Sequence[SegmentIndex]) -> tuple[list[SegmentIndex], list[str]]:

@@ -94,8 +94,13 @@ class ReplayComparison:
     tolerance: Tolerance
     compared: Counter[str] = field(default_factory=Counter)
     differing: Counter[str] = field(default_factory=Counter)
+    compared_within: Counter[str] = field(default_factory=Counter)
+    """The same by the description of the tolerance."""
     cut_off: Counter[str] = field(default_factory=Counter)
     """Messages without a counterpart at the end of the last file, or of one that was cut off: no difference."""
+    not_compared: Counter[str] = field(default_factory=Counter)
+    """Recorded messages beside and behind missing samples that depend on them, and what has no counterpart beside them: no
+    difference."""
     first: ReplayDifference | None = None
     _recorded: dict[tuple[str, int], deque[RecordedMessage]] = field(default_factory=dict)
     """Those that wait for their counterpart, by topic and time."""
@@ -117,26 +122,36 @@ class ReplayComparison:
         else:
             self._compare(counterpart, message)
 
-    def end_waiting(self, until_ns: int, torn_from_ns: int = LATEST_NS) -> None:
-        """Count what waits from before a time: it has no counterpart. From `torn_from_ns` on it was cut off."""
+    def leave_out(self, message: RecordedMessage) -> None:
+        """Count a recorded message that cannot be computed again."""
+        self.not_compared[message.topic] += 1
+
+    def end_waiting(self, until_ns: int, torn_from_ns: int = LATEST_NS, *, is_gap: bool = False) -> None:
+        """Count what waits from before a time: it has no counterpart. From `torn_from_ns` on it was cut off, or is at a gap."""
+        torn = self.not_compared if is_gap else self.cut_off
         for key in [key for key in self._recorded if key[1] < until_ns]:
             for recorded in self._recorded.pop(key):
-                self._compare(recorded, None, is_torn=key[1] >= torn_from_ns)
+                self._compare(recorded, None, torn if key[1] >= torn_from_ns else None)
         for key in [key for key in self._recomputed if key[1] < until_ns]:
             for recomputed in self._recomputed.pop(key):
-                self._compare(None, recomputed, is_torn=key[1] >= torn_from_ns)
+                self._compare(None, recomputed, torn if key[1] >= torn_from_ns else None)
 
     def _compare(
-        self, recorded: RecordedMessage | None, recomputed: OutgoingMessage | None, *, is_torn: bool = False
+        self,
+        recorded: RecordedMessage | None,
+        recomputed: OutgoingMessage | None,
+        torn: Counter[str] | None = None,
     ) -> None:
+        """Compare two messages; `torn` takes one without a counterpart that is no difference."""
         topic = recorded.topic if recorded is not None else TOPICS[recomputed.topic].path if recomputed else ""
         difference = None
         if not self.tolerance.selects(topic):
+            self.not_compared[topic] += recorded is not None
             return
         if recorded is None and recomputed is not None and self._is_thinned_out(recomputed):
             return
-        if is_torn:
-            self.cut_off[topic] += 1
+        if torn is not None:
+            torn[topic] += 1
             return
         if recorded is None or recomputed is None:
             difference = _one_is_missing(recorded, recomputed)
@@ -145,6 +160,7 @@ class ReplayComparison:
             if content != recorded.data:
                 difference = self._first_difference(recorded, content)
         self.compared[topic] += 1
+        self.compared_within[self.tolerance.description] += 1
         if difference is not None:
             self.differing[topic] += 1
             if self.first is None or difference.log_time_ns < self.first.log_time_ns:

@@ -26,6 +26,7 @@ from gateway.recording.reading.timeline import (
     Timeline,
     TimelineMessage,
 )
+from gateway.recording.replay.replay_comparison import LATEST_NS
 from gateway.topics import TOPIC_OF, paths_with
 
 RECOMPUTED_PATHS = paths_with(lambda topic: topic.recomputed)
@@ -77,10 +78,16 @@ class ReplayStep:
         """Gateway time of the newest sample; 0 without a block."""
         return 0 if self.block is None else int(self.block.time_ns[-1])
 
+    @property
+    def known_to_ns(self) -> int:
+        """Gateway time up to which the results can be computed: without limit, or where blocks are missing next, of this one."""
+        is_followed = self.block is None or self.next_block is None or self.next_sequence <= self.sequence + 1
+        return LATEST_NS if is_followed else self.end_ns
+
     def is_idle(self, message: StepMessage) -> bool:
         """Return whether a message was sent while no samples came: after this block, and not because of the next one."""
         time_ns = message.recorded.log_time_ns
-        if message.recorded.topic not in IDLE_PATHS or time_ns <= self.end_ns:
+        if message.recorded.topic not in IDLE_PATHS or not self.end_ns < time_ns <= self.known_to_ns:
             return False
         return self.next_block is None or time_ns not in self.next_block.time_ns
 

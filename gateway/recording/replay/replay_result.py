@@ -8,7 +8,6 @@ from gateway import messages
 from gateway.recording.format.segment_summary import RecordedPeak, SegmentSummary
 from gateway.recording.format.summary_builder import RecordedAlert, join_alerts, largest_peak, unknown_s, verdicts_s
 from gateway.recording.reading.interval import zoned
-from gateway.recording.replay.replay_comparison import AFTER_START
 from gateway.recording.replay.replay_run import ReplayResult
 
 SAME_BEGIN_NS = 5_000_000_000
@@ -103,9 +102,11 @@ def replay_json(result: ReplayResult) -> dict[str, Any]:
         "is_from_start": result.is_from_start,
         "notes": result.notes,
         "hidden": result.hidden,
+        "altered": result.altered,
         "compared": dict(comparison.compared),
         "differing": dict(comparison.differing),
         "cut_off": dict(comparison.cut_off),
+        "not_compared": dict(comparison.not_compared),
         "first_difference": None if first is None else {**asdict(first), **_as_texts(first.recorded, first.recomputed)},
         "table": [{**asdict(row), "differs": row.differs} for row in replay_rows(result)],
         "recorded": asdict(outcome_of(result.recorded)),
@@ -123,14 +124,19 @@ def _as_texts(recorded: Any, recomputed: Any) -> dict[str, Any]:
 def _lines(result: ReplayResult, is_local: bool) -> Iterator[str]:
     yield from result.notes
     yield from (f"not replayed: {each}" for each in result.hidden)
+    yield from (f"{each}; every message in it could be read" for each in result.altered)
     comparison = result.comparison
     if not result.is_compared:
         return
     if result.mode == "same":
         total, differing = sum(comparison.compared.values()), sum(comparison.differing.values())
         topics = ", ".join(f"{topic} {count}" for topic, count in sorted(comparison.compared.items()))
-        yield f"{total} messages computed again, {differing} differ ({comparison.tolerance.description})"
+        shares = comparison.compared_within
+        how = "; ".join(f"{count} {name}" if len(shares) > 1 else name for name, count in shares.items())
+        yield f"{total} messages computed again, {differing} differ ({how})"
         yield f"  {topics}"
+        if not_compared := comparison.not_compared.total():
+            yield f"{not_compared} were not compared: they are in or beside what was not replayed, or depend on it"
         if cut_off := comparison.cut_off.total():
             yield f"{cut_off} at the end of the last file, or of one that was cut off, are not recorded, which is no difference"
     if comparison.first is not None:
@@ -139,7 +145,7 @@ def _lines(result: ReplayResult, is_local: bool) -> Iterator[str]:
         yield f"  recorded    {_short(first.recorded)}"
         yield f"  recomputed  {_short(first.recomputed)}"
         yield "  differing: " + ", ".join(f"{topic} {count}" for topic, count in sorted(comparison.differing.items()))
-    if result.mode == "other" or comparison.first is not None or comparison.tolerance is AFTER_START:
+    if result.mode == "other" or comparison.first is not None or not result.is_from_start:
         yield ""
         if not result.is_from_start:
             yield COLD_START

@@ -2,7 +2,7 @@
 
 import platform
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -14,7 +14,7 @@ from gateway.calibration.record import CalibrationRecord
 from gateway.configuration.model import Configuration
 from gateway.errors import InputError
 from gateway.recording.chain.statements import describe_removed
-from gateway.recording.format.salvage import describe_losses, is_damaged
+from gateway.recording.format.salvage import SalvageReport, describe_losses, may_hide_messages
 from gateway.recording.format.segment_summary import SegmentSummary
 from gateway.recording.format.summary_builder import SummaryBuilder
 from gateway.recording.reading.interval import RecordingInterval, iso_utc
@@ -59,9 +59,11 @@ class ReplayResult:
     """What each run told, by its boot id, in order of time."""
     recomputed: list[tuple[str, SegmentSummary]]
     notes: list[str] = field(default_factory=list)
-    """How exactly the results are compared, and from when on."""
+    """Files that were left out, how exactly the results are compared, and from when on."""
     hidden: list[str] = field(default_factory=list)
     """Segments that are missing in between, and what could not be read: nothing of it was compared."""
+    altered: list[str] = field(default_factory=list)
+    """Files with a wrong checksum of which every message could be read."""
     is_from_start: bool = True
     """Every run was replayed from its beginning: its motion, swing, conditions and alerts can be computed again."""
 
@@ -69,6 +71,11 @@ class ReplayResult:
     def is_compared(self) -> bool:
         """Something was compared: messages, or with other settings what was told."""
         return bool(self.recorded) if self.mode == "other" else bool(self.comparison.compared)
+
+    @property
+    def has_losses(self) -> bool:
+        """Not everything could be compared, or a file is not as it was written."""
+        return bool(self.hidden or self.altered) or not self.is_compared
 
 
 class ReplayRun:
@@ -108,8 +115,12 @@ class ReplayRun:
         """The last step with a block."""
         self._notes: list[str] = []
         self._is_from_start = True
+        self._missing_blocks = 0
+        """Before `_from_ns`."""
         self._waiting_note = ""
         """How the results are compared from `_from_ns` on; a note as soon as one is."""
+        self._compared_up_to = ""
+        """End of what was compared before the missing blocks; empty: nothing was."""
 
     def result(self, report: ReportProgress = ignore_progress) -> ReplayResult:
         """Replay everything. Raises `RecordingError`, `CalibrationError` or `ConfigurationError`."""
@@ -119,27 +130,27 @@ class ReplayRun:
             self._check_continuity(step)
             self._take(step)
             self._newest = self._newest if step.block is None else step
-        self._end_waiting(LATEST_NS, is_last=True)
+        self._end_run(is_last=True)
         result = ReplayResult(
             self._mode,
             self._comparison,
             _summaries(self._recorded),
             _summaries(self._recomputed),
-            self._notes,
-            self._hidden(selection),
+            [*self._timeline.remarks, *self._notes],
+            [*describe_removed(self._timeline.chosen(selection)), *self._damaged(may_hide_messages)],
+            self._damaged(lambda losses: losses.altered and not may_hide_messages(losses)),
             self._is_from_start,
         )
         if not result.is_compared:
             result.notes.append(NOTHING_COMPARED)
         return result
 
-    def _hidden(self, selection: Selection) -> list[str]:
-        damaged = [
+    def _damaged(self, is_meant: Callable[[SalvageReport], bool]) -> list[str]:
+        return [
             f"{path.name}: {', '.join(describe_losses(file.losses))}"
             for path, file in self._files.items()
-            if is_damaged(file.losses)
+            if is_meant(file.losses)
         ]
-        return [*describe_removed(self._timeline.chosen(selection)), *damaged]
 
     def _steps(self) -> Selection:
         """Return the selection of the steps: from the beginning of the run, or of the warm-up."""
@@ -156,22 +167,28 @@ class ReplayRun:
     def _check_continuity(self, step: ReplayStep) -> None:
         """Choose how exactly the results of this and the next steps are compared."""
         if step.boot_id != self._boot_id:
+            self._end_run()
             self._boot_id, self._sequence = step.boot_id, -1
-            self._end_waiting(LATEST_NS)
+            self._from_ns = self._selection.begin_ns or 0
             self._comparison.tolerance = self._platform_tolerance(step.origin)
         block, sequence = (step.next_block, step.next_sequence) if step.block is None else (step.block, step.sequence)
         missing = sequence - self._sequence - 1
-        self._sequence = max(self._sequence, sequence)
         if missing > 0 and block is not None:
-            why = f"{missing} blocks of the run are not in these files, or cannot be read"
-            self._compare_from(int(block.time_ns[0]) + WARM_UP_NS, step, why)
+            self._missing_blocks += missing
+            if self._sequence >= 0:
+                self._begin_gap()
+            self._compare_from(int(block.time_ns[0]) + WARM_UP_NS, step, is_begin=self._sequence < 0)
+        self._sequence = max(self._sequence, sequence)
 
-    def _end_waiting(self, until_ns: int, *, is_last: bool = False) -> None:
+    def _end_run(self, *, is_last: bool = False) -> None:
         """Count what waits.
 
         What follows from the last block may be missing where the end of the run was cut off, and at the end of the last file,
         because a file that was not given may go on with it.
         """
+        if self._compared_up_to:
+            self._note_tolerance()
+        self._missing_blocks, self._waiting_note = 0, ""
         torn_from_ns = LATEST_NS
         newest = self._newest
         if newest is not None and newest.block is not None:
@@ -180,17 +197,32 @@ class ReplayRun:
             ]  # the last may have no block
             if is_last or newest.segment.is_torn or ends[-1].is_torn:
                 torn_from_ns = int(newest.block.time_ns[0])
-        self._comparison.end_waiting(until_ns, torn_from_ns)
+        self._comparison.end_waiting(LATEST_NS, torn_from_ns)
 
-    def _compare_from(self, time_ns: int, step: ReplayStep, why: str) -> None:
+    def _begin_gap(self) -> None:
+        """Count what waits before missing blocks: what follows from the last block before them may be missing with them."""
+        newest = self._newest
+        if newest is None or newest.block is None:
+            return
+        self._comparison.end_waiting(LATEST_NS, int(newest.block.time_ns[0]), is_gap=True)
+        if newest.end_ns >= self._from_ns:
+            self._compared_up_to = iso_utc(newest.end_ns + newest.clock.wall_offset_ns)
+
+    def _compare_from(self, time_ns: int, step: ReplayStep, *, is_begin: bool) -> None:
         """Compare within a tolerance, from this time on."""
-        self._end_waiting(step.segment.from_ns if step.block is None else int(step.block.time_ns[0]))
         self._comparison.tolerance, self._is_from_start = AFTER_START, False
-        if self._warm_up_ns is not None:
+        why = f"{self._missing_blocks} blocks of the run are not in these files, or cannot be read"
+        if is_begin and self._warm_up_ns is not None:
             why, time_ns = f"a warm-up of {self._warm_up_ns / 1e9:g} s", self._from_ns
         self._from_ns = max(self._from_ns, time_ns)
-        utc_ns = self._from_ns + step.clock.wall_offset_ns
-        self._waiting_note = f"{why}: compared from {iso_utc(utc_ns)} on, {AFTER_START.description}"
+        up_to = f"up to {self._compared_up_to}, and " if self._compared_up_to else ""
+        since = iso_utc(self._from_ns + step.clock.wall_offset_ns)
+        self._waiting_note = f"{why}: compared {up_to}from {since} on, {AFTER_START.description}"
+
+    def _note_tolerance(self) -> None:
+        """Note how the results are compared, once something is."""
+        self._notes += filter(None, [self._waiting_note])
+        self._missing_blocks, self._waiting_note, self._compared_up_to = 0, "", ""
 
     def _platform_tolerance(self, origin: Mapping[str, str]) -> Tolerance:
         # the fields of an origin on which the last bit of a result may depend
@@ -205,16 +237,9 @@ class ReplayRun:
 
     def _take(self, step: ReplayStep) -> None:
         for message in step.messages:
-            recorded = message.recorded
-            if recorded.log_time_ns >= self._from_ns:
-                self._notes += filter(None, [self._waiting_note])
-                self._waiting_note = ""
-                if self._mode == "same":
-                    self._comparison.add_recorded(recorded)
-                if recorded.topic != SAMPLES:
-                    self._note(message, step)
+            self._take_recorded(message, step)
         for outgoing in self._pipeline.compute(step):
-            if outgoing.log_time_ns >= self._from_ns:
+            if self._from_ns <= outgoing.log_time_ns <= step.known_to_ns:
                 if self._mode == "same":
                     self._comparison.add_recomputed(outgoing)
                 if outgoing.topic != "samples":
@@ -223,6 +248,17 @@ class ReplayRun:
                     told.add(outgoing.message, outgoing.log_time_ns)
         if self._mode == "same":
             self._comparison.end_waiting(step.end_ns - MAX_COUNTERPART_DELAY_NS)
+
+    def _take_recorded(self, message: StepMessage, step: ReplayStep) -> None:
+        recorded = message.recorded
+        if self._from_ns <= recorded.log_time_ns <= step.known_to_ns:
+            self._note_tolerance()
+            if self._mode == "same":
+                self._comparison.add_recorded(recorded)
+            if recorded.topic != SAMPLES:
+                self._note(message, step)
+        elif recorded.log_time_ns >= (self._selection.begin_ns or 0):
+            self._comparison.leave_out(recorded)
 
     def _note(self, message: StepMessage, step: ReplayStep) -> None:
         """Add a recorded message to the summary of its run, which knows the others by their number."""

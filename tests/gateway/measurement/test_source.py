@@ -1,5 +1,6 @@
 """The input of `measure`: an interval of one file or of several files of a gateway, and a rig, which may state no rope length."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +22,12 @@ from gateway.pipeline.outgoing_message import encode_message
 from gateway.pipeline.rig import Rig, RigHousing, RigRope
 from gateway.recording.format.content import RecordingHeader
 from gateway.recording.reading.interval import RecordingInterval, parse_recording_time
+from gateway.recording.reading.recording_file import EVERYTHING
+from gateway.recording.reading.sample_calibration import CalibratedReader
+from gateway.recording.reading.timeline import open_timeline
 from gateway.recording.segments.recorder import Recorder
+from tests.gateway.recording.recorded_crane import RecordedCrane, recalibrated
+from tests.values import present
 
 START_NS = 1_767_225_600_000_000_000
 """2026-01-01 00:00:00 UTC."""
@@ -49,8 +55,9 @@ def write(tmp_path: Path) -> Write:
         wall_offset_ns: int = 0,
         calibrations: dict[float, str] | None = None,
         sessions: dict[float, str] | None = None,
+        turned_s: tuple[float, float] = (0.0, 0.0),
     ) -> Path:
-        """`calibrations`: texts by their times; `sessions`: who begins to recalibrate; empty: an end."""
+        """`calibrations`: texts by their times; `sessions`: who begins to recalibrate; empty: an end; `turned_s`: with -z up."""
         header = RecordingHeader("0.1.0", "yard", "crane-2", "hook", "b00t", toml)
         recorder = Recorder(tmp_path, header, segment_s=600.0, fsync_s=1.0, quota_mb=100.0)
         time_s = begin_s + np.arange(0, seconds, 1 / RATE_HZ)
@@ -71,7 +78,9 @@ def write(tmp_path: Path) -> Write:
             recorder.write(encode_message("calibration", calibration, START_NS + round(at_s * 1e9)))
         clock = messages.ClockOffset(**head, log_time_ns=START_NS, wall_offset_ns=wall_offset_ns, stepped=False)
         recorder.write(encode_message("clock", clock, int(time_ns[0])))
-        block = SampleBlock(time_ns, np.repeat(time_s[:, np.newaxis], 3, axis=1), lost=4)
+        readings_g = np.repeat(time_s[:, np.newaxis], 3, axis=1)
+        readings_g[(time_s >= turned_s[0]) & (time_s < turned_s[1])] = [0.0, 0.0, -1.0]
+        block = SampleBlock(time_ns, readings_g, lost=4)
         recorder.write(
             encode_message(
                 "samples",
@@ -159,12 +168,39 @@ def test_a_rig_replaces_different_ropes_but_not_different_axes(write: Write) -> 
         read_source(paths, RIG)
 
 
-def test_change_of_calibration_in_the_interval_is_remarked(write: Write) -> None:
+@pytest.fixture(scope="module")
+def recalibrated_crane(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """12 s by the factory's record, 3 s of a recalibration, and 15 s by its record."""
+    folder = tmp_path_factory.mktemp("recalibrated")
+    recalibrated(RecordedCrane(folder))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "ids"), [(None, None, ["factory-simulated-1-2g", "site-2"]), ("16", None, ["site-2"])]
+)
+def test_each_part_is_read_by_the_calibration_that_was_in_force(
+    recalibrated_crane: Path, begin: str | None, end: str | None, ids: list[str]
+) -> None:
+    """As `record export` and the report of an incident read it."""
+    source = read_source([recalibrated_crane], interval=interval(begin, end))
+    blocks = list(CalibratedReader(open_timeline([recalibrated_crane]), EVERYTHING).blocks())
+    time_ns = np.concatenate([each.block.time_ns for each in blocks])
+    kept = np.searchsorted(time_ns, present(source.recording.origin_ns) + np.rint(1e9 * source.recording.time_s))
+    force_g = np.concatenate([each.force_g for each in blocks])
+    np.testing.assert_allclose(source.force_g, force_g[kept], rtol=0, atol=1e-12)
+    assert [text.split(",")[0].split()[-1] for text in source.calibration.split("; then ")] == ids
+    used = {each.correction.text: each.correction for each in blocks}
+    largest_u_g = np.max([used[text].u_zero_g_offset_g for text in source.calibration.split("; then ")], axis=0)
+    assert (present(source.correction).u_zero_g_offset_g >= largest_u_g).all()
+    changes = [text for text in source.remarks if text.startswith("another calibration")]
+    assert len(changes) == len(ids) - 1
+    assert all(re.fullmatch(r".* at 1[45]\.\d{3} s; each part is judged by its own", text) for text in changes)
+
+
+def test_a_calibration_that_is_stated_again_is_no_other_one(write: Write) -> None:
     path = write("a.mcap", 0, 10, calibrations={0.0: "old", 6.0: "new"})
-    (remark,) = read_source([path]).remarks
-    assert remark == "another calibration came into force at 6.000 s and is not used; measure that part with --from"
-    assert read_source([path], interval=interval("6")).remarks == ()
-    assert read_source([path], interval=interval(None, "6")).remarks == ()
+    assert read_source([path]).remarks == ()
 
 
 def test_readings_of_a_housing_off_the_rope_are_not_judged(write: Write) -> None:
@@ -180,6 +216,20 @@ def test_readings_of_a_housing_off_the_rope_are_not_judged(write: Write) -> None
     with pytest.raises(InputError, match="by Carla, and no reading describes the load; choose another time"):
         read_source([path], interval=interval("4", "5"))
     assert read_source([path], interval=interval("6", "8")).remarks == ()
+
+
+@pytest.mark.parametrize("begin_s", [0.0, 2.0, 3.2])
+def test_a_pose_in_which_a_recalibration_ends_is_left_out_with_it(write: Write, begin_s: float) -> None:
+    path = write("a.mcap", 0, 10, sessions={0.0: "", 1.0: "Carla", 3.0: ""}, turned_s=(2.5, 3.6))
+    source = read_source([path], interval=interval(str(begin_s)))
+    judged = np.unique(np.floor(10 * source.recording.time_s + 1e-6)).tolist()
+    assert judged == [*range(round(10 * begin_s), 10), *range(36, 100)]
+    assert source.remarks[-1].startswith("from 1.0 s to 3.6 s the sensor was being recalibrated by Carla")
+
+
+def test_a_housing_that_is_turned_long_after_a_recalibration_is_none_of_its_poses(write: Write) -> None:
+    path = write("a.mcap", 0, 80, sessions={0.0: "", 1.0: "Carla", 3.0: ""}, turned_s=(70.0, 71.0))
+    assert len(read_source([path]).recording) == 78 * RATE_HZ
 
 
 def test_text_tables_are_not_joined(tmp_path: Path, write: Write) -> None:

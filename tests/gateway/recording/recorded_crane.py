@@ -1,7 +1,7 @@
 """A recording of the simulated crane by the gateway's own pipeline and recorder, as fast as it is computed."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +10,10 @@ from devices.simulated.device import SimulatedCrane
 from gateway import __version__
 from gateway.calibration.correction import Correction, correction_for
 from gateway.calibration.drift.rest_monitor import RestDriftMonitor
+from gateway.calibration.record import CalibrationRecord, content_hash
 from gateway.configuration.loading import to_toml, validate
 from gateway.configuration.model import Configuration
-from gateway.messages import ClockOffset
+from gateway.messages import NO_SESSION, ClockOffset
 from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.pipeline.incidents import IncidentRegister
 from gateway.pipeline.outgoing_message import ClockState, HeaderMaker, MessageTime, OutgoingMessage, encode_message
@@ -115,3 +116,35 @@ class RecordedCrane:
         """End the recording; return its folder."""
         self.recorder.close()
         return self.folder
+
+
+def recalibrated(crane: RecordedCrane) -> None:
+    """Recalibrate as the gateway does: the suspension of the alerts and the commit begin a new pipeline each."""
+    crane.record(12)
+    collecting = replace(NO_SESSION, id="r-1", phase="collecting", method="six_position", by="ann", suspended=True)
+    begin_pipeline(crane, correction_for(crane.info, crane.configuration.device.axes, None))
+    for number in range(6):
+        crane.pipeline.set_session(replace(collecting, text=f"pose {number}"))
+        announce(crane)
+        crane.record(0.5)
+    record = new_record(crane)
+    begin_pipeline(crane, correction_for(crane.info, crane.configuration.device.axes, record))
+    crane.pipeline.set_session(replace(NO_SESSION, id="r-1", phase="committed", text="committed"))
+    announce(crane)
+    crane.record(15)
+    crane.close()
+
+
+def begin_pipeline(crane: RecordedCrane, correction: Correction) -> None:
+    drift = crane.new_drift(correction)
+    crane.pipeline = Pipeline(crane.configuration, crane.info, correction, crane.headers, drift, crane.incidents)
+
+
+def announce(crane: RecordedCrane) -> None:
+    crane.write(crane.pipeline.calibration_message(MessageTime(crane.newest_ns, CLOCK)))
+
+
+def new_record(crane: RecordedCrane) -> CalibrationRecord:
+    content = {**(crane.info.factory_calibration or {}), "id": "site-2", "method": "six_position"}
+    content["offset"] = [value + 100.0 for value in content["offset"]]
+    return CalibrationRecord.model_validate({**content, "sha256": content_hash(content)})

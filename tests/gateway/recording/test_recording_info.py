@@ -171,8 +171,10 @@ def test_gaps_between_segments_are_stated_with_their_cause(tmp_path: Path) -> No
 def test_segments_that_overlap_are_remarked(recorded: Path, tmp_path: Path) -> None:
     folder = tmp_path / "twice"
     folder.mkdir()
-    for name in ("a.mcap", "b.mcap"):
-        (folder / name).write_bytes(recorded.read_bytes())
+    content = bytearray(recorded.read_bytes())
+    (folder / "a.mcap").write_bytes(content)
+    content[-20] ^= 1  # a copy of the same bytes is left out
+    (folder / "b.mcap").write_bytes(content)
     info = summarise_timeline(open_timeline([folder]))
     (remark,) = info.remarks
     assert remark.startswith("b.mcap: overlaps a.mcap by 10.015 s; its samples are counted twice")

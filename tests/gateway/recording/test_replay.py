@@ -11,21 +11,28 @@ from devices.block import SampleBlock
 from devices.simulated.accelerometer import MAX_COUNT
 from devices.simulated.device import SimulatedCrane
 from gateway import __version__
-from gateway.calibration.correction import Correction, correction_for
-from gateway.calibration.record import CalibrationRecord, content_hash
+from gateway.calibration.correction import correction_for
+from gateway.calibration.record import content_hash
 from gateway.cli.main import main
 from gateway.configuration.loading import to_toml
 from gateway.messages import NO_SESSION, Motion
 from gateway.pipeline.incidents import Acknowledgement
 from gateway.pipeline.outgoing_message import MessageTime, OutgoingMessage
-from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.reading.samples import read_samples
 from gateway.recording.replay import replay_run as replay_result
 from gateway.recording.replay.replay_pipeline import RECOMPUTED_PATHS
 from tests.clocks import START_NS, SleeplessClock
 from tests.gateway.recorded_crane import HastyCrane
-from tests.gateway.recording.recorded_crane import CLOCK, SECOND_NS, RecordedCrane
+from tests.gateway.recording.recorded_crane import (
+    CLOCK,
+    SECOND_NS,
+    RecordedCrane,
+    announce,
+    begin_pipeline,
+    new_record,
+    recalibrated,
+)
 from tests.gateway.recording.replaying import replay
 
 
@@ -209,23 +216,6 @@ def test_an_acknowledgement_and_the_numbers_of_changes_are_replayed(
     assert alerts[-1].alert_number == changes[-1]
 
 
-def recalibrated(crane: RecordedCrane) -> None:
-    """Recalibrate as the gateway does: the suspension of the alerts and the commit begin a new pipeline each."""
-    crane.record(12)
-    collecting = replace(NO_SESSION, id="r-1", phase="collecting", method="six_position", by="ann", suspended=True)
-    begin_pipeline(crane, correction_for(crane.info, crane.configuration.device.axes, None))
-    for number in range(6):
-        crane.pipeline.set_session(replace(collecting, text=f"pose {number}"))
-        announce(crane)
-        crane.record(0.5)
-    record = new_record(crane)
-    begin_pipeline(crane, correction_for(crane.info, crane.configuration.device.axes, record))
-    crane.pipeline.set_session(replace(NO_SESSION, id="r-1", phase="committed", text="committed"))
-    announce(crane)
-    crane.record(15)
-    crane.close()
-
-
 def test_a_long_first_block_in_a_recalibration_is_replayed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A restart in a session: the sensor has kept samples, and what follows from the first of them comes before their block."""
     crane = RecordedCrane(tmp_path)
@@ -271,21 +261,6 @@ def test_an_alert_that_the_end_of_a_run_cut_does_not_last_into_the_next_one(
     first, second = (each for each in result["recomputed"]["alerts"] if each["rule"] == "swing")
     assert first["ended"] == "gateway ended"
     assert first["to_utc_ns"] < second["from_utc_ns"] - 500 * SECOND_NS
-
-
-def begin_pipeline(crane: RecordedCrane, correction: Correction) -> None:
-    drift = crane.new_drift(correction)
-    crane.pipeline = Pipeline(crane.configuration, crane.info, correction, crane.headers, drift, crane.incidents)
-
-
-def announce(crane: RecordedCrane) -> None:
-    crane.write(crane.pipeline.calibration_message(MessageTime(crane.newest_ns, CLOCK)))
-
-
-def new_record(crane: RecordedCrane) -> CalibrationRecord:
-    content = {**(crane.info.factory_calibration or {}), "id": "site-2", "method": "six_position"}
-    content["offset"] = [value + 100.0 for value in content["offset"]]
-    return CalibrationRecord.model_validate({**content, "sha256": content_hash(content)})
 
 
 @pytest.mark.slow

@@ -3,15 +3,22 @@
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 
+from devices.simulated.device import SimulatedCrane
 from gateway.cli.main import main
+from gateway.incident.incident_selection import read_incidents
 from gateway.pipeline.outgoing_message import OutgoingMessage
+from gateway.recording.format import mcap_writer
+from gateway.recording.reading.timeline import open_timeline
 from gateway.recording.replay import replay_run as replay_result
-from tests.clocks import START_NS
+from gateway.recording.segments.compaction import compact
+from tests.clocks import START_NS, SleeplessClock
 from tests.gateway.recorded_crane import HastyCrane
 from tests.gateway.recording.recorded_crane import BOOT_ID, RecordedCrane
 from tests.gateway.recording.replaying import replay
 from tests.gateway.restarted_crane import KilledCrane
+from tests.values import present
 
 
 def record_without_beginning(folder: Path, duration_s: float) -> None:
@@ -122,3 +129,68 @@ def test_what_is_missing_elsewhere_is_a_difference(
     last = set() if is_killed else {"/motion", "/tilt"}
     assert (code, set(result["differing"]) >= forgotten | last) == (int(bool(forgotten | last)), True)
     assert is_killed or not result["cut_off"]
+
+
+def flip_bit(path: Path, place: int) -> None:
+    content = bytearray(path.read_bytes())
+    content[place] ^= 1
+    path.write_bytes(content)
+
+
+@pytest.fixture(scope="module")
+def two_runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """20 s and 10 s later again, in chunks of some seconds that end anywhere among the messages that follow from a block."""
+    folder = tmp_path_factory.mktemp("two runs")
+    for boot_id, start_ns in ((BOOT_ID, START_NS), ("b002", START_NS + 30_000_000_000)):
+        device = SimulatedCrane(
+            odr_hz=100, block_samples=10, length_m=12.0, position_m=9.0, clock=SleeplessClock(start_ns)
+        )
+        crane = RecordedCrane(folder, 60.0, device=device, boot_id=boot_id, start_ns=start_ns)
+        crane.record(20)
+        crane.close()
+    paths = sorted(folder.glob("*.mcap"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mcap_writer, "CHUNK_BYTES", 40_001)
+        for path in paths:
+            compact(path)
+    return paths
+
+
+def copy_with_a_flipped_bit(paths: list[Path], folder: Path, place: int) -> Path:
+    for path in paths:
+        (folder / path.name).write_bytes(path.read_bytes())
+    flip_bit(folder / paths[0].name, place)
+    return folder
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_what_is_beside_a_hole_is_no_difference_and_what_is_before_it_and_of_other_runs_is_compared(
+    two_runs: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], number: int
+) -> None:
+    with two_runs[0].open("rb") as file:
+        chunk = present(make_reader(file).get_summary()).chunk_indexes[number]
+    place = chunk.chunk_start_offset + chunk.chunk_length // 2
+    code, result = replay(copy_with_a_flipped_bit(two_runs, tmp_path, place), capsys)
+    assert (code, result["differing"], result["equal"]) == (3, {}, True)
+    (note,) = result["notes"]
+    assert ": compared up to 2026-01-01T00:00:" in note
+    assert ", and from 2026-01-01T00:02:" in note
+    before = (chunk.message_start_time - START_NS) / 1e8
+    assert result["compared"]["/motion"] == pytest.approx(before + 200, abs=2)
+    assert result["not_compared"]["/motion"] > 20
+    assert "messages computed again, 0 differ (byte for byte)" in capsys.readouterr().out
+
+
+def test_a_wrong_checksum_is_no_message_that_was_not_replayed(
+    two_runs: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with two_runs[0].open("rb") as file:
+        (index, *_) = present(make_reader(file).get_summary()).chunk_indexes[1].message_index_offsets.values()
+    folder = copy_with_a_flipped_bit(two_runs, tmp_path, index + 30)
+    code, result = replay(folder, capsys)
+    assert (code, result["equal"], result["hidden"], result["compared"]["/motion"]) == (3, True, [], 400)
+    (said,) = (line for line in capsys.readouterr().out.splitlines() if "CHECKSUM WRONG" in line)
+    assert said == f"{two_runs[0].name}: CHECKSUM WRONG: the content was altered; every message in it could be read"
+    hidden: list[str] = []
+    read_incidents(open_timeline([folder]), hidden=hidden)
+    assert hidden == []

@@ -143,6 +143,16 @@ def test_gap_between_segments_is_counted_as_lost_samples(write: Write) -> None:
     assert (recording.lost, recording.lost_before[3 * BLOCK]) == (2 * BLOCK, 2 * BLOCK)
 
 
+@pytest.mark.parametrize("begin", [None, "0.01"])
+def test_time_in_which_the_gateway_was_off_is_no_lost_samples(write: Write, begin: str | None) -> None:
+    restarted = replace(HEADER, boot_id="b002")
+    paths = [write("a.mcap", range(3)), write("b.mcap", range(5, 8), header=restarted), write("c.mcap", range(9, 12))]
+    joined = read_samples(paths, RecordingInterval(None if begin is None else parse_recording_time(begin)))
+    assert joined.remarks[0] == "b.mcap: begins 0.065 s after a.mcap ends: the gateway was started again"
+    lost_before = joined.recording().lost_before
+    assert lost_before[3 * BLOCK] == lost_before[6 * BLOCK] == 0
+
+
 def test_each_change_of_calibration_is_kept(write: Write) -> None:
     paths = [write(f"{place}.mcap", [place], calibration=name) for place, name in enumerate("aab")]
     joined = read_samples(paths)
@@ -181,9 +191,10 @@ def test_open_segment_of_a_running_gateway_is_read(write: Write, make_recorder: 
 
 
 def test_times_that_occur_in_two_files_are_refused(write: Write) -> None:
-    first, copy, later = write("a.mcap", range(4)), write("b.mcap", range(4)), write("c.mcap", range(3, 7))
-    with pytest.raises(RecordingError, match=r"b\.mcap: has the same times as .*a\.mcap; give one of them"):
-        read_samples([first, copy])
+    first, later = write("a.mcap", range(4)), write("c.mcap", range(3, 7))
+    other = write("b.mcap", range(4), calibration="b")
+    with pytest.raises(RecordingError, match=r"b\.mcap: overlaps .*a\.mcap by 0\.127 s; give one of them"):
+        read_samples([first, other])
     with pytest.raises(RecordingError, match=r"c\.mcap: overlaps .*a\.mcap by 0\.031 s; give one of them"):
         read_samples([later, first])
 

@@ -22,12 +22,13 @@ from gateway.recording.reading.interval import (
     parse_recording_time,
 )
 from gateway.recording.reading.recording_file import EVERYTHING, Selection, read_index
+from gateway.recording.reading.samples import read_samples
 from gateway.recording.reading.timeline import Timeline, open_timeline, open_timelines, summarise_segment
 from gateway.recording.segments.copying import recover
 from gateway.recording.segments.recorder import Recorder
 from tests.clocks import START_NS
 from tests.gateway.conftest import make_samples
-from tests.gateway.recording.conftest import DEVICE, EVERY_MESSAGE, HEADER
+from tests.gateway.recording.conftest import DEVICE, EVERY_MESSAGE, HEADER, Record
 
 BLOCK_NS = 32_000_000
 """A block of 32 samples at 1 kHz."""
@@ -192,6 +193,40 @@ def test_recovered_copy_takes_the_place_of_its_source(write_run: WriteRun, tmp_p
     timeline = open_timeline([tmp_path])
     assert [segment.path for segment in timeline.segments] == [copy]
     assert timeline.remarks == (f"{path.name}: left out, because copy.mcap has the same messages",)
+
+
+@pytest.mark.parametrize("name", ["Copy of one.mcap", "zone.mcap"])
+@pytest.mark.parametrize("signed", [True, False])
+def test_a_second_copy_of_a_file_is_left_out_with_a_remark(record: Record, name: str, *, signed: bool) -> None:
+    """The one stays that has the name that the gateway gave it, wherever it is in the order of names."""
+    paths = record(START_NS, signed=signed)
+    folder = paths[0].parent
+    whole = list(times_ns(open_timeline([folder])))
+    (folder / name).write_bytes(paths[1].read_bytes())
+    timeline = open_timeline([folder])
+    assert [segment.path for segment in timeline.segments] == paths
+    assert timeline.remarks == (f"{name} is the same segment 2 as {paths[1].name}: left out",)
+    assert list(times_ns(timeline)) == whole
+    assert len(read_samples([folder]).samples) == len(read_samples(paths).samples)
+
+
+def test_a_copy_of_a_recording_without_a_number_is_left_out(write_run: WriteRun, tmp_path: Path) -> None:
+    (path,) = write_run(range(10))
+    (tmp_path / "zone.mcap").write_bytes(path.read_bytes())
+    assert open_timeline([tmp_path]).remarks == (f"zone.mcap is the same as {path.name}: left out",)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.99])
+def test_a_copy_that_differs_in_a_bit_is_not_left_out(record: Record, share: float) -> None:
+    """Its statement, its checksum and its size are those of the other."""
+    paths = record(START_NS)
+    content = bytearray(paths[1].read_bytes())
+    content[int(share * len(content))] ^= 1
+    other = paths[1].with_name("zone.mcap")
+    other.write_bytes(content)
+    timeline = open_timeline([paths[0].parent])
+    assert {segment.path for segment in timeline.segments} == {*paths, other}
+    assert timeline.remarks == ()
 
 
 def utc_ns(text: str) -> int:
