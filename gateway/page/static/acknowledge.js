@@ -36,6 +36,7 @@ export class Acknowledger {
   show(alarms) {
     this.waiting = waitingOf(alarms);
     this.button.hidden = this.waiting.length === 0;
+    setText("acknowledge-as", this.nameOf());
     const done = alarms.find((one) => one.acknowledged_by);
     const by = done && this.waiting.length === 0 ? acknowledgedText(done) : "";
     setText("acknowledged", this.complaint || by);
@@ -45,6 +46,21 @@ export class Acknowledger {
   list(alarms) {
     this.listed = waitingOf(alarms.filter((one) => one.until_ns !== null));
     this.allButton.hidden = this.listed.length < 2;
+    const words = this.inNameOf("acknowledge_all");
+    if (this.allButton.getAttribute("aria-label") !== words) {
+      this.allButton.setAttribute("aria-label", words);
+      this.allButton.title = words;
+    }
+  }
+
+  // Return in whose name an alarm is acknowledged; empty where the dialog asks for it.
+  nameOf() {
+    return this.person.name === null ? "" : text("acknowledge_as", {name: this.person.name});
+  }
+
+  // Return the words of a button, and in whose name it acknowledges.
+  inNameOf(key) {
+    return `${text(key)} ${this.nameOf()}`.trim();
   }
 
   async acknowledge(incidents) {

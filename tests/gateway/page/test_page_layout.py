@@ -166,6 +166,23 @@ def test_the_dialog_fits_every_size(shown_page: ShownPage) -> None:
     expect(window.locator("#sign-in")).to_be_hidden()
 
 
+def test_the_button_has_room_for_the_name_of_who_acknowledges(shown_page: ShownPage) -> None:
+    window, name = shown_page.screen.page, "Maximiliane Hohenzollern-Wartenberg"
+    window.route("**/api/session", lambda route: route.fulfill(json={"name": name, "available": True}))
+    window.reload()
+    _show(shown_page, "TRIP with other findings")
+    for size in (PANEL, DESKTOP, PHONE, SMALL_PHONE):
+        _resize(window, size)
+        expect(window.locator("#acknowledge-as")).to_contain_text(name)
+        window.wait_for_timeout(250)
+        assert window.evaluate("layout.cut()") == [], size
+        assert window.evaluate("(acrossOnly) => layout.outside(acrossOnly)", size in (PHONE, SMALL_PHONE)) == [], size
+        for other in ("#sound", "#sentence", "#word", "#also"):
+            assert not _overlap(window, "#acknowledge", other), (size, other)
+    window.unroute("**/api/session")
+    window.reload()
+
+
 def _overlap(window: Page, *selectors: str) -> bool:
     first, second = (present(window.locator(selector).first.bounding_box()) for selector in selectors)
     across = first["x"] < second["x"] + second["width"] and second["x"] < first["x"] + first["width"]
