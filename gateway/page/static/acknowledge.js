@@ -42,10 +42,13 @@ export class Acknowledger {
     setText("acknowledged", this.complaint || by);
   }
 
-  // Offer to acknowledge several alarms that have ended at once.
+  // Show how many alarms have ended without an acknowledgement, and offer to acknowledge several at once.
   list(alarms) {
     this.listed = waitingOf(alarms.filter((one) => one.until_ns !== null));
-    this.allButton.hidden = this.listed.length < 2;
+    const count = this.listed.length;
+    setText("alerts-waiting", count > 0 ? String(count) : "");
+    setText("alerts-waiting-words", count > 0 ? text("alerts_waiting", {count}) : "");
+    this.allButton.hidden = count < 2;
     const words = this.inNameOf("acknowledge_all");
     if (this.allButton.getAttribute("aria-label") !== words) {
       this.allButton.setAttribute("aria-label", words);

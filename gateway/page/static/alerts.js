@@ -48,8 +48,8 @@ export class AlertList {
   }
 
   fillLast(cell, alert, name) {
-    const by = alert.acknowledged_by === null ? "" : acknowledgedText(alert);
     const waits = alert.acknowledged_by === null && alert.incident !== null;
+    const by = waits ? "" : alert.acknowledged_by === null ? text("not_acknowledged") : acknowledgedText(alert);
     const words = this.acknowledger.inNameOf("acknowledge");
     const shown = JSON.stringify([by, waits, name, words]);
     if (cell.dataset.shown === shown) return;

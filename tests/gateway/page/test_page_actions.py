@@ -238,11 +238,35 @@ def test_the_list_offers_to_acknowledge_all_that_have_ended_at_once(
         expect(window.locator("#alert-rows tr")).to_have_count(number)
         scene.level = "normal"
         expect(window.locator("#alert-rows tr.standing")).to_have_count(0)
+        expect(window.locator("#alerts-waiting")).to_have_text(str(number))
     window.locator("#acknowledge-all").click()
     _enter(window)
     expect(window.locator("#acknowledge-all")).to_have_accessible_name("Acknowledge all as Ann")
     wait_until(lambda: len(services.requests) == 3, "the requests")
     assert {request.incident for request in services.requests} == {"b00t-1", "b00t-2", "b00t-3"}
+    window.context.close()
+
+
+def test_the_tab_counts_what_ended_unacknowledged_until_it_is_acknowledged_or_cannot_be(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser
+) -> None:
+    scene = gateway.scene
+    window = _open(browser, page)
+    tab, badge = window.locator("#to-alerts"), window.locator("#alerts-waiting")
+    for incident, boot_id in (("b00t-1", "b00t"), ("b11t-1", "b11t")):
+        scene.incident, scene.boot_id, scene.level = incident, boot_id, "trip"
+        expect(window.locator("#word")).to_have_text("LIMIT")
+        expect(badge).to_be_hidden()  # it stands, or the gateway that knew it has ended
+        scene.level = "normal"
+        expect(badge).to_have_text("1")
+        expect(tab).to_have_accessible_name(re.compile("^Alerts ?, not acknowledged: 1$"))
+    tab.click()
+    expect(window.locator("#alert-rows td.by")).to_have_text(["Acknowledge", "not acknowledged"])
+    window.locator("#alert-rows button").click()
+    _enter(window)
+    expect(window.locator("#alert-rows td.by")).to_have_text([re.compile(r"✓ \d\d:\d\d Ann"), "not acknowledged"])
+    expect(badge).to_be_hidden()
+    expect(tab).to_have_accessible_name("Alerts")
     window.context.close()
 
 
