@@ -46,6 +46,28 @@ def test_the_load_is_said_to_rest_once_it_has_rested_for_two_seconds(shown_page:
     assert shown_page.screen.page.evaluate(SLOW) == ["free", "free", "free", "free", "free", "rest", "free"]
 
 
+CAUSES = """(course) => Promise.all([import('/steady.js'), import('/sentence.js')]).then(([{Steady}, {sentence}]) => {
+  let nowS = 0;
+  const steady = new Steady(() => nowS);
+  return course.map(([atS, state, isKnown]) => {
+    nowS = atS;
+    const motion = {state, probabilities: {[state]: 1}}, value = isKnown ? {angleDeg: 7, inS: 0, halfDeg: 0.2} : null;
+    const topics = {motion, alert: {active: [{level: 'trip', rule: 'swing', limit_deg: 6, largest_deg: 7}]}};
+    return sentence({word: 'TRIP'}, {topics, age_s: {}}, value, steady.keep);
+  });
+})"""
+
+
+def test_a_cause_comes_and_goes_at_most_every_two_seconds(shown_page: ShownPage) -> None:
+    alone, driven = "Limit 6.0° exceeded.", "Crane speeds up or brakes. Limit 6.0° exceeded."
+    course = [(0, "free", alone), (1.9, "driven", alone), (2, "driven", driven), (2.1, "free", driven)]
+    course += [(3.9, "driven", driven), (4, "free", alone), (4.1, "driven", alone)]
+    told = shown_page.screen.page.evaluate(CAUSES, [(at_s, state, True) for at_s, state, _ in course])
+    assert told == [expected for _, _, expected in course]
+    told = shown_page.screen.page.evaluate(CAUSES, [(0, "driven", True), (0.1, "unknown", False)])
+    assert told == [driven, UNKNOWN_ALARM]  # which has no room for a cause that is over
+
+
 def test_a_sentence_keeps_its_form_for_two_seconds(shown_page: ShownPage) -> None:
     assert shown_page.screen.page.evaluate(STEADY) == ["a", "a", "a", "b", "b", "a", "a"]
 
