@@ -6,6 +6,9 @@ from typing import Generic, Literal, TypeVar
 from gateway.messages import LEVEL_RANK, ActiveAlert, Alert
 
 RAISED = ("warn", "trip")
+MAX_ENDED_INCIDENTS = 32
+"""Number of incidents that can be acknowledged after their end. Basis: a choice; more than a shift has to acknowledge, and a
+bound of the memory."""
 EndReason = Literal["cleared", "unknown", "gateway ended", "not recorded"]
 
 

@@ -18,7 +18,7 @@ from starlette.routing import Route
 from gateway.page.channel import REPORT, REQUEST, Frame, encode_frame
 from gateway.page.guard import BodyError, read_body
 from gateway.page.http_server import json_response
-from gateway.page.sign_in import EXPIRY_S, PinState, SignedInPerson, SignIn, SignInReport, read_pin, replace_pin
+from gateway.page.sign_in import PinState, SignedInPerson, SignIn, SignInReport, read_pin, replace_pin
 from gateway.page.state import PageState
 
 log = logging.getLogger("page")
@@ -136,7 +136,10 @@ class Actions:
         return self._sign_in
 
     def _session(self, request: Request) -> SignedInPerson | None:
-        return self._people().session(request.cookies.get(self._cookie), time.monotonic())
+        return self._people().session(self._token(request), time.monotonic())
+
+    def _token(self, request: Request) -> str | None:
+        return request.cookies.get(self._cookie)
 
     async def _get_session(self, request: Request) -> Response:
         session = self._session(request)
@@ -159,7 +162,7 @@ class Actions:
             return _answer(403, error="pin_wrong")
         self._reporter.note_pin("good")
         response = _answer(200, name=content.name.strip())
-        response.set_cookie(self._cookie, token, max_age=int(EXPIRY_S), httponly=True, samesite="strict")
+        response.set_cookie(self._cookie, token, httponly=True, samesite="strict")
         return response
 
     async def _replace_pin(self, pin: str) -> None:
@@ -178,7 +181,7 @@ class Actions:
                 return
 
     async def _post_sign_out(self, request: Request) -> Response:
-        self._sign_in.sign_out(request.cookies.get(self._cookie))
+        self._sign_in.sign_out(self._token(request))
         response = _answer(200, name=None)
         response.delete_cookie(self._cookie, httponly=True, samesite="strict")
         return response
@@ -193,6 +196,8 @@ class Actions:
         answer = await self._gateway.submit(
             "acknowledge", {"id": f"page-{secrets.token_hex(8)}", "by": session.name, "incident": content.incident}
         )
+        if answer.accepted:
+            self._people().note_use(self._token(request), time.monotonic())
         return _answer(200 if answer.accepted else 409, accepted=answer.accepted, text=answer.text)
 
 

@@ -5,7 +5,7 @@ from collections import deque
 from dataclasses import dataclass
 from itertools import islice
 
-from gateway.alert_periods import AlertPeriod, AlertPeriods
+from gateway.alert_periods import MAX_ENDED_INCIDENTS, AlertPeriod, AlertPeriods
 from gateway.messages import Alert, Level, Motion
 from gateway.numerics.stats import NORMAL_975
 
@@ -151,14 +151,23 @@ class AlertLog:
 
     def alerts(self) -> list[LoggedAlert]:
         """Return the alerts, oldest first."""
-        logged = (self._logged(period) for period in self._periods.all)
+        known = self._known_incidents()
+        logged = (self._logged(period, known) for period in self._periods.all)
         return [alert for alert in logged if alert is not None]
+
+    def _known_incidents(self) -> set[str | None]:
+        """Return the incidents that the gateway knows: the last ones since it started; it acknowledges no other."""
+        boot_id = None if self._newest is None else self._newest.boot_id
+        periods = [one for one in self._periods.all if one.raised and one.raised.statement.boot_id == boot_id]
+        ended = sorted((one.end_ns, one.incident) for one in periods if one.end_ns is not None and one.incident)
+        forgotten = {incident for _, incident in ended[:-MAX_ENDED_INCIDENTS]}
+        return {one.incident for one in periods} - forgotten
 
     def _is_forgotten(self, period: AlertPeriod[Alert], now_ns: int) -> bool:
         is_old = period.end_ns is not None and period.end_ns < now_ns - SHIFT_NS
         return is_old or len(self._periods.all) > MAX_LISTED_ALERTS
 
-    def _logged(self, period: AlertPeriod[Alert]) -> LoggedAlert | None:
+    def _logged(self, period: AlertPeriod[Alert], known: set[str | None]) -> LoggedAlert | None:
         """Return an alert as the page lists it; None for one that was not raised."""
         first, highest, present = period.raised, period.highest, period.present
         if first is None or first.active is None or highest is None or present is None or self._newest is None:
@@ -168,8 +177,7 @@ class AlertLog:
         if late is not None and late.active is None:
             by, at_ns = late.statement.acknowledged_by, late.time_ns
         return LoggedAlert(
-            # A gateway that started again does not know the incidents from before.
-            incident=period.incident if first.statement.boot_id == self._newest.boot_id else None,
+            incident=period.incident if period.incident in known else None,
             rule=period.rule,
             level=highest.level,
             since_ns=first.active.since_ns,

@@ -32,8 +32,9 @@ CERTAIN_DIGITS = 5
 thousand attempts at eight digits, more than people mistype in the life of a PIN; NIST SP 800-63B permits 100 at six digits."""
 MAX_PIN_FILE_BYTES = 256
 """Largest file with a PIN, bytes. Basis: a choice; the digits and a line's end, with room for spaces."""
-EXPIRY_S = 8 * 3600.0
-"""Length of a session. Basis: a shift."""
+EXPIRY_S = 600.0
+"""Time after its last use at which a session ends. Basis: a choice; it lasts over the alarms of a difficult lift, and not into
+the next person's work."""
 MAX_SESSIONS = 64
 """Persons who are signed in. Basis: a choice; more than a crane has, and a bound of the memory."""
 PinState = Literal["good", "void", "replaced"]
@@ -138,6 +139,11 @@ class SignIn:
         """Return the session of a token; None where it has expired or there is no PIN."""
         found = None if token is None or not self._is_known else self._sessions.get(token)
         return None if found is None or found.until_s <= now_s else found
+
+    def note_use(self, token: str | None, now_s: float) -> None:
+        """Let a session that was used last anew; to ask who is signed in is no use."""
+        if token is not None and (found := self.session(token, now_s)) is not None:
+            self._sessions[token] = SignedInPerson(found.name, now_s + EXPIRY_S)
 
     def sign_out(self, token: str | None) -> None:
         """End a session."""

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from gateway.alert_periods import MAX_ENDED_INCIDENTS
 from gateway.messages import AlertEventKind, Level
 from gateway.stages.alerts import GRACE_S, Reading
 from gateway.units import degrees
@@ -16,9 +17,6 @@ CHECK_S = 2.0
 """Time after the expected peak until a bound is refuted. Basis: a third of the period of a rope of 9 m."""
 OFFLINE = "offline"
 """The boot id of a pipeline outside a gateway."""
-MAX_ENDED_INCIDENTS = 32
-"""Number of incidents that can be acknowledged after their end. Basis: a choice; more than a shift has to acknowledge, and a
-bound of the memory."""
 MIN_LEAD_S = 0.05
 """A peak that comes sooner is the present angle. Definition: the resolution of the text."""
 

@@ -58,6 +58,8 @@ class Scene:
         self.changed_limits: list[str] | None = []
         self.incident: str | None = "b00t-1"
         self.acknowledged_by: str | None = None
+        """Who acknowledged the incident, also after its end."""
+        self.boot_id: str | None = None
         self.time_to_peak_s = 1.7
         self.expected_deg: float | None = None
         """The coming peak; None: phi_max_deg."""
@@ -195,14 +197,18 @@ class Scene:
             acknowledged_ns=None if self.acknowledged_by is None else SAMPLE_TIME_NS,
             text=self.alert_text,
         )
+        is_late = self.level == "normal" and self.acknowledged_by is not None
         return Alert(
             **self._header(sequence, time_ns),
             level=self.level,
             validity=self.validity,
-            event="standing",
-            rule=None,
+            event="acknowledged" if is_late else "standing",
+            rule=self.rule if is_late else None,
             active=[] if self.level == "normal" else [standing],
+            incident=self.incident if is_late else None,
+            acknowledged_by=self.acknowledged_by if is_late else None,
             text=self.alert_text,
+            boot_id=self.boot_id,
         )
 
     def calibrated(self, sequence: int = 0, time_ns: int = SAMPLE_TIME_NS) -> Calibration:

@@ -36,15 +36,34 @@ export class Acknowledger {
   show(alarms) {
     this.waiting = waitingOf(alarms);
     this.button.hidden = this.waiting.length === 0;
+    setText("acknowledge-as", this.nameOf());
     const done = alarms.find((one) => one.acknowledged_by);
     const by = done && this.waiting.length === 0 ? acknowledgedText(done) : "";
     setText("acknowledged", this.complaint || by);
   }
 
-  // Offer to acknowledge several alarms that have ended at once.
+  // Show how many alarms have ended without an acknowledgement, and offer to acknowledge several at once.
   list(alarms) {
     this.listed = waitingOf(alarms.filter((one) => one.until_ns !== null));
-    this.allButton.hidden = this.listed.length < 2;
+    const count = this.listed.length;
+    setText("alerts-waiting", count > 0 ? String(count) : "");
+    setText("alerts-waiting-words", count > 0 ? text("alerts_waiting", {count}) : "");
+    this.allButton.hidden = count < 2;
+    const words = this.inNameOf("acknowledge_all");
+    if (this.allButton.getAttribute("aria-label") !== words) {
+      this.allButton.setAttribute("aria-label", words);
+      this.allButton.title = words;
+    }
+  }
+
+  // Return in whose name an alarm is acknowledged; empty where the dialog asks for it.
+  nameOf() {
+    return this.person.name === null ? "" : text("acknowledge_as", {name: this.person.name});
+  }
+
+  // Return the words of a button, and in whose name it acknowledges.
+  inNameOf(key) {
+    return `${text(key)} ${this.nameOf()}`.trim();
   }
 
   async acknowledge(incidents) {

@@ -48,15 +48,17 @@ export class AlertList {
   }
 
   fillLast(cell, alert, name) {
-    const by = alert.acknowledged_by === null ? "" : acknowledgedText(alert);
     const waits = alert.acknowledged_by === null && alert.incident !== null;
-    const shown = JSON.stringify([by, waits, name, document.documentElement.lang]);
+    const by = waits ? "" : alert.acknowledged_by === null ? text("not_acknowledged") : acknowledgedText(alert);
+    const words = this.acknowledger.inNameOf("acknowledge");
+    const shown = JSON.stringify([by, waits, name, words]);
     if (cell.dataset.shown === shown) return;
     cell.dataset.shown = shown;
     cell.textContent = by;
     if (!waits) return;
     const button = Object.assign(document.createElement("button"), {type: "button", textContent: text("acknowledge")});
-    button.setAttribute("aria-label", text("acknowledge_of", {alert: `${name}, ${timeOfDay(alert.since_ns)}`}));
+    button.setAttribute("aria-label", `${words}: ${name}, ${timeOfDay(alert.since_ns)}`);
+    button.title = words;
     button.addEventListener("click", () => this.acknowledger.acknowledge([alert.incident]));
     cell.append(button);
   }

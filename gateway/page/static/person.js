@@ -18,7 +18,8 @@ export class Person {
     element("sign-in-form").addEventListener("submit", (event) => { event.preventDefault(); this.signIn(); });
     element("sign-in-cancel").addEventListener("click", () => this.dialog.close());
     element("sign").addEventListener("click", () => (this.name === null ? this.ask() : this.signOut()));
-    this.dialog.addEventListener("close", () => { element("sign-in-pin").value = ""; });
+    // The next person finds the name of nobody else.
+    this.dialog.addEventListener("close", () => { element("sign-in-name").value = element("sign-in-pin").value = ""; });
     makeKeypad();
     this.refresh();
     setInterval(() => this.refresh(), ASK_MS);
@@ -45,13 +46,14 @@ export class Person {
     }));
   }
 
-  // Open the dialog; `after` is carried out once the PIN was right.
+  // Open the dialog; `after`, the acknowledgement that asked for it, is carried out once the PIN was right.
   ask(after = null) {
     this.after = after;
     setText("sign-in-error", "");
+    setText("sign-in-submit", text(after === null ? "sign_in" : "acknowledge"));
     window.scrollTo(0, 0); // to the big number, on a phone
     if (!this.dialog.open) this.dialog.showModal();
-    element(element("sign-in-name").value ? "sign-in-pin" : "sign-in-name").focus();
+    element("sign-in-name").focus();
   }
 
   async signIn() {

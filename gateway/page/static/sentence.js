@@ -54,12 +54,13 @@ function alarmSentence(alert, value, motion, condition, keep, ageS) {
   const alarm = highest(alert);
   if (alarm === null) return "";
   if (!isKnown(alarm.limit_deg)) return text(`${alarm.rule}_alarm`); // the calibration has none
-  const cause = causeKey(motion), limit = text(`at_${alarm.level}`, {angle: degrees(alarm.limit_deg)});
+  const acting = causeKey(motion) ?? "none", cause = value === null ? acting : keep("cause", acting);
+  const limit = text(`at_${alarm.level}`, {angle: degrees(alarm.limit_deg)});
   const form = value === null ? "alarm_unknown" : keep("alarm", alarmForm(alarm, value, motion, ageS("motion")));
   const others = besides(alert, alarm).map(({rule}) => `also_${rule}`).filter(hasText).map((key) => text(key));
   const next = others.length > 0 ? others.join(" ") : form === "alarm_coming" ? ""
     : condition?.trusted === false && value !== null ? text("alarm_stays") : whatFollows(alarm, ageS("alert"));
-  return [cause === null || form.endsWith("_passed") ? "" : text(keep("cause", cause)), text(form, {limit}), next].join(" ").trim();
+  return [cause === "none" || form.endsWith("_passed") ? "" : text(cause), text(form, {limit}), next].join(" ").trim();
 }
 
 // Return what the number and the largest angle since the alarm began say of its limit.

@@ -1,9 +1,8 @@
 // The alarm tone: a fast series for the limit, one long low tone where the swing is not monitored, two tones for a warning; until
 // somebody acknowledges the alarm, the operator silences it on this screen, or it ends. Losing the gateway ends none.
-// A browser plays sound only after somebody has touched the page, wherever that is; the button says whether the tone can be heard,
-// and in words what a press does to one that sounds, or that somebody has silenced it.
+// A browser plays sound only after somebody has touched the page, wherever that is; the buttons, beside the alarm and in the dialog that
+// covers it, say whether the tone can be heard, and in words what a press does to one that sounds, or that somebody has silenced it.
 
-import {setText} from "./facts.js";
 import {text} from "./texts.js";
 
 const PATTERNS = {
@@ -16,15 +15,15 @@ const LOUDNESS = 0.35;
 const RAMP_S = 0.01; // avoids clicks
 
 export class Sound {
-  constructor(button) {
-    this.button = button;
+  constructor(buttons) {
+    this.buttons = buttons;
     this.context = null;
     this.alarms = new Map(); // level by alert
     this.silenced = new Map();
     this.lastS = -Infinity;
-    button.addEventListener("click", () => this.press());
+    for (const button of buttons) button.addEventListener("click", () => this.press());
     for (const touch of ["click", "keydown"]) {
-      document.addEventListener(touch, ({target}) => { if (!button.contains(target)) this.turnOn(); }, {capture: true});
+      document.addEventListener(touch, ({target}) => { if (!target.closest?.(".sound")) this.turnOn(); }, {capture: true});
     }
   }
 
@@ -34,15 +33,11 @@ export class Sound {
     for (const key of this.silenced.keys()) if (!this.alarms.has(key)) this.silenced.delete(key);
     const level = this.level();
     const audible = this.context?.state === "running";
-    this.button.dataset.state = level ? "alarm" : audible ? "on" : "off";
     const word = !audible ? text("mute") : level ? text("silence") : this.alarms.size > 0 ? text("silenced") : "";
-    this.button.classList.toggle("worded", word !== "");
-    setText("sound-word", word);
     const label = !audible ? text("sound_off") : word || text("sound_on");
-    if (this.button.getAttribute("aria-label") !== label) {
-      this.button.setAttribute("aria-label", label);
-      this.button.title = label;
-      document.getElementById("sound-icon").setAttribute("href", audible ? "#sound-on" : "#sound-off");
+    for (const button of this.buttons) {
+      button.dataset.state = level ? "alarm" : audible ? "on" : "off";
+      if (button.getAttribute("aria-label") !== label) show(button, word, label, audible ? "#sound-on" : "#sound-off");
     }
     if (level && audible) this.play(PATTERNS[level]);
   }
@@ -89,4 +84,13 @@ export class Sound {
     oscillator.start(startS);
     oscillator.stop(startS + lengthS);
   }
+}
+
+// Show on a button what it says, and what that is to a screen reader.
+function show(button, word, label, icon) {
+  button.classList.toggle("worded", word !== "");
+  button.querySelector("span").textContent = word;
+  button.querySelector("use").setAttribute("href", icon);
+  button.setAttribute("aria-label", label);
+  button.title = label;
 }

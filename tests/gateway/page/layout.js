@@ -4,7 +4,7 @@ const shown = (element) => !element.closest(".unseen, .symbols, svg") && element
 const name = (element) => `${element.tagName} ${element.id || element.className}: ${element.textContent.trim().slice(0, 60)}`;
 const texts = (element) => [...element.childNodes].filter((node) => node.nodeType === Node.TEXT_NODE && node.textContent.trim());
 const BOXES = "#cards li, .tiles > div, .facts > div, section, header, .side, button, .doing, .next, dialog, main";
-const SCROLLING = ".scroll, #title, #acknowledged, #person"; // the list of alerts scrolls, and names may end in an ellipsis
+const SCROLLING = ".scroll, #title, #acknowledged, #acknowledge-as, #person"; // the list of alerts scrolls, and names may end in an ellipsis
 const MOVING = ["title", "word", "sentence", "phi", "gauge", "tile-now", "tile-lean", "bullseye", "trend"];
 
 function isClipped(element) {
@@ -23,7 +23,7 @@ function isBeyondItsBox(element) {
 
 function isOutside(element, acrossOnly) {
   const box = element.getBoundingClientRect();
-  return box.right > innerWidth + 1 || (!acrossOnly && box.bottom > innerHeight + 1);
+  return box.right > innerWidth + 1 || box.left < -1 || (!acrossOnly && box.bottom > innerHeight + 1);
 }
 
 window.layout = {

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from gateway.alert_periods import MAX_ENDED_INCIDENTS
 from gateway.messages import ActiveAlert, Alert, Level
 from gateway.page.history import MAX_LISTED_ALERTS, SHIFT_NS, AlertLog
 
@@ -82,6 +83,16 @@ def test_the_list_outlives_a_start_of_the_gateway_and_its_incidents_do_not(log: 
     assert log.alerts()[0].is_cut  # a larger angle may have come, which nobody stated
     log.add(replace(_standing(80, "trip", "second-1"), boot_id="second", alert_number=2))
     assert [alert.incident for alert in log.alerts()] == [None, "second-1"]
+
+
+def test_only_what_the_gateway_still_knows_can_be_acknowledged(log: AlertLog) -> None:
+    count = MAX_ENDED_INCIDENTS + 2
+    for i in range(count):
+        log.add(_standing(2 * i, "trip", f"b-{i}"))
+        log.add(_message(2 * i + 1))
+    log.add(_standing(2 * count, "trip", "b-last"))
+    incidents = [alert.incident for alert in log.alerts()]
+    assert incidents == [None, None, *(f"b-{i}" for i in range(2, count)), "b-last"]
 
 
 def test_a_change_that_comes_again_after_later_ones_begins_nothing(log: AlertLog) -> None:

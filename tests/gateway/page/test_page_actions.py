@@ -60,7 +60,7 @@ def test_who_has_entered_the_pin_acknowledges_by_name(
     assert (status, content) == (200, {"name": "Ann"})
     port = page.url.rpartition(":")[2]
     assert cookie.startswith(f"plumbline_{port}=")
-    assert {"HttpOnly", "SameSite=strict", "Path=/", "Max-Age=28800"} <= set(cookie.split("; "))
+    assert {"HttpOnly", "SameSite=strict", "Path=/"} <= set(cookie.split("; "))
     assert PIN not in cookie
     status, content, _ = _post(page, ACKNOWLEDGE, INCIDENT, _cookie(cookie))
     assert (status, content) == (200, {"accepted": True, "text": "done"})
@@ -143,8 +143,10 @@ def test_an_operator_acknowledges_and_every_screen_shows_it(
     expect(window.locator("#word")).to_have_text("OK")
     expect(window.locator("#acknowledge")).to_be_hidden()
     gateway.scene.level = "warn"
+    expect(window.locator("#acknowledge")).to_have_accessible_name("Acknowledge")
     window.locator("#acknowledge").click()
     expect(window.locator("#sign-in")).to_be_visible()
+    expect(window.locator("#sign-in-submit")).to_have_text("Acknowledge")
     assert Axe().run(window).violations_count == 0
     _enter(window, pin="00000000")
     expect(window.locator("#sign-in-error")).to_have_text("The PIN is wrong.")
@@ -157,15 +159,34 @@ def test_an_operator_acknowledges_and_every_screen_shows_it(
     expect(window.locator("#alert-rows td.by")).to_have_text(re.compile(r"✓ \d\d:\d\d Ann"))
     expect(window.locator("#person")).to_have_text("Signed in: Ann")
     expect(other.locator("#person")).to_have_text("Read-only")
+    other.locator("#to-alerts").click()
+    other.locator("#sign").click()
+    expect(other.locator("#sign-in-submit")).to_have_text("Sign in")
 
     gateway.scene.level, gateway.scene.acknowledged_by = "trip", None  # a higher level
     window.locator("#to-swing").click()
-    expect(window.locator("#acknowledge")).to_be_visible()
+    expect(window.locator("#acknowledge")).to_have_accessible_name("Acknowledge as Ann")
     window.keyboard.press("F8")
     expect(window.locator("#acknowledged")).to_have_text(re.compile(r"✓ \d\d:\d\d Ann"))
     expect(window.locator("#sign-in")).to_be_hidden()
     window.context.close()
     other.context.close()
+
+
+def test_the_dialog_has_the_name_of_nobody_else(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
+    gateway.scene.level = "trip"
+    window = _open(browser, page)
+    window.locator("#acknowledge").click()
+    _enter(window, "Ann")
+    expect(window.locator("#acknowledge")).to_be_hidden()
+    window.context.clear_cookies()  # her session has ended
+    gateway.scene.acknowledged_by = None
+    window.locator("#acknowledge").click()
+    expect(window.locator("#sign-in-name")).to_be_focused()
+    expect(window.locator("#sign-in-name")).to_have_value("")
+    _enter(window, "Bert")
+    expect(window.locator("#acknowledged")).to_have_text(re.compile(r"✓ \d\d:\d\d Bert"))
+    window.context.close()
 
 
 def test_a_panel_without_keys_offers_names_and_digits(
@@ -194,9 +215,12 @@ def test_the_list_offers_a_button_for_an_alert_that_has_ended(
     gateway.scene.level = "normal"
     expect(window.locator("#acknowledge")).to_be_hidden()
     window.locator("#to-alerts").click()
-    window.locator("#alert-rows button").click()
+    window.locator("#sign").click()
     _enter(window)
-    expect(window.locator("#sign-in")).to_be_hidden()
+    expect(window.locator("#alert-rows button")).to_have_accessible_name(
+        re.compile(r"^Acknowledge as Ann: Swing: limit, \d\d:\d\d:\d\d$")
+    )
+    window.locator("#alert-rows button").click()
     wait_until(lambda: bool(services.requests), "the request")
     assert [request.incident for request in services.requests] == ["b00t-1"]
     window.context.close()
@@ -214,10 +238,35 @@ def test_the_list_offers_to_acknowledge_all_that_have_ended_at_once(
         expect(window.locator("#alert-rows tr")).to_have_count(number)
         scene.level = "normal"
         expect(window.locator("#alert-rows tr.standing")).to_have_count(0)
+        expect(window.locator("#alerts-waiting")).to_have_text(str(number))
     window.locator("#acknowledge-all").click()
     _enter(window)
+    expect(window.locator("#acknowledge-all")).to_have_accessible_name("Acknowledge all as Ann")
     wait_until(lambda: len(services.requests) == 3, "the requests")
     assert {request.incident for request in services.requests} == {"b00t-1", "b00t-2", "b00t-3"}
+    window.context.close()
+
+
+def test_the_tab_counts_what_ended_unacknowledged_until_it_is_acknowledged_or_cannot_be(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser
+) -> None:
+    scene = gateway.scene
+    window = _open(browser, page)
+    tab, badge = window.locator("#to-alerts"), window.locator("#alerts-waiting")
+    for incident, boot_id in (("b00t-1", "b00t"), ("b11t-1", "b11t")):
+        scene.incident, scene.boot_id, scene.level = incident, boot_id, "trip"
+        expect(window.locator("#word")).to_have_text("LIMIT")
+        expect(badge).to_be_hidden()  # it stands, or the gateway that knew it has ended
+        scene.level = "normal"
+        expect(badge).to_have_text("1")
+        expect(tab).to_have_accessible_name(re.compile("^Alerts ?, not acknowledged: 1$"))
+    tab.click()
+    expect(window.locator("#alert-rows td.by")).to_have_text(["Acknowledge", "not acknowledged"])
+    window.locator("#alert-rows button").click()
+    _enter(window)
+    expect(window.locator("#alert-rows td.by")).to_have_text([re.compile(r"✓ \d\d:\d\d Ann"), "not acknowledged"])
+    expect(badge).to_be_hidden()
+    expect(tab).to_have_accessible_name("Alerts")
     window.context.close()
 
 

@@ -149,6 +149,32 @@ def test_no_text_is_cut_in_any_state(shown_page: ShownPage, state: str) -> None:
             assert window.evaluate("(acrossOnly) => layout.outside(acrossOnly)", scrolls) == [], (size, screen)
 
 
+TOO_LONG = """(sentences) => {
+  const shown = document.getElementById('sentence'), tried = shown.cloneNode();
+  Object.assign(tried.style, {position: 'absolute', width: `${shown.clientWidth}px`});
+  shown.after(tried);
+  const found = sentences.filter((told) => { tried.textContent = told; return tried.scrollHeight > tried.clientHeight + 2; });
+  tried.remove();
+  return found;
+}"""
+
+
+def test_every_sentence_of_an_alarm_has_two_lines_at_most(shown_page: ShownPage) -> None:
+    window = _show(shown_page, "TRIP")
+    texts = read_texts(str(window.locator("html").get_attribute("lang")))
+    sentences = [
+        f"{texts[cause]} {texts[form]} {texts[follows]}".replace("{limit}", texts[f"at_{level}"]).replace(
+            "{angle}", angle
+        )
+        for level, angle in (("warn", "9.5°"), ("trip", "13.5°"))
+        for cause in ("driven", "wind", "lowering", "hoisting")
+        for form in ("alarm_exceeded", "alarm_possible")
+        for follows in ("warn_below", "warn_in", "normal_below", "normal_in", "also_lean", "alarm_stays")
+        if (level, follows) != ("warn", "warn_below")
+    ]
+    assert window.evaluate(TOO_LONG, [text.format(seconds=3) for text in sentences]) == []
+
+
 def test_the_dialog_fits_every_size(shown_page: ShownPage) -> None:
     window = _show(shown_page, "TRIP")
     window.locator("#acknowledge").click()
@@ -164,6 +190,23 @@ def test_the_dialog_fits_every_size(shown_page: ShownPage) -> None:
         assert not _overlap(window, "#sign-in", "#phi"), size
     window.keyboard.press("Escape")
     expect(window.locator("#sign-in")).to_be_hidden()
+
+
+def test_the_button_has_room_for_the_name_of_who_acknowledges(shown_page: ShownPage) -> None:
+    window, name = shown_page.screen.page, "Maximiliane Hohenzollern-Wartenberg"
+    window.route("**/api/session", lambda route: route.fulfill(json={"name": name, "available": True}))
+    window.reload()
+    _show(shown_page, "TRIP with other findings")
+    for size in (PANEL, DESKTOP, PHONE, SMALL_PHONE):
+        _resize(window, size)
+        expect(window.locator("#acknowledge-as")).to_contain_text(name)
+        window.wait_for_timeout(250)
+        assert window.evaluate("layout.cut()") == [], size
+        assert window.evaluate("(acrossOnly) => layout.outside(acrossOnly)", size in (PHONE, SMALL_PHONE)) == [], size
+        for other in ("#sound", "#sentence", "#word", "#also"):
+            assert not _overlap(window, "#acknowledge", other), (size, other)
+    window.unroute("**/api/session")
+    window.reload()
 
 
 def _overlap(window: Page, *selectors: str) -> bool:

@@ -171,6 +171,21 @@ def test_the_button_says_in_words_what_it_does_and_that_a_tone_was_silenced(
     screen.text("#sound-word", "")
 
 
+def test_the_tone_can_be_silenced_while_the_dialog_is_open(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser
+) -> None:
+    gateway.scene.level = "trip"
+    screen = Screen(browser, page.url)
+    screen.page.locator("#acknowledge").click()
+    button = screen.page.locator("#sign-in-sound")
+    expect(button).to_be_in_viewport(ratio=1)
+    expect(button).to_have_text("Silence")
+    button.click()
+    expect(button).to_have_text("silenced")
+    expect(screen.page.locator("#sound")).to_have_attribute("data-state", "on")
+    expect(screen.page.locator("#sign-in")).to_be_visible()
+
+
 def test_the_page_shows_the_loss_and_return_of_its_server(
     gateway: FakeGateway, page: PageUnderTest, browser: Browser
 ) -> None:

@@ -257,7 +257,7 @@ def test_a_lean_alarm_shows_the_lean(shown_page: ShownPage) -> None:
     screen.text("#phi", "6.2°")
     screen.text("#interval", "")
     expect(screen.page.locator("#gauge")).to_have_attribute("aria-label", "6.2°, limit 6°")
-    screen.text("#sentence", re.compile("^The rope leans too far. Limit 6.0°. Ends clearly below 3.0°.$"))
+    screen.text("#sentence", re.compile("^The rope leans too far. Limit 6.0°. Ends once clearly below 3.0°.$"))
     gateway.scene.level = "normal"
     screen.text("#angle-title", "swing: now, or the larger coming peak")
     expect(screen.page.locator("#gauge")).to_have_attribute("aria-label", "2.3°, warning 4°, limit 6°")

@@ -1,11 +1,21 @@
 """Who may acknowledge: the PIN's file, sessions, what wrong attempts do, hosts, and the lines of the log."""
 
+import asyncio
+import json
 import logging
+import socket
 import stat
+from collections.abc import MutableMapping
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
+from starlette.applications import Starlette
 
+from gateway.page import actions
+from gateway.page.actions import GatewayAnswer, GatewayRequests
+from gateway.page.channel import Parameters
 from gateway.page.guard import AllowedHosts, is_same_origin
 from gateway.page.http_server import LOG_INTERVAL_S, MAX_LINES_PER_INTERVAL, LogRateLimiter
 from gateway.page.sign_in import (
@@ -19,6 +29,7 @@ from gateway.page.sign_in import (
     replace_pin,
     successor_of,
 )
+from gateway.page.state import PageState
 from tests.values import present
 
 PIN = "12345678"
@@ -81,6 +92,84 @@ def test_a_session_ends_with_time_a_changed_pin_or_the_person() -> None:
     assert people.session(other, 1.0) is not None
     people.use("87654321")
     assert people.session(other, 1.0) is None
+
+
+def test_a_session_ends_ten_minutes_after_its_last_use() -> None:
+    assert EXPIRY_S == 600.0
+    people = _people()
+    token = people.sign_in("Ann", PIN, 0.0)
+    for asked_s in (1.0, EXPIRY_S - 1):
+        assert people.session(token, asked_s) is not None  # to ask is no use
+    people.note_use(token, EXPIRY_S - 1)
+    assert present(people.session(token, 2 * EXPIRY_S - 2)).name == "Ann"
+    assert people.session(token, 2 * EXPIRY_S - 1) is None
+    people.note_use(token, 2 * EXPIRY_S)  # too late
+    people.note_use("x" * 43, 0.0)
+    assert people.session(token, 2 * EXPIRY_S) is None
+    assert people.session("x" * 43, 1.0) is None
+
+
+class _Gateway(GatewayRequests):
+    """Answers as it is told."""
+
+    accepts = True
+
+    async def submit(self, verb: str, request: dict[str, object]) -> GatewayAnswer:
+        return GatewayAnswer(accepted=self.accepts, text=f"{verb} by {request['by']}")
+
+
+def test_only_an_acknowledgement_that_is_accepted_uses_a_session(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    now_s = [1000.0]
+    monkeypatch.setattr(actions, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
+    (tmp_path / "page-pin").write_text(PIN)
+    parameters = Parameters(
+        key="a/b", warn_deg=4, trip_deg=6, clear_deg=3, lean_trip_deg=3, pin_file=tmp_path / "page-pin"
+    )
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        gateway = _Gateway(ours)
+        endpoints = actions.Actions(PageState(parameters), gateway, 8321)
+        app = Starlette(routes=[*endpoints.reading_routes(), *endpoints.changing_routes()])
+
+        async def ask(path: str, content: object = None) -> int:
+            """Ask as Ann's browser does; return the status."""
+            return (await _exchange(app, path, content, cookie))[0]
+
+        async def course() -> list[int]:
+            statuses = []
+            for wait_s, accepts in ((400.0, False), (150.0, True), (500.0, True), (599.0, False), (2.0, True)):
+                now_s[0] += wait_s
+                gateway.accepts = accepts
+                await ask("/api/session")
+                statuses.append(await ask("/api/acknowledge", {"incident": "b-1"}))
+            return statuses
+
+        async def sign_in() -> str:
+            return (await _exchange(app, "/api/sign-in", {"name": "Ann", "pin": PIN}, ""))[1]
+
+        cookie = asyncio.run(sign_in())
+        assert asyncio.run(course()) == [409, 200, 200, 409, 401]
+
+
+async def _exchange(app: Starlette, path: str, content: object, cookie: str) -> tuple[int, str]:
+    """Send one request and return the status and the cookie that is set."""
+    sent: list[MutableMapping[str, Any]] = []
+    body = b"" if content is None else json.dumps(content).encode()
+
+    async def receive() -> MutableMapping[str, Any]:
+        return {"type": "http.request", "body": body, "more_body": False}
+
+    async def send(message: MutableMapping[str, Any]) -> None:
+        sent.append(message)
+
+    method = "GET" if content is None else "POST"
+    headers = [(b"cookie", cookie.encode())]
+    scope = {"type": "http", "method": method, "path": path, "headers": headers, "query_string": b"", "client": None}
+    await app(scope, receive, send)
+    answered = dict(sent[0]["headers"])
+    return sent[0]["status"], answered.get(b"set-cookie", b"").decode().partition(";")[0]
 
 
 def test_wrong_pins_keep_nobody_out_until_the_pin_is_void() -> None:
