@@ -23,7 +23,7 @@ def test_every_word_of_the_page_is_explained(language: str) -> None:
 @pytest.mark.parametrize("language", CARDS)
 def test_every_button_that_the_card_names_is_on_the_page(language: str) -> None:
     table, section = read_texts(language), CARDS[language]
-    for key in ("silence", "sound_off", "deciding_angle", "not_recording", "alerts", "sign_out"):
+    for key in ("silence", "mute", "deciding_angle", "not_recording", "alerts", "sign_out"):
         assert table[key].rstrip(".").lower() in section.replace("\n", " ").lower(), key
 
 

@@ -67,7 +67,9 @@ function alarmSentence(alert, value, motion, condition, keep, ageS) {
 function alarmForm(alarm, value, motion, ageS) {
   const isBelow = value.angleDeg + (value.halfDeg ?? 0) < alarm.limit_deg;
   if (hasText(`${alarm.rule}_alarm`)) return isBelow && hasText(`${alarm.rule}_passed`) ? `${alarm.rule}_passed` : `${alarm.rule}_alarm`;
-  if (Math.max(alarm.largest_deg ?? 0, motion?.angle_deg ?? 0) >= alarm.limit_deg) return "alarm_exceeded";
+  if (Math.max(alarm.largest_deg ?? 0, motion?.angle_deg ?? 0) >= alarm.limit_deg) {
+    return isBelow && isKnown(value.halfDeg) ? "alarm_exceeded_passed" : "alarm_exceeded";
+  }
   if (value.angleDeg >= alarm.limit_deg && value.inS > ageS) return "alarm_coming";
   return isBelow && isKnown(value.halfDeg) ? "alarm_passed" : "alarm_possible";
 }

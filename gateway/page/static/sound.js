@@ -33,11 +33,12 @@ export class Sound {
     for (const key of this.silenced.keys()) if (!this.alarms.has(key)) this.silenced.delete(key);
     const level = this.level();
     const audible = this.context?.state === "running";
-    const word = !audible ? text("mute") : level ? text("silence") : this.alarms.size > 0 ? text("silenced") : "";
+    const isSilenced = audible && !level && this.alarms.size > 0;
+    const word = !audible ? text("mute") : level ? text("silence") : isSilenced ? text("silenced") : "";
     const label = !audible ? text("sound_off") : word || text("sound_on");
     for (const button of this.buttons) {
       button.dataset.state = level ? "alarm" : audible ? "on" : "off";
-      if (button.getAttribute("aria-label") !== label) show(button, word, label, audible ? "#sound-on" : "#sound-off");
+      if (button.getAttribute("aria-label") !== label) show(button, word, label, audible && !isSilenced ? "#sound-on" : "#sound-off");
     }
     if (level && audible) this.play(PATTERNS[level]);
   }

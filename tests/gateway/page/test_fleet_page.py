@@ -220,7 +220,7 @@ def test_cards_say_why_in_the_language_of_the_page(
     site.remove("crane-7")
     expect(window.locator("#cards .why")).to_have_text(
         [
-            "Grenzwert 6,0° überschritten. Klar unter 5,4° nur noch Warnung.",
+            "Grenzwert 6,0° war überschritten. Klar unter 5,4° nur noch Warnung.",
             "Das Gateway wurde beendet oder ist nicht verbunden.",
             "Erwartet, und nie gesehen.",
             "Der Sensor ist nicht kalibriert. Der Winkel kann um mehrere Grad falsch sein.",

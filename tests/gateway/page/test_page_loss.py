@@ -167,6 +167,7 @@ def test_the_button_says_in_words_what_it_does_and_that_a_tone_was_silenced(
     screen.text("#sound-word", "Silence")
     screen.page.locator("#sound").click()
     screen.text("#sound-word", "silenced")
+    expect(screen.page.locator("#sound use")).to_have_attribute("href", "#sound-off")
     gateway.scene.level = "normal"
     screen.text("#sound-word", "")
 

@@ -268,5 +268,5 @@ def test_the_list_has_the_largest_angle_of_an_alarm(shown_page: ShownPage) -> No
     gateway, screen = shown_page
     gateway.scene.level, gateway.scene.largest_deg, gateway.scene.ends_in_s = "trip", 7.92, 2.5
     screen.page.evaluate("location.hash = '#alerts'")
-    screen.text("#sentence", "Limit 6.0° exceeded. Becomes a warning in 3 s.")
+    screen.text("#sentence", "Limit 6.0° was exceeded. Becomes a warning in 3 s.")
     screen.text("#alert-rows tr.standing td >> nth=3", "7.9°")

@@ -103,6 +103,7 @@ ALARMS = [
     ({**SWING, **FALLS}, (5.5, 0.0, 0.3), f"Limit 6.0° may have been exceeded. {ONLY_A_WARNING}"),
     ({**SWING, **FALLS}, (5.8, 0.0), f"Limit 6.0° may be exceeded. {ONLY_A_WARNING}"),
     ({**LARGE, **FALLS}, (4.1, 1.8), f"Limit 6.0° exceeded. {ONLY_A_WARNING}"),
+    ({**LARGE, **FALLS}, (4.1, 0.0, 0.3), f"Limit 6.0° was exceeded. {ONLY_A_WARNING}"),
     ({**LARGE, **FALLS, "ends_in_s": 2.5}, (4.1, 0.0), "Limit 6.0° exceeded. Becomes a warning in 3 s."),
     ({**LARGE, **ENDS, "ends_in_s": 2.5}, (2.1, 0.0), "Limit 6.0° exceeded. Ends in 3 s."),
     ({**SWING, **FALLS, "ends_in_s": 0.3}, (5.1, 0.0), "Limit 6.0° may be exceeded. Becomes a warning in 1 s."),
@@ -129,7 +130,7 @@ def test_an_alarm_stays_while_the_readings_cannot_be_trusted(shown_page: ShownPa
     screen = shown_page.screen
     program = UNTRUSTED.replace("ACTIVE", json.dumps({**LARGE, **FALLS}))
     told = screen.page.evaluate(program, {"angleDeg": 4.1, "inS": 0, "halfDeg": 0.3})
-    assert told == "Limit 6.0° exceeded. Stays while the readings are in doubt."
+    assert told == "Limit 6.0° was exceeded. Stays while the readings are in doubt."
     assert screen.page.evaluate(program, None) == f"The angle is not known now, and the alarm stays. {ONLY_A_WARNING}"
 
 
@@ -137,10 +138,10 @@ def test_no_end_of_an_alarm_is_told_while_another_of_its_level_stands(shown_page
     screen = shown_page.screen
     swing = {**LARGE, **FALLS, "ends_in_s": 1.0}
     told = screen.page.evaluate(TWO_ALARMS, [swing, {**LEAN, "level": "trip"}])
-    assert told == "Limit 6.0° exceeded. The rope leans too far as well."
+    assert told == "Limit 6.0° was exceeded. The rope leans too far as well."
     low = {**LEAN, "level": "trip", "estimate_deg": 1.2}
-    assert screen.page.evaluate(TWO_ALARMS, [swing, low]) == "Limit 6.0° exceeded. Becomes a warning in 1 s."
-    assert screen.page.evaluate(TWO_ALARMS, [swing, WARNING]) == "Limit 6.0° exceeded. Becomes a warning in 1 s."
+    assert screen.page.evaluate(TWO_ALARMS, [swing, low]) == "Limit 6.0° was exceeded. Becomes a warning in 1 s."
+    assert screen.page.evaluate(TWO_ALARMS, [swing, WARNING]) == "Limit 6.0° was exceeded. Becomes a warning in 1 s."
 
 
 DOING = """(motion) => import('/sentence.js').then(({sentence}) =>
