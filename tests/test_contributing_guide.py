@@ -81,7 +81,7 @@ def _sway_limits(section: AlertsSection) -> Limits:
 RULE_CHECK = """
 import sys
 from pathlib import Path
-from gateway.incident.course import CourseBuilder
+from gateway.incident.course_builder import CourseBuilder
 from gateway.page.metrics import render
 from gateway.page.metrics import gateway_families
 from gateway.page.verdict import PageEvidence

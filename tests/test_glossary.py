@@ -47,7 +47,7 @@ def singular(word: str) -> str:
 
 COMMON_WORDS = words(
     """
-    connection shutdown start stop disk job regular chunk stated value
+    connection sentence shutdown start stop disk job regular chunk stated value
     angle application argument array backoff bounded buffer builder cache change check CLI client command config configuration
     context counter daemon data dependency description detail doctor document drawing environment error export factory figures
     file finder first folder follow format formatting function handler history hub inbox info input instance interrupt JSON

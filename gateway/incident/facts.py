@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from gateway.incident.cause import LoadCauses, SmoothMotion, load_causes
 from gateway.incident.course import TRUSTED_TEXT, Course
-from gateway.incident.evidence import IncidentEvidence, RecordVerdict
+from gateway.incident.evidence import IncidentEvidence
 from gateway.incident.incident_selection import AlertIncident
+from gateway.incident.record_verdict import RecordVerdict
 from gateway.messages import SCHEMA_VERSION
 from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975

@@ -16,21 +16,15 @@ from gateway.documents.figures import Figure
 from gateway.documents.format import format_fixed, format_short, printable_text
 from gateway.errors import InputError
 from gateway.incident.cause import SmoothMotion
+from gateway.incident.cause_sentences import cause_sentences
 from gateway.incident.course import Course
 from gateway.incident.detail_figures import acceleration_figure, direction_figure, spectrum_figure
 from gateway.incident.event_table import event_table
-from gateway.incident.evidence import (
-    GENUINE,
-    IncidentEvidence,
-    RecordVerdict,
-    SourceFile,
-    file_sha256,
-    read_evidence,
-    scope_text,
-)
+from gateway.incident.evidence import IncidentEvidence, SourceFile, file_sha256, read_evidence
 from gateway.incident.facts import IncidentFacts, facts_json, incident_facts
 from gateway.incident.incident_selection import IncidentWindow
-from gateway.incident.incident_summary import cause_sentences, summary_sentences
+from gateway.incident.incident_summary import summary_sentences
+from gateway.incident.record_verdict import GENUINE, RecordVerdict, scope_text
 from gateway.incident.timeline_figure import ReportClock, timeline_figure
 from gateway.messages import Calibration, Health
 from gateway.recording.reading.interval import iso_utc

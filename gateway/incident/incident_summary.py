@@ -1,9 +1,6 @@
 """An incident in words: its summary in plain sentences, whose numbers all stand in the recordings."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
-
-import numpy as np
 
 from gateway.documents.format import (
     format_fixed,
@@ -13,14 +10,14 @@ from gateway.documents.format import (
     printable_text,
 )
 from gateway.errors import counted, first_of
-from gateway.incident.cause import CAUSE_BEFORE_S, MIN_MOVE_S, CraneMove
+from gateway.incident.angle_sentences import LEVEL_WORDS, MAX_SUMMARY_RISES, angle_sentences
+from gateway.incident.cause_sentences import cause_sentences
 from gateway.incident.course import MAX_ALERT_SILENCE_S, Course
-from gateway.incident.facts import AlertRise, IncidentFacts, KnownAngle, PeakAngle
+from gateway.incident.facts import IncidentFacts
 from gateway.incident.gateway_runs import GatewayRestart
 from gateway.incident.incident_selection import AlertIncident, IncidentChange, IncidentWindow
 from gateway.incident.limit_changes import MAX_WORDS_CHARACTERS, LimitChange
 from gateway.incident.timeline_figure import ReportClock
-from gateway.stages.alerts import GRACE_S
 
 MAX_SUMMARY_MARKS = 3
 """Marks in the summary; the events have all of them. Basis: a choice; the summary stays on one page, the events have all of
@@ -29,11 +26,6 @@ MAX_SUMMARY_RESTARTS = 3
 """Restarts in the summary. Basis: as of the marks."""
 MAX_SUMMARY_OTHERS = 3
 """Other incidents in the summary. Basis: as of the marks."""
-MAX_SUMMARY_RISES = 5
-"""Raises to the highest level in the summary. Basis: as of the marks."""
-SAME_TIME_S = 0.05
-"""Up to this difference two times are the same. Definition: seconds are printed to a tenth."""
-LEVEL_WORDS = {"warn": "warning", "trip": "trip"}
 STOOD_WORDS = {
     "warn": "while it stood at warning",
     "trip": "while it stood at trip",
@@ -64,7 +56,7 @@ def summary_sentences(
             _where_they_begin(course, clock, incident),
             _what_was_raised(course, clock, incident, facts),
             _which_limits_were_changed(course, clock, incident),
-            _how_large(clock, incident, facts),
+            angle_sentences(clock, incident, facts),
             cause_sentences(clock, facts),
             _when_it_ended(course, clock, incident, facts),
             () if window is None else _which_others_were(clock, window.others, window.hidden),
@@ -244,132 +236,6 @@ def restart_text(clock: ReportClock, restart: GatewayRestart) -> str:
     return f"The gateway {times}: alerts were not judged for {format_fixed(restart.judged_s - restart.stopped_s, 1)} s."
 
 
-def _how_large(clock: ReportClock, incident: AlertIncident | None, facts: IncidentFacts) -> Iterator[str]:
-    if facts.peak is None:
-        yield "The angle was not known at any time of it."
-    else:
-        reasons = _not_known(clock, facts, facts.angle)
-        known = "known " if facts.angle.unknown_s > GRACE_S else ""
-        least = "at least " if facts.angle.missing else ""
-        yield (
-            f"The largest {known}angle between rope and vertical was {least}{angle_text(facts.peak)} at "
-            f"{clock.both(facts.peak.time_s)}{': ' if reasons else ''}{'; '.join(reasons)}."
-        )
-    if facts.limit_deg is None or incident is None:
-        return
-    if facts.stated_deg is not None and {"recordings", "report"} & set(facts.angle.missing):
-        largest, upper = (format_fixed(each, 2) for each in facts.stated_deg)
-        yield f"By the alert itself it was {largest}°, at most {upper}°, over the whole incident."
-    level = LEVEL_WORDS.get(incident.level, incident.level)
-    if len(facts.rises) == 1:
-        yield _limit_text(clock, facts, replace(facts.rises[0], answer=facts.answer), "It", level)
-        return
-    for rise in facts.rises[:MAX_SUMMARY_RISES]:
-        yield _limit_text(clock, facts, rise, f"After the {level} of {clock.time(rise.raised_s)} UTC it", level)
-    if more := facts.rises[MAX_SUMMARY_RISES:]:
-        reached = sum(each.answer == "reached" for each in more)
-        yield f"After {reached} of the {len(more)} later ones it reached that limit."
-
-
-def _not_known(clock: ReportClock, facts: IncidentFacts, angle: KnownAngle) -> list[str]:
-    """Return what is not known of the angle, and why."""
-    whole = "this time" if facts.raised_s is None else "the incident"
-    texts = {
-        "recordings": f"a part of {whole} is not in the recordings",
-        "report": f"a part of {whole} is outside the time of this report",
-        "end": f"what came {_after_the_end(clock, facts.end_s)} is not known",
-    }
-    if angle.peak is None:
-        return [*(texts[each] for each in angle.missing), "it was not known at any time"]
-    unknown = f"for {format_fixed(angle.unknown_s, 1)} s of {whole} it was not known"
-    return [*(texts[each] for each in angle.missing), *([unknown] if angle.unknown_s > GRACE_S else [])]
-
-
-def _after_the_end(clock: ReportClock, end_s: float) -> str:
-    """Return the time behind the end of an incident that has none, until the angle is known again."""
-    motion = clock.course.motion
-    again = motion.time_s[(motion.time_s > end_s) & np.isfinite(motion.angle_deg)]
-    return (
-        f"between {clock.time(end_s)} and {clock.time(float(again[0]))}" if len(again) else f"after {clock.time(end_s)}"
-    )
-
-
-def _limit_text(clock: ReportClock, facts: IncidentFacts, rise: AlertRise, subject: str, level: str) -> str:
-    """Return whether and when the angle was above the limit from a raise to a level on, `It` over the whole incident."""
-    limit_deg = facts.limit_deg or 0.0
-    limit, when = f"the limit of {format_limit(limit_deg)}°", _lead_text(rise, level)
-    if rise.answer == "not_reached":
-        return f"{subject} did not reach {limit}: the alert came from an upper bound that was not reached."
-    if rise.answer == "reached":
-        return f"{subject} reached {limit}{when or '; when first is not in this report'}."
-    low_deg, high_deg = (0.0, 0.0) if rise.angle.peak is None else rise.angle.peak.interval_deg
-    stated_deg = 0.0 if facts.stated_deg is None else facts.stated_deg[1]
-    reasons = _not_known(clock, facts, rise.angle)
-    if when:
-        why = f"the best estimate did, and the interval of 95 % reaches down to {format_fixed(low_deg, 2)}°"
-    elif high_deg >= limit_deg:
-        why = f"the interval of 95 % reaches up to {format_fixed(high_deg, 2)}°"
-    elif stated_deg >= limit_deg and subject == "It":
-        why = f"by the alert itself it was at most {format_fixed(stated_deg, 2)}°"
-    else:
-        known = "The known angle" if subject == "It" else f"{subject.removesuffix('it')}the known angle"
-        return f"{known} did not reach {limit}; whether the load did is not known: {'; '.join(reasons)}."
-    return f"{subject} may have reached {limit}{when}: {'; '.join([why, *reasons])}."
-
-
-def _lead_text(rise: AlertRise, level: str) -> str:
-    """Return when the angle reached the limit, counted from the raise; empty: that is not known."""
-    if rise.reached_s is None:
-        return ""
-    lead_s = rise.reached_s - rise.raised_s
-    if abs(lead_s) <= SAME_TIME_S:
-        return f" when the {level} was raised"
-    return f" {format_fixed(abs(lead_s), 1)} s {'after' if lead_s > 0 else 'before'} the {level}"
-
-
-def cause_sentences(clock: ReportClock, facts: IncidentFacts) -> Iterator[str]:
-    """Yield what moved the load before its largest angle, and by which estimate."""
-    if facts.peak is None:
-        return
-    causes, unseen = facts.causes, ""
-    peak = "the peak" if facts.angle.is_known else "the largest known angle"
-    if causes.unseen_s >= MIN_MOVE_S:
-        unseen = (
-            f"{format_fixed(causes.unseen_s, 1)} s of the {CAUSE_BEFORE_S:.0f} s before {peak} are not known "
-            f"({', '.join(causes.unseen_causes)})"
-        )
-    live = "" if causes.live_because is None else "by the gateway's live estimate "
-    if not causes.moves and unseen:
-        yield f"What moved the load cannot be told: {unseen}."
-        return
-    if not causes.moves:
-        seen = "neither the pivot nor the winch was seen to move, and no gust was seen"
-        yield f"In the {CAUSE_BEFORE_S:.0f} s before {peak} {live}{seen}."
-    for move in causes.moves:
-        sure = "" if move.probability is None else f" (probability {format_percent(100 * move.probability)})"
-        yield f"Before {peak}, {live}{_move_text(move)} from {clock.time(move.begin_s)} to {clock.time(move.end_s)} UTC{sure}."
-    if unseen:
-        yield f"Other moves are possible: {unseen}."
-    if causes.live_because is None:
-        yield "What moved is by the motion that was smoothed over these samples afterwards, as plumbline measure states it."
-    else:
-        yield f"The live estimate knew only what came before, and may take a gust for a drive; {causes.live_because}."
-
-
-def _move_text(move: CraneMove) -> str:
-    match move.state:
-        case "driven":
-            size = "" if move.pivot_m_s2 is None else f" by up to {format_short(abs(move.pivot_m_s2), 2)} m/s²"
-            return f"trolley, bridge or jib accelerated the rope's upper end{size}"
-        case "hoisting":
-            size = "" if move.hoist_m_s is None else f" at up to {format_short(abs(move.hoist_m_s), 2)} m/s"
-            return f"the winch {'lowered' if (move.hoist_m_s or 0) > 0 else 'hoisted'}{size}"
-        case "driven_or_wind":
-            return "a gust pushed the load, or trolley, bridge or jib moved: the estimate changed from the second to the first"
-        case _:
-            return "a gust pushed the load"
-
-
 def _when_it_ended(
     course: Course, clock: ReportClock, incident: AlertIncident | None, facts: IncidentFacts
 ) -> Iterator[str]:
@@ -456,12 +322,3 @@ def _how_good(course: Course, facts: IncidentFacts) -> Iterator[str]:
     yield from (CLOCKS[quality] for quality in qualities if quality in CLOCKS)
     if course.clock_steps_s:
         yield f"The wall clock stepped {len(course.clock_steps_s)} times; the times of this report do not step with it."
-
-
-def angle_text(peak: PeakAngle) -> str:
-    """Return the angle with its interval, and its direction."""
-    low_deg, high_deg = peak.interval_deg
-    decimals = 2 if high_deg - low_deg < 1 else 1
-    angle, low, high = (format_fixed(each, decimals) for each in (peak.angle_deg, low_deg, high_deg))
-    side = "" if peak.azimuth_deg is None else f", towards azimuth {format_fixed(peak.azimuth_deg, 0)}° of the housing,"
-    return f"{angle}° ({low}° to {high}° at 95 %){side}"

@@ -159,8 +159,8 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
     from gateway import __version__
     from gateway.cli.output import show
     from gateway.cli.progress import ProgressBar
-    from gateway.incident.evidence import judge_recordings
     from gateway.incident.incident_report import PAGE_FILE, write_report
+    from gateway.incident.record_verdict import judge_recordings
 
     known = key_of_recordings(arguments.key, arguments.ca, [segment.path for segment in timeline.segments])
     refusal = None if known.vouched is None else known.vouched.refusal

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.incident.evidence import judge_recordings
 from gateway.incident.incident_report import IncidentReport, write_report
 from gateway.incident.incident_selection import IncidentChoice, choose_window, read_incidents
+from gateway.incident.record_verdict import judge_recordings
 from gateway.recording.format import mcap_writer
 from gateway.recording.reading.timeline import open_timeline
 from tests.gateway.recorded_crane import RecordedCrane

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gateway.incident.course import CourseBuilder
+from gateway.incident.course_builder import CourseBuilder
 from gateway.messages import (
     NO_SESSION,
     ActiveAlert,

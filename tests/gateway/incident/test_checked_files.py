@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from gateway.cli.main import main
-from gateway.incident.evidence import AlterableEnd, RecordVerdict, judge_recordings, scope_text
 from gateway.incident.incident_report import IncidentReport, write_report
 from gateway.incident.incident_selection import IncidentChoice, choose_window, find_incidents, read_incidents
+from gateway.incident.record_verdict import AlterableEnd, RecordVerdict, judge_recordings, scope_text
 from gateway.messages import Alert
 from gateway.pipeline.outgoing_message import OutgoingMessage
 from gateway.pki.signing_key import read_public_key

@@ -8,7 +8,7 @@ import pytest
 
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import correction_for
-from gateway.incident.course import CourseBuilder
+from gateway.incident.course_builder import CourseBuilder
 from gateway.incident.event_table import MAX_SHOWN_EVENTS, event_table
 from gateway.incident.evidence import IncidentEvidence, make_certificates
 from gateway.incident.incident_selection import IncidentWindow, find_incidents

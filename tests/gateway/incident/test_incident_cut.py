@@ -9,8 +9,8 @@ from mcap.reader import make_reader
 from mcap.records import ChunkIndex
 
 from gateway.cli.main import main
-from gateway.incident.evidence import judge_recordings
 from gateway.incident.incident_report import IncidentReport
+from gateway.incident.record_verdict import judge_recordings
 from gateway.messages import Calibration, Health, Samples
 from gateway.packing import unpack
 from gateway.recording.reading.recording_file import Selection, open_recording

@@ -11,9 +11,9 @@ from mcap.writer import Writer
 
 from gateway.cli.main import main
 from gateway.errors import InputError
-from gateway.incident.evidence import judge_recordings
 from gateway.incident.incident_report import IncidentReport, write_report
 from gateway.incident.incident_selection import IncidentChoice, choose_window, read_incidents
+from gateway.incident.record_verdict import judge_recordings
 from gateway.messages import Motion
 from gateway.pki.signing_key import fingerprint, read_public_key
 from gateway.recording.format.mcap_writer import McapWriter

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gateway.cli.main import main
-from gateway.incident.evidence import judge_recordings
+from gateway.incident.record_verdict import judge_recordings
 from gateway.pki.signing_key import read_public_key
 from gateway.recording.format.content import COPIES, CUT, ORIGIN, RECOVERED
 from gateway.recording.format.mcap_writer import DENSE, McapWriter

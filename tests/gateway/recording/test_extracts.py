@@ -11,7 +11,7 @@ import pytest
 from gateway.bus.known_gateways import remember_statement
 from gateway.cli.main import main
 from gateway.cli.record.known_key import key_of_recordings
-from gateway.incident.evidence import judge_recordings
+from gateway.incident.record_verdict import judge_recordings
 from gateway.messages import NewestStatement
 from gateway.pki.signing_key import read_public_key
 from gateway.recording.chain.chain_state import read_state

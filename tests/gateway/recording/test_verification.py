@@ -10,7 +10,7 @@ from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
 from gateway.cli.main import main
-from gateway.incident.evidence import judge_recordings
+from gateway.incident.record_verdict import judge_recordings
 from gateway.pki.signing_key import KeyFileError, fingerprint, load_or_create_key, read_public_key
 from gateway.recording.chain.chain_state import read_state, save_state
 from gateway.recording.chain.chain_verification import ChainVerification, verify_chain

@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from gateway.bus.known_gateways import known_statement, remember_statement
 from gateway.cli.main import main
 from gateway.cli.record.known_key import key_of_recordings
-from gateway.incident.evidence import judge_recordings
+from gateway.incident.record_verdict import judge_recordings
 from gateway.messages import NewestStatement
 from gateway.pki.signing_key import fingerprint, load_or_create_key
 from gateway.pki.site_folder import Holder, utc_now

@@ -1,0 +1,158 @@
+"""Whether the recordings of a report are what the gateway wrote: the verification of its files, in words."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+from gateway.errors import counted
+from gateway.pki.signing_key import KeyFileError, fingerprint
+from gateway.recording.chain.chain_state import STATE_NAME
+from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
+from gateway.recording.chain.file_verification import verify_file
+
+GENUINE = "genuine, "
+WRONG_KEY = "WRONG KEY: "
+"""Definition: how a verification begins what it says of a file that another key has signed."""
+VerdictKind = Literal["genuine", "differs", "open"]
+
+
+@dataclass(frozen=True, slots=True)
+class AlterableEnd:
+    """The end of a file that its gateway did not sign while it ran."""
+
+    from_ns: int
+    to_ns: int
+    """Gateway times of the last signature before it, and of its last message."""
+    words: str
+    """What became of it, after its length."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordVerdict:
+    """The result of the verification."""
+
+    kind: VerdictKind
+    """`open`: nothing differs, and something that would prove it is missing."""
+    label: str
+    sentences: tuple[str, ...]
+    scope: str = ""
+    """Which files were checked, as a sentence."""
+    problems: tuple[str, ...] = ()
+    """Those of the sentences that say what differs."""
+    alarm: str = ""
+    """What differs, in some words above everything else; empty: nothing does."""
+    is_from_first: bool = False
+    """The files begin with the first segment: there are no earlier ones."""
+    is_to_newest: bool = False
+    """Later files would have been missed."""
+    alterable: tuple[AlterableEnd, ...] = ()
+
+    @property
+    def line(self) -> str:
+        """The verdict in one line."""
+        return " ".join(filter(None, (f"Recordings: {self.label}.", self.scope)))
+
+
+def scope_text(checked: int, given: int, verdict: RecordVerdict) -> str:
+    """Return which of the files that were given were checked, as a sentence."""
+    if checked == given:
+        missed = "all that were given"
+        if verdict.is_from_first and verdict.is_to_newest:
+            return f"Checked: {counted(checked, 'file')}, {missed}, from the gateway’s first one to its newest."
+        others = {(True, False): "later ones", (False, True): "earlier ones"}
+        which = others.get((verdict.is_from_first, verdict.is_to_newest), "others")
+        return f"Checked: {counted(checked, 'file')}, {missed}; whether {which} are missing was not."
+    rest = given - checked
+    report = f"the {counted(checked, 'file')} that this report is made from"
+    return f"Checked: {report}; the other {rest} {'was' if rest == 1 else 'were'} not."
+
+
+def judge_recordings(
+    paths: Sequence[Path],
+    key: str | None,
+    *,
+    said_by: str = "",
+    refusal: str | None = None,
+    ends_in: Path | None = None,
+    is_extract: bool = False,
+) -> RecordVerdict:
+    """Verify the files of a report.
+
+    `is_extract`: what was given is not a whole data folder, so that files may have been removed from it unnoticed;
+    `key`: the gateway's public key, None: not known; `said_by`: the key and who says that it is the gateway's, as a sentence;
+    `refusal`: why the site's CA does not vouch for it, None: it does, or was not asked. Files that are not given cannot be
+    missed, but those behind the last one where its folder is given, which `ends_in` names: only `record verify` of the whole
+    folder states that none was removed. Raises `RecordingError` where a file cannot be read.
+    """
+    try:
+        chain = verify_chain([verify_file(path, key) for path in paths], (), key, ends_in=ends_in)
+    except KeyFileError as error:
+        return RecordVerdict("open", "not verified", (f"{error}.",))
+    verdict = _judge(chain, key, said_by, refusal)
+    if is_extract and verdict.kind == "genuine":
+        verdict = replace(verdict, kind="open", label=verdict.label.removeprefix(GENUINE))
+    return replace(
+        verdict,
+        is_from_first=chain.segments[:1] == [1],
+        is_to_newest=ends_in is not None and (ends_in / STATE_NAME).exists(),
+        alterable=tuple(_alterable_ends(chain)),
+    )
+
+
+def _alterable_ends(chain: ChainVerification) -> Iterator[AlterableEnd]:
+    for file in chain.files:
+        if file.statement is None:
+            continue
+        if file.open_end:
+            yield AlterableEnd(
+                file.statement.to_ns, file.unsigned_to_ns, f"at the end of {file.path.name} that are not signed"
+            )
+        elif file.statement.repaired_from_ns:
+            words = "before the end of a run that were signed at the next start alone"
+            yield AlterableEnd(file.statement.repaired_from_ns, file.statement.to_ns, words)
+
+
+def _judge(chain: ChainVerification, key: str | None, said_by: str, refusal: str | None) -> RecordVerdict:
+    if all(file.segment is None and file.statement is None for file in chain.files):
+        return RecordVerdict(
+            "open", "not signed", ("The recordings have no signatures: no change of them can be detected.",)
+        )
+    remarks = (*chain.remarks, *(f"{file.path.name}: {text}" for file in chain.files for text in file.remarks))
+    if chain.answer == "differs" or refusal is not None:
+        found = _problems(chain)
+        if found and all(WRONG_KEY in each for each in found):
+            label, alarm = "SIGNED BY ANOTHER KEY THAN THE ONE GIVEN", "Recordings signed by another key"
+            remarks = (
+                "Either the key that was given is not that of this gateway, or another one wrote them.",
+                *remarks,
+            )
+        elif found:
+            label, alarm = "THEY DIFFER FROM WHAT THE GATEWAY SIGNED", "Recordings altered, damaged or incomplete"
+        else:
+            label, alarm = "THE SITE’S CA DOES NOT VOUCH FOR THEM", "Recordings without a voucher"
+        problems = (*found, *([refusal] if refusal else []))
+        sentences = (*problems, *filter(None, [said_by]), *remarks)
+        return RecordVerdict("differs", label, sentences, problems=problems, alarm=alarm)
+    if not chain.public_keys:
+        return RecordVerdict("open", "chained by hashes, not signed", remarks)
+    signer = fingerprint(chain.public_keys[0])
+    if key is None:
+        compare = (
+            f"Whoever wrote the recordings may have signed them: their key {signer} stands in them alone. "
+            "Compare it with the gateway’s, or give that with --key, or the site’s CA with --ca."
+        )
+        return RecordVerdict("open", "consistent in themselves only", (compare, *remarks))
+    sentences = (said_by, *remarks) if said_by else remarks
+    kind: VerdictKind
+    label = f"nothing differs from what the gateway signed (key {signer})"
+    if chain.answer in ("genuine", "extract"):
+        kind, label = "genuine", f"{GENUINE}{label}"
+    else:
+        kind, label = "open", f"{label} {chain.signed_up_to or 'of those that are signed; copies are among them'}"
+    return RecordVerdict(kind, label, sentences)
+
+
+def _problems(chain: ChainVerification) -> tuple[str, ...]:
+    of_files = (f"{file.path.name}: {text}" for file in chain.files for text in file.problems)
+    return (*chain.problems, *of_files)
