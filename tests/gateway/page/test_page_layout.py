@@ -210,11 +210,16 @@ def test_the_button_has_room_for_the_name_of_who_acknowledges(shown_page: ShownP
     window.reload()
 
 
+BOXES = """(selectors) => selectors.map((selector) => {
+  const {left, right, top, bottom} = document.querySelector(selector).getBoundingClientRect();
+  return {left, right, top, bottom};
+})"""
+
+
 def _overlap(window: Page, *selectors: str) -> bool:
-    first, second = (present(window.locator(selector).first.bounding_box()) for selector in selectors)
-    across = first["x"] < second["x"] + second["width"] and second["x"] < first["x"] + first["width"]
-    down = first["y"] < second["y"] + second["height"] and second["y"] < first["y"] + first["height"]
-    return across and down
+    first, second = window.evaluate(BOXES, selectors)  # both at one moment: a new sentence moves what is below it
+    across = first["left"] < second["right"] and second["left"] < first["right"]
+    return bool(across and first["top"] < second["bottom"] and second["top"] < first["bottom"])
 
 
 def _height(window: Page, selector: str) -> float:
