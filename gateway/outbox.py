@@ -23,8 +23,7 @@ FIRST_NAME = "changes-00000000.log"
 FILE_CHANGES = 256
 """Changes in a file. Basis: a choice; a file is rewritten as a whole, and files are deleted one by one."""
 MAX_OUTBOX_FILES = 40
-"""With files of some 400 kB, at most 16 MB and 10 000 changes. Basis: a choice; with files of some 400 kB, at most 16 MB and 10
-000 changes."""
+"""Basis: a choice; with files of some 400 kB, at most 16 MB and 10 000 changes."""
 KEPT_FILES = 4
 """The newest files are kept at any age, because the clock may have been wrong. Basis: a choice; a thousand changes, some 2 MB."""
 KEPT_S = 45 * 86400.0

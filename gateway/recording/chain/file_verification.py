@@ -388,9 +388,12 @@ class _FileCheck:
             if damaged := self._damaged_records():
                 why = "a kill or a power failure cuts off, and damages nothing before"
                 self._problem(f"NOT SIGNED, AND DAMAGED: {damaged}; {why}")
-            found.remarks.append(
-                f"not closed: being written, interrupted or cut off; {found.unsigned_bytes} bytes at its end are not signed"
+            unsigned = (
+                f"{found.unsigned_bytes} bytes at its end are not signed"
+                if found.unsigned_bytes
+                else "signed to its end"
             )
+            found.remarks.append(f"not closed: being written, interrupted or cut off; {unsigned}")
 
     def _problem(self, text: str) -> None:
         self._found.problems.append(text)

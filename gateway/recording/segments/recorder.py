@@ -1,7 +1,8 @@
 """The recorder: writes messages into segments that are complete in themselves, synced in time, within a quota.
 
 It has no thread and reads no clock: its owner calls `tick` with the gateway time after each `write` and a few times a second. A
-SIGKILL or a power failure costs at most `fsync_s` and the time between two ticks.
+SIGKILL or a power failure costs at most `fsync_s` and the time between two ticks. A change of an alert is signed and synced at
+the next tick, with everything before it.
 """
 
 import errno
@@ -9,7 +10,7 @@ from pathlib import Path
 
 from devices.block import DeviceInfo
 from gateway.errors import PlumblineError
-from gateway.messages import NewestStatement, Samples
+from gateway.messages import Alert, NewestStatement, Samples
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.statements import DeletionReason
@@ -83,6 +84,8 @@ class Recorder:
         self._device: DeviceInfo | None = None
         self._segment: Segment | None = None
         self._synced_ns = 0
+        self._has_change = False
+        """Whether a change of an alert was written since the last sync."""
         self._repeated: dict[str, EncodedMessage] = {}
         self._calibration: CalibrationFiles | None = None
         self._unsynced_messages = 0
@@ -188,22 +191,25 @@ class Recorder:
         self._unsynced_samples += samples
         try:
             self._segment.write(encoded, log_time_ns)
+            self._has_change |= isinstance(message, Alert) and message.event != "standing"
             if self._detector.is_event(message) and self._events is not None:
                 self._events.add_event(log_time_ns)
         except OSError as error:
             raise self._stop(error) from error
 
     def tick(self, now_ns: int) -> None:
-        """Sync when `fsync_s` has passed; begin a new segment when the open one is too long or too large. Raises
-        `RecorderError`."""
-        if self._segment is None or now_ns - self._synced_ns < self._fsync_ns:
+        """Sync when `fsync_s` has passed, or an alert has changed; begin a new segment when the open one is too long or too
+        large. Raises `RecorderError`."""
+        is_due = self._has_change or now_ns - self._synced_ns >= self._fsync_ns
+        if self._segment is None or not is_due:
             return
         try:
-            self._segment.sync()
+            self._segment.sync(signs=self._has_change)
             vanished = self._segment.has_vanished
         except OSError as error:
             raise self._stop(error) from error
         self._synced_ns = now_ns
+        self._has_change = False
         self._unsynced_messages = self._unsynced_samples = 0
         self.vanished += vanished
         self._retention.enforce(self._segment.size_bytes)

@@ -216,10 +216,10 @@ class Segment:
         self._attach(files, now_ns)
         self._file.sync()
 
-    def sync(self) -> None:
-        """Close the chunk and write it to the disk, with a checkpoint where one is due."""
+    def sync(self, *, signs: bool = False) -> None:
+        """Close the chunk and write it to the disk, with a checkpoint where one is due; `signs`: in any case."""
         self._writer.flush()
-        if self._newest_ns - self._signed_ns >= CHECKPOINT_NS or self._deletes:
+        if signs or self._newest_ns - self._signed_ns >= CHECKPOINT_NS or self._deletes:
             self._sign()
         self._file.sync()
 

@@ -194,7 +194,9 @@ def test_samples_are_read_as_they_are_written(recorded: Path, monkeypatch: pytes
     table = samples_table(CalibratedReader(timeline, EVERYTHING), START_NS, with_utc=False, report=shares.append)
     progress = [(len(batch[0]), shares[-1]) for batch in table.batches]
     assert [count for count, _ in progress] == [500] * 9
-    assert [share for _, share in progress] == pytest.approx(np.arange(1, 10) / 9, abs=0.15)
+    steps = np.diff([0.0, *(share for _, share in progress)]) * len(progress)
+    assert steps.min() > 0.5, "half of what an even step would be"
+    assert steps.max() < 2.0, "and twice: files have more in them than samples"
 
 
 def test_first_sample_is_at_the_start_of_the_simulated_crane(recorded: Path) -> None:

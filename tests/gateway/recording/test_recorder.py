@@ -26,7 +26,15 @@ from gateway.recording.segments.recorder import RecorderError
 from gateway.topics import TOPICS, adapter
 from tests.clocks import START_NS
 from tests.gateway.conftest import make_samples
-from tests.gateway.recording.conftest import DEVICE, EVERY_MESSAGE, HEADER, SECOND_NS, MakeRecorder, make_calibration
+from tests.gateway.recording.conftest import (
+    DEVICE,
+    EVERY_MESSAGE,
+    HEADER,
+    SECOND_NS,
+    MakeRecorder,
+    make_alert,
+    make_calibration,
+)
 from tests.gateway.recording.recorded_files import contents, names, record_blocks, sample_sequences, segments
 
 FULL_DISK = """
@@ -232,6 +240,22 @@ def test_messages_are_in_the_file_after_fsync_s(make_recorder: MakeRecorder) -> 
     assert list(open_recording(path).messages()) == []
     recorder.tick(START_NS + SECOND_NS)
     assert [message.topic for message in open_recording(path).messages()] == ["/samples"]
+    recorder.close()
+
+
+def test_a_change_of_an_alert_is_in_the_file_at_once(make_recorder: MakeRecorder) -> None:
+    recorder = make_recorder(fsync_s=60.0)
+    path = recorder.start(START_NS)
+    recorder.write(encode_message("samples", make_samples(0), START_NS))
+    recorder.write(encode_message("alert", make_alert("standing"), START_NS))
+    recorder.tick(START_NS + 1)
+    assert list(open_recording(path).messages()) == []
+    recorder.write(encode_message("alert", make_alert("raised"), START_NS))
+    recorder.tick(START_NS + 2)
+    assert [message.topic for message in open_recording(path).messages()] == ["/samples", "/alert", "/alert"]
+    recorder.write(encode_message("samples", make_samples(1), START_NS))
+    recorder.tick(START_NS + 3)
+    assert len(list(open_recording(path).messages())) == 3
     recorder.close()
 
 

@@ -29,7 +29,7 @@ from gateway.recording.segments.recorder import Recorder
 from tests.benchmarks.survival import campaign, content, record, specimen
 from tests.clocks import START_NS
 from tests.gateway.conftest import make_samples
-from tests.gateway.recording.conftest import DEVICE, EVERY_MESSAGE, HEADER, MakeRecorder
+from tests.gateway.recording.conftest import DEVICE, EVERY_MESSAGE, HEADER, MakeRecorder, make_alert
 from tests.gateway.recording.recorded_files import sample_sequences, summarise
 
 BLOCK = 32
@@ -63,8 +63,9 @@ def small(make_recorder: MakeRecorder) -> tuple[Path, list[int]]:
         now_ns = START_NS + number * 400_000_000
         recorder.write(encode_message("samples", make_samples(number, length=4), now_ns))
         if number == 1:
-            for topic in set(EVERY_MESSAGE) - {"samples"}:
-                recorder.write(encode_message(topic, EVERY_MESSAGE[topic], now_ns))
+            others = {**EVERY_MESSAGE, "alert": make_alert("standing")}  # a change would be synced at once
+            for topic in set(others) - {"samples"}:
+                recorder.write(encode_message(topic, others[topic], now_ns))
         recorder.tick(now_ns)
         if path.stat().st_size > ends[-1]:
             ends.append(path.stat().st_size)

@@ -3,6 +3,7 @@
 import errno
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,15 +12,18 @@ from mcap.reader import make_reader
 
 from gateway.cli.main import main
 from gateway.incident.record_verdict import judge_recordings
+from gateway.pipeline.outgoing_message import encode_message
 from gateway.pki.signing_key import KeyFileError, fingerprint, load_or_create_key, read_public_key
 from gateway.recording.chain.chain_state import read_state, save_state
 from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
 from gateway.recording.chain.file_verification import verify_file
+from gateway.recording.chain.segment_chain import SegmentChain
+from gateway.recording.format.content import RecordingHeader
 from gateway.recording.format.frames import next_frame
 from gateway.recording.format.salvage import open_mcap
-from gateway.recording.segments.recorder import RecorderError
+from gateway.recording.segments.recorder import Recorder, RecorderError
 from tests.clocks import START_NS
-from tests.gateway.recording.conftest import SECOND_NS, Record
+from tests.gateway.recording.conftest import SECOND_NS, Record, make_alert
 from tests.gateway.recording.recorded_files import problems
 from tests.values import present
 
@@ -218,6 +222,20 @@ def test_a_live_file_is_verified_up_to_its_last_signature(record: Record) -> Non
     content[statement.bytes - 200] ^= 1
     path.write_bytes(content)
     assert "ALTERED" in problems(verify([path]))[0]
+
+
+def test_a_change_of_an_alert_is_signed_at_once(tmp_path: Path, header: RecordingHeader) -> None:
+    chain = SegmentChain(tmp_path, "yard/crane-2/hook", load_or_create_key(tmp_path / "signing-key.pem"))
+    recorder = Recorder(tmp_path, header, segment_s=600, fsync_s=1.0, quota_mb=100.0, chain=chain)
+    path = recorder.start(START_NS)
+    raised_ns = START_NS + SECOND_NS // 2
+    recorder.write(encode_message("alert", replace(make_alert("raised"), time_ns=raised_ns), raised_ns))
+    recorder.tick(raised_ns)
+    recorder.abandon("killed")
+    found = verify([path])
+    assert problems(found) == []
+    assert present(found.files[0].statement).to_ns == raised_ns
+    assert found.files[0].remarks == ["not closed: being written, interrupted or cut off; signed to its end"]
 
 
 Judge = Callable[[bytes], tuple[int, str]]
