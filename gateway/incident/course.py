@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.incident.gateway_runs import GatewayRestart, StateCourse
-from gateway.incident.limit_changes import (
+from gateway.incident.sample_gaps import TimeGap
+from gateway.incident.setting_changes import (
     DEFAULT_FSYNC_S,
     ConfigurationInForce,
-    LimitChange,
+    SettingChange,
 )
-from gateway.incident.sample_gaps import TimeGap
 from gateway.messages import (
     Calibration,
     Health,
@@ -122,7 +122,7 @@ class Course:
     restarts: tuple[GatewayRestart, ...]
     configurations: tuple[ConfigurationInForce, ...]
     """The configuration in force at the begin, and each later one."""
-    limit_changes: tuple[LimitChange, ...]
+    setting_changes: tuple[SettingChange, ...]
     log: tuple[TimedText, ...]
     sessions: tuple[TimedText, ...]
     """The changes of recalibrations, with the person who asked for each."""

@@ -21,13 +21,13 @@ from gateway.incident.course import (
     TimedText,
 )
 from gateway.incident.gateway_runs import HolesS, RunRegister, StateCourse
-from gateway.incident.limit_changes import (
+from gateway.incident.sample_gaps import BlockPlace, find_gaps
+from gateway.incident.setting_changes import (
     AuditEntry,
     ConfigurationInForce,
-    limit_changes,
     parse_audit,
+    setting_changes,
 )
-from gateway.incident.sample_gaps import BlockPlace, find_gaps
 from gateway.messages import (
     NO_SESSION,
     SOURCES,
@@ -170,7 +170,7 @@ class CourseBuilder:
             calibrations=_from(self._calibrations, [time_s for time_s, _ in self._calibrations], span_s[0]),
             restarts=self._runs.restarts(states.get("health", nothing), alert_levels, counts.gaps),
             configurations=_from(self._configurations, [each.time_s for each in self._configurations], span_s[0]),
-            limit_changes=limit_changes(self._configurations, self._audit),
+            setting_changes=setting_changes(self._configurations, self._audit),
             log=tuple(self._log),
             sessions=tuple(self._sessions),
             suspended=suspended,

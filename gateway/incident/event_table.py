@@ -8,7 +8,7 @@ from gateway.incident.course import Course
 from gateway.incident.evidence import IncidentEvidence
 from gateway.incident.gateway_runs import StateCourse
 from gateway.incident.incident_summary import restart_text, where_it_stood
-from gateway.incident.limit_changes import MAX_WORDS_CHARACTERS
+from gateway.incident.setting_changes import MAX_WORDS_CHARACTERS
 from gateway.incident.timeline_figure import ReportClock
 
 ALERT, MARK, END = "alert", "mark", "recordings"
@@ -97,7 +97,7 @@ def _gateway_events(course: Course) -> Iterator[tuple[float, str, str]]:
         yield restart.stopped_s, "gateway", restart_text(ReportClock(course), restart)
     if course.end_cause:
         yield course.end_s, END, f"{course.end_cause}."
-    for change in course.limit_changes:
+    for change in course.setting_changes:
         yield change.time_s, "settings", f"Another configuration in force: {change.words}."
 
 

@@ -68,7 +68,6 @@ class IncidentEvidence:
     course: Course
     sources: tuple[SourceFile, ...]
     device: dict[str, str]
-    configuration_toml: str | None
     certificates: dict[str, bytes]
     """The certificates of the calibration records, made from them, by their names as attachments."""
     remarks: tuple[str, ...]
@@ -135,7 +134,6 @@ def read_evidence(
         course=course,
         sources=tuple(_source(each, files.get(each.path), is_read=each.path in read) for each in segments),
         device=newest.metadata.get(names.DEVICE, {}),
-        configuration_toml=newest.configuration_toml,
         certificates=make_certificates(
             {
                 name: each.data

@@ -22,7 +22,7 @@ from gateway.incident.detail_figures import acceleration_figure, direction_figur
 from gateway.incident.event_table import event_table
 from gateway.incident.evidence import IncidentEvidence, SourceFile, file_sha256, read_evidence
 from gateway.incident.facts import IncidentFacts, facts_json, incident_facts
-from gateway.incident.incident_selection import IncidentWindow
+from gateway.incident.incident_selection import AlertIncident, IncidentWindow
 from gateway.incident.incident_summary import summary_sentences
 from gateway.incident.record_verdict import GENUINE, RecordVerdict, scope_text
 from gateway.incident.timeline_figure import ReportClock, timeline_figure
@@ -84,8 +84,7 @@ def render_page(
         health=_health(course.last_health),
         device=tuple((name, printable_text(value, 200)) for name, value in evidence.device.items()),
         calibrations=tuple((each, *_certificate(evidence, each)) for _, each in course.calibrations),
-        configuration=evidence.configuration_toml or "",
-        configuration_since=_configuration_since(course),
+        configuration=configuration_in_force(course, incident),
         computed=computed,
     )
 
@@ -141,12 +140,20 @@ def _health(health: Health | None) -> Pairs:
     )
 
 
-def _configuration_since(course: Course) -> str:
-    """Return from when on the last configuration of a report was in force."""
-    if len(course.configurations) < 2:
-        return "In force throughout this report."
-    since_s = course.configurations[-1].time_s
-    return f"In force from {ReportClock(course).both(since_s)} on; another one was in force before."
+def configuration_in_force(course: Course, incident: AlertIncident | None) -> tuple[str, str]:
+    """Return the configuration in force when the alert was highest, or at the end without one, and from when on; empty: none."""
+    decisive_s = course.end_s if incident is None else course.time_s(incident.highest.time_ns)
+    known = course.configurations
+    if not known:
+        return "", ""
+    place = max((i for i, each in enumerate(known) if each.time_s <= decisive_s), default=0)
+    clock, chosen = ReportClock(course), known[place]
+    if len(known) == 1:
+        return chosen.toml, "In force throughout this report."
+    since = f"from {clock.both(chosen.time_s)} on" if place else "from before this report"
+    until = f" to {clock.both(known[place + 1].time_s)}" if place + 1 < len(known) else ""
+    when = "at the end of this report" if incident is None else "when the alert was at its highest level"
+    return chosen.toml, f"In force {when}, {since}{until}; what others changed is among the events."
 
 
 def _number(value: float | None) -> str:

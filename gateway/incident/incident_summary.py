@@ -16,7 +16,7 @@ from gateway.incident.course import MAX_ALERT_SILENCE_S, Course
 from gateway.incident.facts import IncidentFacts
 from gateway.incident.gateway_runs import GatewayRestart
 from gateway.incident.incident_selection import AlertIncident, IncidentChange, IncidentWindow
-from gateway.incident.limit_changes import MAX_WORDS_CHARACTERS, LimitChange
+from gateway.incident.setting_changes import MAX_WORDS_CHARACTERS, SettingChange
 from gateway.incident.timeline_figure import ReportClock
 
 MAX_SUMMARY_MARKS = 3
@@ -55,7 +55,7 @@ def summary_sentences(
             _what_was_asked(clock, facts, window),
             _where_they_begin(course, clock, incident),
             _what_was_raised(course, clock, incident, facts),
-            _which_limits_were_changed(course, clock, incident),
+            which_settings_were_changed(course, clock, incident),
             angle_sentences(clock, incident, facts),
             cause_sentences(clock, facts),
             _when_it_ended(course, clock, incident, facts),
@@ -153,11 +153,11 @@ def _few(texts: Sequence[str]) -> str:
     )
 
 
-def _which_limits_were_changed(course: Course, clock: ReportClock, incident: AlertIncident | None) -> Iterator[str]:
+def which_settings_were_changed(course: Course, clock: ReportClock, incident: AlertIncident | None) -> Iterator[str]:
     """Yield the changes before the alert reached its highest level, or of the whole time where there is none."""
     alert_s = None if incident is None else course.time_s(incident.highest.time_ns)
     level = "" if incident is None else LEVEL_WORDS.get(incident.level, "alert")
-    for change in course.limit_changes:
+    for change in course.setting_changes:
         if alert_s is None or change.time_s <= alert_s:
             before = "" if alert_s is None else f", {format_fixed(alert_s - change.time_s, 1)} s before the {level}"
             yield f"Before it, {change.words}{_by_whom(clock, change)}; in force from {clock.both(change.time_s)} on{before}."
@@ -188,7 +188,7 @@ def _which_calibrations_changed(course: Course, clock: ReportClock, facts: Incid
             yield f"Another calibration was put in force at {clock.both(time_s)}{during}: {calibration.text}."
 
 
-def _by_whom(clock: ReportClock, change: LimitChange) -> str:
+def _by_whom(clock: ReportClock, change: SettingChange) -> str:
     if change.audit is None:
         return "; the recordings of this time do not say by whom"
     by = change.audit.content.get("by") or "an unnamed person"

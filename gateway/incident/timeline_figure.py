@@ -18,8 +18,8 @@ from gateway.documents.plots import WIDTH_IN, plot_curve, render_svg
 from gateway.incident.course import TRUSTED_TEXT, Course
 from gateway.incident.facts import IncidentFacts
 from gateway.incident.incident_selection import AlertIncident
-from gateway.incident.limit_changes import limit_text
 from gateway.incident.sample_gaps import TimeGap, broken_at
+from gateway.incident.setting_changes import setting_text
 from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
 from gateway.pipeline.alert_rules import SWING
@@ -59,7 +59,7 @@ COLOURS = {
 DARK = frozenset({"trip", "disturbed"})
 CHARACTER_SHARE = 0.0105
 """Width of a character as a share of the panel's width. Basis: the width of the font of the labels at the width of the figure."""
-LIMIT_KEYS = {"warn": "warn_deg", "trip": "trip_deg", "clears below": "clear_deg"}
+LIMIT_KEYS = {"warn": "alerts.warn_deg", "trip": "alerts.trip_deg", "clears below": "alerts.clear_deg"}
 """The keys of the limits that are drawn."""
 NOT_TRUSTED = "not trusted"
 HALF_HEIGHT = 0.36
@@ -193,7 +193,7 @@ def _draw_angle(axes: Axes, course: Course, incident: AlertIncident | None, fact
         for from_s, to_s, level_deg in spans:
             axes.plot([from_s, to_s], [level_deg, level_deg], color=colour, linewidth=0.8, linestyle=(0, (5, 3)))
             axes.annotate(
-                f"{name} {limit_text('deg', level_deg)}",
+                f"{name} {setting_text('deg', level_deg)}",
                 (to_s, level_deg),
                 ha="right",
                 va="bottom",
@@ -219,9 +219,9 @@ def levels_in_force(course: Course, incident: AlertIncident) -> dict[str, list[t
     levels: dict[str, list[tuple[float, float, float]]] = {}
     for name, own_deg in own.items():
         spans = levels.setdefault(name, [])
-        for time_s, limit_deg in [
-            (each.time_s, each.limits.get(LIMIT_KEYS[name])) for each in course.configurations
-        ] or [(course.begin_s, own_deg)]:
+        for time_s, limit_deg in [(each.time_s, each.number(LIMIT_KEYS[name])) for each in course.configurations] or [
+            (course.begin_s, own_deg)
+        ]:
             from_s = max(time_s, course.begin_s)
             if limit_deg is None:
                 continue

@@ -1,5 +1,6 @@
 """The course of an incident, its events and its evidence, from single messages and records."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,8 +12,10 @@ from gateway.calibration.correction import correction_for
 from gateway.incident.course_builder import CourseBuilder
 from gateway.incident.event_table import MAX_SHOWN_EVENTS, event_table
 from gateway.incident.evidence import IncidentEvidence, make_certificates
+from gateway.incident.incident_report import configuration_in_force
 from gateway.incident.incident_selection import IncidentWindow, find_incidents
-from gateway.incident.limit_changes import AuditEntry
+from gateway.incident.incident_summary import which_settings_were_changed
+from gateway.incident.setting_changes import AuditEntry
 from gateway.incident.timeline_figure import ReportClock, levels_in_force, tick_label, tick_times
 from gateway.messages import (
     ClockOffset,
@@ -115,7 +118,7 @@ def test_alerts_and_marks_stand_among_the_events_however_many_others_there_are()
     builder.add(ORIGIN_NS + 299 * 10**9, Mark(**HEAD, id="m1", by="Ann", text="load set down"))
     end_ns = ORIGIN_NS + 300 * 10**9
     window = IncidentWindow(ORIGIN_NS, end_ns, ORIGIN_NS, None, ())
-    evidence = IncidentEvidence("yard", window, builder.course(ORIGIN_NS, end_ns), (), {}, None, {}, ())
+    evidence = IncidentEvidence("yard", window, builder.course(ORIGIN_NS, end_ns), (), {}, {}, ())
     table = event_table(evidence)
     assert (len(table.rows), table.hidden) == (MAX_SHOWN_EVENTS, 302 - MAX_SHOWN_EVENTS)
     assert [row.kind for row in table.rows[-2:]] == ["mark", "recordings"]
@@ -191,8 +194,31 @@ def test_the_drawn_limit_is_the_one_in_force_at_each_time() -> None:
         "trip": [(0.0, 20.0, 6.0), (20.0, 40.0, 5.0)],
         "clears below": [(0.0, 40.0, 3.0)],
     }
-    (change,) = course.limit_changes
+    (change,) = course.setting_changes
     assert (change.words, change.audit) == ("the trip limit of the swing was changed from 6.0° to 5.0°", None)
+
+
+def test_a_rope_length_that_was_changed_before_an_alert_is_said_and_the_configuration_of_the_alert_is_printed() -> None:
+    builder, other = CourseBuilder(ORIGIN_NS), 22.0
+    for time_s, length_m in ((0, 22.0), (8, 12.0), (30, other)):
+        builder.add_run(ORIGIN_NS + time_s * 10**9, "a", f"[rope]\nlength_m = {length_m}\n[page]\nport = {time_s}\n")
+    audit = {"event": "applied", "by": "ann", "changes": ["rope.length_m: 22.0 -> 12.0"], "reason": "other block"}
+    builder.add(
+        ORIGIN_NS + 7 * 10**9,
+        Log(timestamp=FoxgloveTime(sec=0, nsec=0), level=2, name="test", message=f"audit {json.dumps(audit)}"),
+    )
+    course = builder.course(ORIGIN_NS, ORIGIN_NS + 40 * 10**9)
+    raised = alert("raised", "swing", active("swing", "trip", "b-1"), incident="b-1")
+    (incident,) = find_incidents([(ORIGIN_NS + 10 * 10**9, raised)])
+    (told,) = which_settings_were_changed(course, ReportClock(course), incident)
+    assert told.startswith(
+        "Before it, the length of the rope was changed from 22.0 m to 12.0 m by ann at 00:00:07.0 UTC, with the words: other block"
+    )
+    assert told.endswith("2.0 s before the trip.")
+    toml, when = configuration_in_force(course, incident)
+    assert "length_m = 12.0" in toml
+    assert when.startswith("In force when the alert was at its highest level, from ")
+    assert configuration_in_force(course, None)[0].startswith(f"[rope]\nlength_m = {other}")
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The limits of the alerts in an incident, by the configurations in force, and who changed them, by the audit in the log."""
+"""The settings that decide on alerts, by the configurations in force, and who changed them, by the audit in the log."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 from gateway.configuration.model import RecorderSection
+from gateway.configuration.proposal import Value, flatten
 from gateway.documents.format import format_limit, human_name, printable_text
 from gateway.file_input import parse_json, parse_toml
 
@@ -14,19 +15,25 @@ AUDIT = "audit "
 """Definition: begin of a line of the log that is an entry of an audit."""
 MAX_WORDS_CHARACTERS = 260
 """Longest words of a person or of the log in a report. Basis: a choice; two or three lines of the table of events."""
+MAX_VALUE_CHARACTERS = 80
+"""Longest value of a setting in a sentence. Basis: a choice; a line."""
 DEFAULT_FSYNC_S = RecorderSection().fsync_s
 RIG_SECTIONS = ("rope", "housing", "site", "device")
-KEY_CHANGE = re.compile(r"alerts\.(?P<key>\w+): (?P<before>.+) -> (?P<after>.+)")
-"""Definition: a change of a key of the alerts in an audit, as `KeyChange` writes it."""
-LIMIT_NAMES = {
-    "warn_deg": "warning limit of the swing",
-    "trip_deg": "trip limit of the swing",
-    "clear_deg": "limit below which an alert of the swing clears",
-    "lean_trip_deg": "trip limit of the lean",
-    "hold_s": "time after which an alert clears",
-    "stale_s": "time without a sample after which the reading is stale",
+"""With these the motion is computed."""
+KEY_CHANGE = re.compile(r"(?P<key>[\w.]+): (?P<before>.+) -> (?P<after>.+)")
+"""Definition: a change of a key in an audit, as `KeyChange` writes it."""
+SETTING_NAMES = {
+    "alerts.warn_deg": "warning limit of the swing",
+    "alerts.trip_deg": "trip limit of the swing",
+    "alerts.clear_deg": "limit below which an alert of the swing clears",
+    "alerts.lean_trip_deg": "trip limit of the lean",
+    "alerts.hold_s": "time after which an alert clears",
+    "alerts.stale_s": "time without a sample after which the reading is stale",
+    "rope.length_m": "length of the rope",
+    "housing.position_m": "distance of the housing from the pivot",
+    "housing.above_load_m": "distance of the housing from the load",
 }
-UNITS = {"deg": "°", "s": " s", "g": " g"}
+UNITS = {"deg": "°", "s": " s", "g": " g", "m": " m", "hz": " Hz"}
 CONFIGURATION_EVENTS = {
     "proposed": "Change of the settings proposed by {by}",
     "applied": "Settings changed by {by}",
@@ -43,29 +50,27 @@ class ConfigurationInForce:
     toml: str
 
     @property
-    def limits(self) -> dict[str, float]:
-        """The numbers of the section of the alerts; none where it cannot be read."""
-        return self._numbers("alerts")
+    def settings(self) -> dict[str, Value]:
+        """The values by their dotted keys; none where it cannot be read."""
+        try:
+            return flatten(parse_toml(self.toml))
+        except ValueError:
+            return {}
 
     @property
-    def rig(self) -> tuple[object, ...]:
-        """The sections with which the motion is computed."""
-        return tuple(self._section(name) for name in RIG_SECTIONS)
+    def rig(self) -> dict[str, Value]:
+        """The settings with which the motion is computed."""
+        return {key: value for key, value in self.settings.items() if key.partition(".")[0] in RIG_SECTIONS}
 
     @property
     def fsync_s(self) -> float:
         """The most that a kill costs, in seconds."""
-        return self._numbers("recorder").get("fsync_s", DEFAULT_FSYNC_S)
+        return self.number("recorder.fsync_s") or DEFAULT_FSYNC_S
 
-    def _numbers(self, name: str) -> dict[str, float]:
-        section = self._section(name)
-        return {key: value for key, value in section.items() if _is_number(value)} if isinstance(section, dict) else {}
-
-    def _section(self, name: str) -> object:
-        try:
-            return parse_toml(self.toml).get(name)
-        except ValueError:
-            return None
+    def number(self, key: str) -> float | None:
+        """Return a setting that is a number; None where it is none, or is not given."""
+        value = self.settings.get(key)
+        return value if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,28 +105,32 @@ class AuditEntry:
 
 
 @dataclass(frozen=True, slots=True)
-class LimitChange:
-    """A limit that another configuration has changed."""
+class SettingChange:
+    """A setting that another configuration has changed."""
 
     time_s: float
     """From this time on it was in force."""
     key: str
-    before: float | None
-    after: float | None
+    before: Value
+    after: Value
     audit: AuditEntry | None
     """Who changed it; None: these recordings do not say."""
 
     @property
     def words(self) -> str:
         """What was changed: `the trip limit of the swing was changed from 6.0° to 5.0°`."""
-        name = LIMIT_NAMES.get(self.key, human_name(self.key))
-        before, after = (limit_text(self.key, value) for value in (self.before, self.after))
+        name = SETTING_NAMES.get(self.key, f"setting {self.key}")
+        before, after = (setting_text(self.key, value) for value in (self.before, self.after))
         return f"the {name} was changed from {before} to {after}"
 
 
-def limit_text(key: str, value: float | None) -> str:
-    """Return a limit with its unit."""
-    return "no limit" if value is None else f"{format_limit(value)}{UNITS.get(key.rsplit('_', 1)[-1], '')}"
+def setting_text(key: str, value: Value) -> str:
+    """Return a value with its unit."""
+    if value is None:
+        return "none"
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return printable_text(str(value), MAX_VALUE_CHARACTERS)
+    return f"{format_limit(value)}{UNITS.get(key.rsplit('_', 1)[-1], '')}"
 
 
 def parse_audit(time_s: float, line: str) -> AuditEntry | None:
@@ -135,23 +144,22 @@ def parse_audit(time_s: float, line: str) -> AuditEntry | None:
     return AuditEntry(time_s, content) if isinstance(content, dict) else None
 
 
-def limit_changes(
+def setting_changes(
     configurations: Sequence[ConfigurationInForce], audit: Sequence[AuditEntry]
-) -> tuple[LimitChange, ...]:
-    """Return the limits that differ from one configuration to the next, in order of time."""
+) -> tuple[SettingChange, ...]:
+    """Return what differs of alerts and rig from one configuration to the next, in order of time."""
     found = []
     for before, after in pairwise(configurations):
-        old, new = before.limits, after.limits
+        old, new = before.settings, after.settings
         for key in dict.fromkeys([*old, *new]):
-            if old and new and old.get(key) != new.get(key):
+            decides = key.partition(".")[0] in ("alerts", *RIG_SECTIONS)
+            if decides and old and new and old.get(key) != new.get(key):
                 entry = _entry_of(audit, key, new.get(key), before.time_s, after.time_s)
-                found.append(LimitChange(after.time_s, key, old.get(key), new.get(key), entry))
+                found.append(SettingChange(after.time_s, key, old.get(key), new.get(key), entry))
     return tuple(found)
 
 
-def _entry_of(
-    audit: Sequence[AuditEntry], key: str, value: float | None, begin_s: float, end_s: float
-) -> AuditEntry | None:
+def _entry_of(audit: Sequence[AuditEntry], key: str, value: Value, begin_s: float, end_s: float) -> AuditEntry | None:
     """Return the last entry between two times that applied this value of a key."""
     for entry in reversed(audit):
         changes = entry.content.get("changes")
@@ -160,7 +168,3 @@ def _entry_of(
                 if change and change["key"] == key and change["after"] == str(value):
                     return entry
     return None
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
