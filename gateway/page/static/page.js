@@ -212,9 +212,10 @@ function showSwing(value, topics, verdict, waitedS) {
 function intervalText(value, ageS, waitedS) {
   if (value?.isBound) return text("no_swing");
   if (value !== null) {
-    const interval = value.halfDeg === null ? "" : text("plus_minus", {angle: upwards(value.halfDeg)});
-    const inS = value.inS - ageS;
-    return inS > 0 ? `${interval}\n${text("expected_in", {seconds: decimal(inS, 1)})}`.trim() : interval;
+    const inS = value.inS - ageS, half = value.halfDeg === null ? "" : upwards(value.halfDeg);
+    if (inS <= 0) return half && text("plus_minus", {angle: half});
+    // no share of the intervals is stated of what is expected: a drive or a gust that begins meanwhile is in none
+    return `${half && `± ${half}`}\n${text("expected_in", {seconds: decimal(inS, 1)})}`.trim();
   }
   const good = state.last_good;
   if (!good || !isKnown(good.phi_max_deg)) return text("never");

@@ -18,7 +18,7 @@ export function comingPeak(motion) {
   const [kept, coasting] = peaks;
   return {
     angleDeg: (kept.angleDeg + coasting.angleDeg) / 2,
-    uDeg: (kept.uDeg + coasting.uDeg) / 2,
+    uDeg: Math.hypot((kept.uDeg + coasting.uDeg) / 2, (kept.angleDeg - coasting.angleDeg) / Math.sqrt(12)),
     inS: kept.angleDeg >= coasting.angleDeg ? kept.inS : coasting.inS,
   };
 }

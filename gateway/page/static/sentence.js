@@ -1,4 +1,4 @@
-// The operator's sentence: what happens, and what to expect, in two lines at most.
+// The operator's sentence: what to do, what happens, and what to expect, in two lines at most.
 
 import {besides, highest} from "./alarm.js";
 import {degrees, isKnown} from "./number.js";
@@ -49,18 +49,16 @@ function seenKey(motion, value) {
   return motion.state === "rest" && value?.isResting !== false ? "rest" : "free";
 }
 
-// Return why an alarm stands, and what follows; nothing follows yet where the limit is still to come, or while nothing lowers it.
+// Return what to do and what the number says of the limit; once the alarm nears its end, what ends it instead.
 function alarmSentence(alert, value, motion, condition, keep, ageS) {
   const alarm = highest(alert);
   if (alarm === null) return "";
   if (!isKnown(alarm.limit_deg)) return text(`${alarm.rule}_alarm`); // the calibration has none
-  const acting = causeKey(motion) ?? "none", cause = value === null ? acting : keep("cause", acting);
-  const limit = text(`at_${alarm.level}`, {angle: degrees(alarm.limit_deg)});
   const form = value === null ? "alarm_unknown" : keep("alarm", alarmForm(alarm, value, motion, ageS("motion")));
-  const others = besides(alert, alarm).map(({rule}) => `also_${rule}`).filter(hasText).map((key) => text(key));
-  const next = others.length > 0 ? others.join(" ") : form === "alarm_coming" ? ""
-    : condition?.trusted === false && value !== null ? text("alarm_stays") : whatFollows(alarm, ageS("alert"));
-  return [cause === "none" || form.endsWith("_passed") ? "" : text(cause), text(form, {limit}), next].join(" ").trim();
+  const said = text(form, {limit: text(`at_${alarm.level}`, {angle: degrees(alarm.limit_deg)})});
+  const others = besides(alert, alarm).map(({rule}) => `also_${rule}`).filter(hasText).map((key) => text(key)).join(" ");
+  if (!form.endsWith("_passed") && !isKnown(alarm.ends_in_s)) return `${text(`do_${alarm.level}`)} ${said} ${others}`.trim();
+  return `${said} ${others || (condition?.trusted === false ? text("alarm_stays") : whatFollows(alarm, ageS("alert")))}`.trim();
 }
 
 // Return what the number and the largest angle since the alarm began say of its limit.

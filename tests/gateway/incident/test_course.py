@@ -212,7 +212,7 @@ def test_a_rope_length_that_was_changed_before_an_alert_is_said_and_the_configur
     (incident,) = find_incidents([(ORIGIN_NS + 10 * 10**9, raised)])
     (told,) = which_settings_were_changed(course, ReportClock(course), incident)
     assert told.startswith(
-        "Before it, the length of the rope was changed from 22.0 m to 12.0 m by ann at 00:00:07.0 UTC, with the words: other block"
+        "Before it, the length of the rope was changed from 22.0 m to 12.0 m by ann at 00:00:07.0 UTC, with the words: other"
     )
     assert told.endswith("2.0 s before the trip.")
     toml, when = configuration_in_force(course, incident)

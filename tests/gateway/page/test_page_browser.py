@@ -27,8 +27,8 @@ def test_only_a_correct_state_is_calm(shown_page: ShownPage) -> None:
     screen.text("#also", "also: UNCALIBRATED")
     gateway.scene.phi_max_deg, gateway.scene.phi_max_u_deg = 6.1, 0.15
     screen.text("#phi", "6.1°")
-    screen.text("#sentence", "Limit 6.0° exceeded. Only a warning once clearly below 5.4°.")
-    gateway.scene.phi_max_deg, gateway.scene.ends_in_s = 2.0, 2.6
+    screen.text("#sentence", "Stop the hoist, end the move gently. Limit 6.0° exceeded.")
+    gateway.scene.phi_max_deg, gateway.scene.ends_in_s = 2.0, 2.95
     screen.text("#phi", "2.0°")
     screen.text("#sentence", "Limit 6.0° exceeded. Becomes a warning in 3 s.")
 

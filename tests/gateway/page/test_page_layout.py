@@ -163,16 +163,19 @@ TOO_LONG = """(sentences) => {
 def test_every_sentence_of_an_alarm_has_two_lines_at_most(shown_page: ShownPage) -> None:
     window = _show(shown_page, "TRIP")
     texts = read_texts(str(window.locator("html").get_attribute("lang")))
-    sentences = [
-        f"{texts[cause]} {texts[form]} {texts[follows]}".replace("{limit}", texts[f"at_{level}"]).replace(
-            "{angle}", angle
-        )
-        for level, angle in (("warn", "9.5°"), ("trip", "13.5°"))
-        for cause in ("driven", "wind", "lowering", "hoisting")
-        for form in ("alarm_exceeded", "alarm_possible")
-        for follows in ("warn_below", "warn_in", "normal_below", "normal_in", "also_lean", "alarm_stays")
-        if (level, follows) != ("warn", "warn_below")
+    standing = [
+        f"{texts[f'do_{level}']} {texts[form]} {texts[other]}".replace("{limit}", texts[f"at_{level}"])
+        for level in ("warn", "trip")
+        for form in ("alarm_exceeded", "alarm_possible", "alarm_coming", "alarm_unknown")
+        for other in ("also_lean", "also_calibration")
     ]
+    ending = [
+        f"{texts[form]} {texts[follows]}".replace("{limit}", texts[f"at_{level}"])
+        for level in ("warn", "trip")
+        for form in ("alarm_exceeded_passed", "alarm_passed")
+        for follows in ("warn_below", "warn_in", "normal_below", "normal_in", "also_lean", "alarm_stays")
+    ]
+    sentences = [text.replace("{angle}", "13.5°") for text in standing + ending]
     assert window.evaluate(TOO_LONG, [text.format(seconds=3) for text in sentences]) == []
 
 

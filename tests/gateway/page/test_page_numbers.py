@@ -20,7 +20,7 @@ def test_the_angle_is_updated(gateway: FakeGateway, page: PageUnderTest, browser
     expect(screen.band).to_have_css("background-color", CALM)
     screen.text("#phi", "2.3°")
     screen.text("#present", "1.1°")
-    expect(screen.page.locator("#interval")).to_have_text(re.compile(r"^± 0\.2° \(95 %\)\s+expected in 1\.\d s$"))
+    expect(screen.page.locator("#interval")).to_have_text(re.compile(r"^± 0\.2°\s+expected in 1\.\d s$"))
     gateway.scene.phi_max_deg, gateway.scene.phi_max_u_deg = 3.44, 0.04
     screen.text("#phi", "3.4°")
     gateway.scene.time_to_peak_s = 0.0  # the peak is now
@@ -257,7 +257,7 @@ def test_a_lean_alarm_shows_the_lean(shown_page: ShownPage) -> None:
     screen.text("#phi", "6.2°")
     screen.text("#interval", "")
     expect(screen.page.locator("#gauge")).to_have_attribute("aria-label", "6.2°, limit 6°")
-    screen.text("#sentence", re.compile("^The rope leans too far. Limit 6.0°. Ends once clearly below 3.0°.$"))
+    screen.text("#sentence", "Stop the hoist, end the move gently. The rope leans too far. Limit 6.0°.")
     gateway.scene.level = "normal"
     screen.text("#angle-title", "swing: now, or the larger coming peak")
     expect(screen.page.locator("#gauge")).to_have_attribute("aria-label", "2.3°, warning 4°, limit 6°")
