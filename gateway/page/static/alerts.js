@@ -36,9 +36,9 @@ export class AlertList {
     row.classList.toggle("standing", alert.until_ns === null);
     const cells = [
       timeOfDay(alert.since_ns),
-      alert.until_ns === null ? text("alert_standing") : timeOfDay(alert.until_ns),
+      alert.until_ns === null ? text("alert_standing") : alert.is_cut ? text("never") : timeOfDay(alert.until_ns),
       name,
-      `${alert.is_cut && isKnown(alert.largest_deg) ? "≥ " : ""}${degrees(alert.largest_deg)}`,
+      largest(alert),
       isKnown(alert.limit_deg) ? degrees(alert.limit_deg) : "",
     ];
     cells.forEach((content, i) => {
@@ -62,6 +62,12 @@ export class AlertList {
     button.addEventListener("click", () => this.acknowledger.acknowledge([alert.incident]));
     cell.append(button);
   }
+}
+
+// Return the largest angle; of an alert that was not followed to its end a lower bound, where it says more than the limit does.
+function largest({is_cut: isCut, largest_deg: largestDeg, limit_deg: limitDeg}) {
+  if (!isCut || !isKnown(largestDeg)) return degrees(largestDeg);
+  return isKnown(limitDeg) && largestDeg < limitDeg ? text("never") : `≥ ${degrees(largestDeg)}`;
 }
 
 const keyOf = (alert) => `${alert.incident ?? alert.rule} ${alert.since_ns}`;

@@ -247,6 +247,25 @@ def test_the_list_offers_to_acknowledge_all_that_have_ended_at_once(
     window.context.close()
 
 
+@pytest.mark.parametrize(("largest_deg", "shown"), [(7.6, "≥ 7.6°"), (4.6, "not known")])
+def test_the_end_of_an_alarm_in_which_the_gateway_ended_is_not_known(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser, largest_deg: float, shown: str
+) -> None:
+    scene = gateway.scene
+    window = _open(browser, page)
+    scene.level, scene.largest_deg = "trip", largest_deg
+    expect(window.locator("#word")).to_have_text("LIMIT")
+    gateway.speaking.clear()
+    expect(window.locator("#word")).to_have_text("STALE")
+    scene.boot_id, scene.level = "b11t", "normal"
+    gateway.speaking.set()
+    expect(window.locator("#word")).to_have_text("OK")
+    window.locator("#to-alerts").click()
+    expect(window.locator("#alert-rows td.to")).to_have_text("not known")
+    expect(window.locator("#alert-rows td.largest")).to_have_text(shown)
+    window.context.close()
+
+
 def test_the_tab_counts_what_ended_unacknowledged_until_it_is_acknowledged_or_cannot_be(
     gateway: FakeGateway, page: PageUnderTest, browser: Browser
 ) -> None:
