@@ -9,6 +9,8 @@ RAISED = ("warn", "trip")
 MAX_ENDED_INCIDENTS = 32
 """Number of incidents that can be acknowledged after their end. Basis: a choice; more than a shift has to acknowledge, and a
 bound of the memory."""
+SHIFT_NS = 12 * 3600 * 10**9
+"""Age at which an ended alert is no longer listed, nor acknowledged after a start. Basis: the longest shift."""
 EndReason = Literal["cleared", "unknown", "gateway ended", "not recorded"]
 
 
@@ -73,6 +75,14 @@ class AlertPeriod(Generic[S]):
     def acknowledgement(self) -> AlertStep[S] | None:
         """The last acknowledgement, which may come after the end; None: there was none."""
         return next((step for step in reversed(self.steps) if step.statement.event == "acknowledged"), None)
+
+    @property
+    def acknowledged(self) -> tuple[str | None, int | None]:
+        """Who acknowledged it at its last level, and when, also after its end; None: nobody."""
+        late, present = self.acknowledgement, self.present
+        if late is not None and late.active is None:
+            return late.statement.acknowledged_by, late.time_ns
+        return (None, None) if present is None else (present.acknowledged_by, present.acknowledged_ns)
 
     def take(self, time_ns: int, statement: S, alert: ActiveAlert) -> None:
         """Take a statement in which it is active."""

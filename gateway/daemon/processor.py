@@ -135,8 +135,9 @@ class Processor(Worker[SamplerItem]):
             self._rigger.follow(instruction.session)
 
     def run(self) -> None:
-        """Continue the numbers of alerts, then work until the end."""
+        """Continue the numbers of alerts and what waits for an acknowledgement, then work until the end."""
         self._incidents.last_number = self._outbox.await_last_number(OUTBOX_PATIENCE_S)
+        self._incidents.remember(self._outbox.unacknowledged)
         super().run()
 
     def handle(self, item: SamplerItem) -> None:

@@ -5,7 +5,7 @@ from collections import deque
 from dataclasses import dataclass
 from itertools import islice
 
-from gateway.alert_periods import MAX_ENDED_INCIDENTS, AlertPeriod, AlertPeriods
+from gateway.alert_periods import MAX_ENDED_INCIDENTS, SHIFT_NS, AlertPeriod, AlertPeriods
 from gateway.messages import Alert, Level, Motion
 from gateway.numerics.stats import NORMAL_975
 
@@ -18,8 +18,6 @@ MAX_HISTORY_POINTS = 2000
 two points per second."""
 MAX_LISTED_ALERTS = 200
 """Alerts that the page lists. Basis: a choice; more than a shift has, and a bound of the memory."""
-SHIFT_NS = 12 * 3600 * 10**9
-"""Age at which an alert leaves the list. Basis: the longest shift."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,12 +154,12 @@ class AlertLog:
         return [alert for alert in logged if alert is not None]
 
     def _known_incidents(self) -> set[str | None]:
-        """Return the incidents that the gateway knows: the last ones since it started; it acknowledges no other."""
-        boot_id = None if self._newest is None else self._newest.boot_id
-        periods = [one for one in self._periods.all if one.raised and one.raised.statement.boot_id == boot_id]
-        ended = sorted((one.end_ns, one.incident) for one in periods if one.end_ns is not None and one.incident)
+        """Return the incidents that the gateway knows, the last ones; it acknowledges no other."""
+        ended = sorted(
+            (one.end_ns, one.incident) for one in self._periods.all if one.end_ns is not None and one.incident
+        )
         forgotten = {incident for _, incident in ended[:-MAX_ENDED_INCIDENTS]}
-        return {one.incident for one in periods} - forgotten
+        return {one.incident for one in self._periods.all} - forgotten
 
     def _is_forgotten(self, period: AlertPeriod[Alert], now_ns: int) -> bool:
         is_old = period.end_ns is not None and period.end_ns < now_ns - SHIFT_NS
@@ -169,13 +167,10 @@ class AlertLog:
 
     def _logged(self, period: AlertPeriod[Alert], known: set[str | None]) -> LoggedAlert | None:
         """Return an alert as the page lists it; None for one that was not raised."""
-        first, highest, present = period.raised, period.highest, period.present
-        if first is None or first.active is None or highest is None or present is None or self._newest is None:
+        first, highest = period.raised, period.highest
+        if first is None or first.active is None or highest is None or self._newest is None:
             return None
-        by, at_ns = present.acknowledged_by, present.acknowledged_ns
-        late = period.acknowledgement
-        if late is not None and late.active is None:
-            by, at_ns = late.statement.acknowledged_by, late.time_ns
+        by, at_ns = period.acknowledged
         return LoggedAlert(
             incident=period.incident if period.incident in known else None,
             rule=period.rule,

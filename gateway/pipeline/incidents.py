@@ -5,11 +5,11 @@ Also the alerts in the words of an operator: a line for each rule that is not no
 
 import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from gateway.alert_periods import MAX_ENDED_INCIDENTS
-from gateway.messages import AlertEventKind, Level
+from gateway.alert_periods import MAX_ENDED_INCIDENTS, SHIFT_NS, AlertPeriods
+from gateway.messages import Alert, AlertEventKind, Level
 from gateway.stages.alerts import GRACE_S, Reading
 from gateway.units import degrees
 
@@ -73,6 +73,29 @@ class Incident:
         return is_due and is_below and self.is_seen_throughout
 
 
+def unacknowledged_incidents(stored: Iterable[Alert]) -> Iterator[Incident]:
+    """Yield the incidents of former runs that nobody has acknowledged, from their stored changes, within a shift of the last.
+
+    One that stood when its gateway ended has ended with it.
+    """
+    periods, newest = AlertPeriods[Alert](), None
+    for alert in stored:
+        if newest is not None and alert.boot_id != newest.boot_id:
+            periods.end_boot(alert.time_ns)
+        periods.add(alert.time_ns, alert)
+        newest = alert
+    for period in periods.all:
+        is_new = newest is not None and newest.time_ns - period.last_ns < SHIFT_NS
+        if is_new and period.incident is not None and period.highest is not None and period.acknowledged[0] is None:
+            yield past_incident(period.incident, period.rule, period.highest.limit_deg, period.last_ns)
+
+
+def past_incident(incident_id: str, rule: str, limit_deg: float | None, time_ns: int) -> Incident:
+    """Return an incident of a former run, of which this one knows no angles."""
+    limit_rad = math.nan if limit_deg is None else math.radians(limit_deg)
+    return Incident(incident_id, rule, time_ns / 1e9, limit_rad, None, time_ns / 1e9)
+
+
 class IncidentRegister:
     """Numbers the incidents of a boot and the changes of alerts; it outlives the pipeline, which a recalibration replaces."""
 
@@ -84,6 +107,10 @@ class IncidentRegister:
         self._count = 0
         self._open: dict[str, Incident] = {}
         self._ended: deque[Incident] = deque(maxlen=MAX_ENDED_INCIDENTS)
+
+    def remember(self, past: Iterable[Incident]) -> None:
+        """Take incidents of former runs, which can be acknowledged; called before the first of this one ends."""
+        self._ended.extend(past)
 
     def number_change(self, rule: str | None) -> None:
         """Give the next number to the change of a rule; a heartbeat, of no rule, keeps that of the last change."""

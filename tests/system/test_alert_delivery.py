@@ -191,16 +191,21 @@ def test_a_consumer_tells_a_sensor_that_is_gone_and_one_without_calibration(
     radio.close()
 
 
-def test_an_acknowledgement_is_sent_recorded_and_replayed(
+def test_an_acknowledgement_of_what_was_before_a_kill_is_sent_recorded_and_replayed(
     start_gateway: StartGateway, router: BusRouter, plumbline: Plumbline
 ) -> None:
     gateway = start_gateway(CHATTERING, environment=connected(router))
     follower = Follower(router)
     follower.until(lambda: any(event.change and event.change.incident for event in follower.events), "an incident")
+    incident = next(event.change.incident for event in follower.events if event.change and event.change.incident)
+    gateway.stop(signal.SIGKILL)
+    gateway = start_gateway(CHATTERING, environment=connected(router))
+    follower.until(lambda: len({boot for boot, _ in follower.changes}) == 2, "a change after the start")
     connect, credentials = ("--connect", gateway.endpoint), ("--credentials", gateway.data_dir)
     nobody = plumbline("remote", "acknowledge", *connect, *credentials)
     assert (nobody.returncode, "--by" in nobody.stderr) == (2, True)
-    done = plumbline("remote", "acknowledge", "--by", "ann", "--reason", "load set down", *connect, *credentials)
+    given = ("--by", "ann", "--reason", "load set down")
+    done = plumbline("remote", "acknowledge", str(incident), *given, *connect, *credentials)
     assert done.returncode == 0, done.stderr
 
     def refusal() -> bool:

@@ -96,7 +96,7 @@ def _nothing_found(incident_id: str | None, incidents: IncidentRegister) -> str:
         return "no incident waits for an acknowledgement"
     incident = incidents.find(incident_id)
     if incident is None:
-        return f"no incident {incident_id} is known since the start of the gateway"
+        return f"no incident {incident_id} is known, or it is too old"
     if incident.acknowledged_by is None:
         return f"{incident_id} was raised, or rose to a higher level, after this was asked; look at it and ask again"
     return f"{incident_id} was acknowledged before, by {incident.acknowledged_by}"

@@ -4,11 +4,14 @@ import logging
 import threading
 import time
 from collections import deque
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Future
+from contextlib import suppress
 from pathlib import Path
 
 from gateway.daemon.runtime.host import DISK_RETRY_S
 from gateway.daemon.runtime.worker import BoundedQueue, FaultRegister, Worker
+from gateway.messages import Alert
 from gateway.outbox import (
     MAX_PAGE_BYTES,
     AlertOutbox,
@@ -19,6 +22,8 @@ from gateway.outbox import (
     make_page,
     span_of,
 )
+from gateway.pipeline.incidents import Incident, unacknowledged_incidents
+from gateway.topics import adapter
 
 log = logging.getLogger("plumbline.outbox")
 PART = "outbox"
@@ -28,6 +33,13 @@ choice; hours of usual changes, and a bound of the memory."""
 RECENT_CHANGES = 512
 """Changes in memory, so that a page that starts, or a receiver that has missed a few, gets them without the disk. Basis: a
 choice; more than a receiver misses at a restart, and a bound of the memory."""
+
+
+def _alerts(changes: Iterable[StoredChange]) -> Iterator[Alert]:
+    """Yield the messages of changes; one that this version cannot read is left out."""
+    for change in changes:
+        with suppress(ValueError):
+            yield adapter("alert").validate_json(change.payload)
 
 
 class OutboxWriter(Worker[StoredChange]):
@@ -43,6 +55,8 @@ class OutboxWriter(Worker[StoredChange]):
         self._recent: deque[StoredChange] = deque(maxlen=RECENT_CHANGES)
         self._opened = threading.Event()
         self._last_number = 0
+        self.unacknowledged: tuple[Incident, ...] = ()
+        """Incidents of former runs that nobody has acknowledged; known with the last number."""
         self._retry_at_s = 0.0
         self._is_failing = False
 
@@ -50,7 +64,7 @@ class OutboxWriter(Worker[StoredChange]):
         """Read the last number, then store until the end."""
         try:
             self._last_number = self._outbox.open()
-            self._recall()
+            self.unacknowledged = tuple(unacknowledged_incidents(_alerts(self._recall())))
         except OSError as error:
             self._fail(error)
         self._opened.set()
@@ -101,11 +115,12 @@ class OutboxWriter(Worker[StoredChange]):
         self._store()
         self._outbox.close()
 
-    def _recall(self) -> None:
-        """Put the changes from before the start into memory. Raises `OSError`."""
+    def _recall(self) -> list[StoredChange]:
+        """Put the changes from before the start into memory, and return them. Raises `OSError`."""
         stored = self._outbox.newest(RECENT_CHANGES)
         with self._lock:
             self._recent = deque((*stored, *self._recent), maxlen=RECENT_CHANGES)
+        return stored
 
     def _store(self) -> None:
         with self._lock:

@@ -15,7 +15,7 @@ from gateway.calibration.drift.rest_monitor import RestDriftMonitor
 from gateway.calibration.record import CalibrationRecord
 from gateway.configuration.model import Configuration
 from gateway.pipeline.drift_monitor import DriftMonitor
-from gateway.pipeline.incidents import Acknowledgement, IncidentRegister
+from gateway.pipeline.incidents import Acknowledgement, IncidentRegister, past_incident
 from gateway.pipeline.outgoing_message import ClockState, HeaderMaker, MessageTime, OutgoingMessage
 from gateway.pipeline.pipeline import Pipeline, PipelineCalibration
 from gateway.recording.reading.recording_file import RecordedMessage, RecordingFile, SegmentIndex, Selection
@@ -231,6 +231,9 @@ class ReplayPipeline:
         """Return what follows from an acknowledgement."""
         if alert.event != "acknowledged" or alert.incident is None or alert.acknowledged_by is None:
             return []
+        is_past = not alert.incident.startswith(f"{self._boot_id}-")
+        if is_past and alert.rule is not None and self._incidents.find(alert.incident) is None:
+            self._incidents.remember([past_incident(alert.incident, alert.rule, alert.limit_deg, alert.time_ns)])
         return self._pipeline.acknowledge(
             Acknowledgement(alert.incident, alert.acknowledged_by, alert.reason or ""), now
         )

@@ -42,7 +42,7 @@ class Services:
         content = request.expect(Acknowledge)
         self.requests.append(content)
         if self.scene is None or content.incident != self.scene.incident:
-            request.refuse(f"no incident {content.incident} is known since the start of the gateway")
+            request.refuse(f"no incident {content.incident} is known, or it is too old")
             return
         self.scene.acknowledged_by = content.by
         request.reply(True, {"text": "done"})

@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from gateway.alert_periods import MAX_ENDED_INCIDENTS
+from gateway.alert_periods import MAX_ENDED_INCIDENTS, SHIFT_NS
 from gateway.messages import ActiveAlert, Alert, Level
-from gateway.page.history import MAX_LISTED_ALERTS, SHIFT_NS, AlertLog
+from gateway.page.history import MAX_LISTED_ALERTS, AlertLog
 
 SECOND_NS = 10**9
 LIMITS_DEG: dict[Level, float] = {"warn": 4.0, "trip": 6.0}
@@ -75,14 +75,14 @@ def test_an_unknown_level_alone_is_no_alert(log: AlertLog) -> None:
     assert log.since_ns == SECOND_NS
 
 
-def test_the_list_outlives_a_start_of_the_gateway_and_its_incidents_do_not(log: AlertLog) -> None:
+def test_the_list_and_its_incidents_outlive_a_start_of_the_gateway(log: AlertLog) -> None:
     log.add(replace(_standing(10, "trip", "first-1"), boot_id="first", alert_number=1))
     log.add(replace(_message(70), boot_id="second", alert_number=1))
     (only,) = log.alerts()
-    assert (only.level, only.incident, only.until_ns) == ("trip", None, 70 * SECOND_NS)
+    assert (only.level, only.incident, only.until_ns) == ("trip", "first-1", 70 * SECOND_NS)
     assert log.alerts()[0].is_cut  # a larger angle may have come, which nobody stated
     log.add(replace(_standing(80, "trip", "second-1"), boot_id="second", alert_number=2))
-    assert [alert.incident for alert in log.alerts()] == [None, "second-1"]
+    assert [alert.incident for alert in log.alerts()] == ["first-1", "second-1"]
 
 
 def test_only_what_the_gateway_still_knows_can_be_acknowledged(log: AlertLog) -> None:

@@ -16,7 +16,7 @@ from gateway.calibration.record import content_hash
 from gateway.cli.main import main
 from gateway.configuration.loading import to_toml
 from gateway.messages import NO_SESSION, Motion
-from gateway.pipeline.incidents import Acknowledgement
+from gateway.pipeline.incidents import Acknowledgement, past_incident
 from gateway.pipeline.outgoing_message import MessageTime, OutgoingMessage
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.reading.samples import read_samples
@@ -190,6 +190,9 @@ def test_an_acknowledgement_and_the_numbers_of_changes_are_replayed(
 ) -> None:
     crane = HastyCrane(tmp_path)
     crane.incidents.last_number = 41  # of the start before
+    crane.incidents.remember([past_incident("former-1", "swing", 6.0, crane.start_ns - SECOND_NS)])
+    crane.record(1)
+    acknowledge(crane, crane.newest_ns)
     while not list(crane.incidents.unacknowledged()):
         crane.record(0.1)
     acknowledge(crane, crane.newest_ns)
@@ -212,7 +215,7 @@ def test_an_acknowledgement_and_the_numbers_of_changes_are_replayed(
     ]
     changes = [alert.alert_number for alert in alerts if alert.rule is not None]
     assert changes == list(range(42, 42 + len(changes)))
-    assert [alert.acknowledged_by for alert in alerts if alert.event == "acknowledged"] == ["ann", "ann"]
+    assert [alert.acknowledged_by for alert in alerts if alert.event == "acknowledged"] == ["ann"] * 3
     assert alerts[-1].alert_number == changes[-1]
 
 

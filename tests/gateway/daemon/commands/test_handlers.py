@@ -158,7 +158,7 @@ def test_what_cannot_be_acknowledged_is_refused_with_the_reason_and_recorded(cap
     assert "no incident b00t-7" in site.ask(incident="b00t-7")[1]
     (line,) = caplog.messages
     assert line.startswith("acknowledgement by ann")
-    assert line.endswith("refused: no incident b00t-7 is known since the start of the gateway")
+    assert line.endswith("refused: no incident b00t-7 is known, or it is too old")
     site.ask(id="cli-1234567a", incident="b00t-1")
     assert "acknowledged before, by ann" in site.ask(id="cli-1234567b", incident="b00t-1")[1]
     assert site.ask(id="cli-1234567c") == (False, "no incident waits for an acknowledgement")
