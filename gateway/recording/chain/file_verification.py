@@ -386,7 +386,7 @@ class _FileCheck:
         else:
             found.unsigned_bytes = found.size_bytes - self._signed_end
             if damaged := self._damaged_records():
-                why = "a kill or a power failure cuts off, and damages nothing before"
+                why = "a kill cuts off and damages nothing before; a power failure may, on a card that loses what it had taken"
                 self._problem(f"NOT SIGNED, AND DAMAGED: {damaged}; {why}")
             unsigned = (
                 f"{found.unsigned_bytes} bytes at its end are not signed"
