@@ -51,9 +51,9 @@ from its place lies on the wrong side of an edge."""
 SMOOTHED_NOISE = 3.5
 """Least factor on the standard uncertainty as of independent pixels: the smoothing spreads each one's noise. Definition: the root
 of the pixels that a smoothing of one pixel averages, 4 pi."""
-BLOCK_PX = 12
-"""Side of the blocks of pixels whose residuals count as independent. Basis: speckle, and compression, which works by blocks of 8
-or 16."""
+BLOCK_PX = 16
+"""Side of the blocks of pixels whose residuals count as independent. Definition: JPEG codes colour, of half the resolution, by
+blocks of 8 x 8 from the corner of the photograph; speckle is finer."""
 WHITE_QUANTILE, MIN_WHITE = 0.8, 80
 """Value that the white of the board must reach. Basis: a choice; paper covers most of the board, and a third of full scale shows
 a dot."""
@@ -201,7 +201,7 @@ def _fit_spot(
         on_dot=distance[usable] < 0,
     )
     found = _fit_gaussian(pixels, gain, extent_px)
-    covariance = _pixel_covariance(pixels, *found, every) if found else None
+    covariance = _pixel_covariance(pixels, *found, every, centre) if found else None
     if found is None or covariance is None:
         raise failure
     return _checked_spot(photograph, found[0].parameters, covariance, centre, reach)
@@ -272,7 +272,9 @@ def _fit_gaussian(pixels: _SpotPixels, gain: float, extent_px: float) -> tuple[L
     return None if second is None else (second, weight)
 
 
-def _pixel_covariance(pixels: _SpotPixels, fit: LeastSquaresFit, weight: Array, every: int) -> Array | None:
+def _pixel_covariance(
+    pixels: _SpotPixels, fit: LeastSquaresFit, weight: Array, every: int, centre: Array
+) -> Array | None:
     """Return the covariance of the parameters, by a jackknife over blocks of pixels; None if a block alone determines them.
 
     Residuals are correlated within a block, and small because the fit follows each: how far it moves without the block shows
@@ -282,7 +284,7 @@ def _pixel_covariance(pixels: _SpotPixels, fit: LeastSquaresFit, weight: Array, 
     scale = np.maximum(np.abs(fit.parameters), 1e-3)
     slope = jacobian(partial(pixels.residual, weight), fit.parameters, scale) * scale
     normal = slope.T @ slope
-    column, row = np.floor((pixels.place - pixels.place.min(axis=0)) / BLOCK_PX).astype(np.int64).T
+    column, row = np.floor((pixels.place + centre) / BLOCK_PX).astype(np.int64).T
     _, block = np.unique(column * 100_000 + row, return_inverse=True)
     blocks = int(block.max()) + 1
     moves = []
