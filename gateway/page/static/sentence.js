@@ -54,22 +54,24 @@ function alarmSentence(alert, value, motion, condition, keep, ageS) {
   const alarm = highest(alert);
   if (alarm === null) return "";
   if (!isKnown(alarm.limit_deg)) return text(`${alarm.rule}_alarm`); // the calibration has none
-  const form = value === null ? "alarm_unknown" : keep("alarm", alarmForm(alarm, value, motion, ageS("motion")));
+  const isEnding = isKnown(alarm.ends_in_s), hold = isEnding ? asItIs : keep;
+  const form = value === null ? "alarm_unknown" : hold("alarm", alarmForm(alarm, value, motion, ageS("motion")));
   const said = text(form, {limit: text(`at_${alarm.level}`, {angle: degrees(alarm.limit_deg)})});
   const others = besides(alert, alarm).map(({rule}) => `also_${rule}`).filter(hasText).map((key) => text(key)).join(" ");
-  if (!form.endsWith("_passed") && !isKnown(alarm.ends_in_s)) return `${text(`do_${alarm.level}`)} ${said} ${others}`.trim();
+  if (!form.endsWith("_passed") && !isEnding) return `${text(`do_${alarm.level}`)} ${said} ${others}`.trim();
   return `${said} ${others || (condition?.trusted === false ? text("alarm_stays") : whatFollows(alarm, ageS("alert")))}`.trim();
 }
 
 // Return what the number and the largest angle since the alarm began say of its limit.
 function alarmForm(alarm, value, motion, ageS) {
-  const isBelow = value.angleDeg + (value.halfDeg ?? 0) < alarm.limit_deg;
-  if (hasText(`${alarm.rule}_alarm`)) return isBelow && hasText(`${alarm.rule}_passed`) ? `${alarm.rule}_passed` : `${alarm.rule}_alarm`;
+  const hasOwn = hasText(`${alarm.rule}_alarm`), halfDeg = value.halfDeg ?? (hasOwn ? 0 : Infinity);
+  const isBelow = isKnown(alarm.ends_in_s) || value.angleDeg + halfDeg < alarm.limit_deg;
+  if (hasOwn) return isBelow && hasText(`${alarm.rule}_passed`) ? `${alarm.rule}_passed` : `${alarm.rule}_alarm`;
   if (Math.max(alarm.largest_deg ?? 0, motion?.angle_deg ?? 0) >= alarm.limit_deg) {
-    return isBelow && isKnown(value.halfDeg) ? "alarm_exceeded_passed" : "alarm_exceeded";
+    return isBelow ? "alarm_exceeded_passed" : "alarm_exceeded";
   }
   if (value.angleDeg >= alarm.limit_deg && value.inS > ageS) return "alarm_coming";
-  return isBelow && isKnown(value.halfDeg) ? "alarm_passed" : "alarm_possible";
+  return isBelow ? "alarm_passed" : "alarm_possible";
 }
 
 // Return what follows a level, and when, or below which angle: the gateway compares a part of the uncertainty with it too.

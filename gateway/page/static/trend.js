@@ -11,7 +11,7 @@ import {timeOfDay} from "./time.js";
 const SPAN_S = 600;
 const WIDTH = 1000, HEIGHT = 100;
 const TICK_S = 120;
-const BEYOND_LIMIT = 1.3; // upper edge, in units of the limit
+const BEYOND_LIMIT = 1.5; // upper edge, in units of the limit
 
 export class Trend {
   constructor(svg, labels, times) {
