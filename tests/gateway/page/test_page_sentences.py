@@ -46,6 +46,20 @@ def test_the_load_is_said_to_rest_once_it_has_rested_for_two_seconds(shown_page:
     assert shown_page.screen.page.evaluate(SLOW) == ["free", "free", "free", "free", "free", "rest", "free"]
 
 
+UNCERTAIN = """() => import('/steady.js').then(({Steady}) => {
+  let nowS = 0;
+  const steady = new Steady(() => nowS);
+  return [[0, "free"], [0.5, "uncertain"], [0.8, "free"]].map(([atS, form]) => {
+    nowS = atS;
+    return steady.keep("doing", form);
+  });
+})"""
+
+
+def test_a_number_is_called_uncertain_at_once_and_no_longer_than_it_is(shown_page: ShownPage) -> None:
+    assert shown_page.screen.page.evaluate(UNCERTAIN) == ["free", "uncertain", "free"]
+
+
 STOP = "Stop the hoist, end the move gently."
 
 
