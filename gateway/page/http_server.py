@@ -8,7 +8,7 @@ import json
 import logging
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from importlib import resources
 from typing import Any
@@ -21,7 +21,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from gateway.languages import read_texts
+from gateway.languages import LANGUAGES, read_texts
 from gateway.page.hub import ConnectionLimiter, EventStream
 
 LOG_INTERVAL_S = 10.0
@@ -225,9 +225,15 @@ class LimitedProtocol(H11Protocol):
 
 
 def static_routes(page: str, language: str) -> list[Route]:
-    """Return the routes of all files, and of a module with the texts of a language; `page` is the one at `/`."""
-    texts = f"export const LANGUAGE = {json.dumps(language)}, TEXTS = {json.dumps(read_texts(language))};\n"
-    routes = [Route("/language.js", partial(_serve_file, texts.encode(), TYPES[".js"]))]
+    """Return the routes of all files, and of a module with the texts of a language; `page` is the one at `/`.
+
+    `language` is that of a screen whose address names none: `/?lang=de`.
+    """
+    texts = {
+        code: f"export const LANGUAGE = {json.dumps(code)}, TEXTS = {json.dumps(read_texts(code))};\n"
+        for code in LANGUAGES
+    }
+    routes = [Route("/language.js", partial(_serve_texts, texts, language))]
     for file in resources.files("gateway.page").joinpath("static").iterdir():
         media_type = TYPES["." + file.name.rpartition(".")[2]]
         is_page = file.name.endswith(".html")
@@ -240,6 +246,10 @@ def static_routes(page: str, language: str) -> list[Route]:
 def json_response(content: object, status: int = 200) -> Response:
     """Return a response in JSON; a number that is not finite becomes null, which every browser can read."""
     return Response(to_json(content, inf_nan_mode="null"), status, media_type="application/json")
+
+
+async def _serve_texts(texts: Mapping[str, str], language: str, request: Request) -> Response:
+    return Response(texts.get(request.query_params.get("lang", language), texts[language]), media_type=TYPES[".js"])
 
 
 async def _serve_file(content: bytes, media_type: str, _request: Request) -> Response:

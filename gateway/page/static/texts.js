@@ -1,13 +1,14 @@
-// The texts of the page in its language, `gateway/languages`, which the server has put into language.js.
+// The texts of the page, `gateway/languages`, in the language that its address names (`/?lang=de`), or else in that of the server.
 
-import {LANGUAGE, TEXTS} from "./language.js";
+const chosen = new URLSearchParams(window.location.search).get("lang");
+const {LANGUAGE, TEXTS} = await import(`./language.js${chosen === null ? "" : `?lang=${encodeURIComponent(chosen)}`}`);
 
 document.documentElement.lang = LANGUAGE;
 for (const element of document.querySelectorAll("[data-text]")) element.textContent = text(element.dataset.text);
 
 // Load the page anew, once, where the server has changed its language meanwhile.
 export function followLanguage(language) {
-  if (language === LANGUAGE || sessionStorage.getItem("language") === language) return;
+  if (chosen !== null || language === LANGUAGE || sessionStorage.getItem("language") === language) return;
   sessionStorage.setItem("language", language);
   window.location.reload();
 }

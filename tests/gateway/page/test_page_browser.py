@@ -1,9 +1,10 @@
 """The page in a browser: only what is right is calm, and everybody reaches everything."""
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Browser, expect
 
-from tests.gateway.page.conftest import ShownPage
+from gateway.languages import read_texts
+from tests.gateway.page.conftest import FakeGateway, PageUnderTest, ShownPage
 from tests.gateway.page.screen import CALM, DESKTOP, RED
 
 pytestmark = pytest.mark.slow
@@ -128,3 +129,16 @@ def test_the_keyboard_alone_reaches_everything(shown_page: ShownPage) -> None:
     screen.page.locator("#to-alerts").focus()
     screen.page.keyboard.press("Enter")
     expect(screen.page.locator("#alerts-screen")).to_be_visible()
+
+
+@pytest.mark.parametrize(("query", "language"), [("?lang=de", "de"), ("?lang=xx", "en"), ("", "en")])
+def test_the_address_of_a_screen_names_its_language(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser, query: str, language: str
+) -> None:
+    window = browser.new_page()
+    window.goto(f"{page.url}/{query}#alerts")
+    expect(window.locator("html")).to_have_attribute("lang", language)
+    expect(window.locator("#to-alerts")).to_contain_text(read_texts(language)["alerts"])
+    expect(window.locator("#word")).to_have_text("OK")
+    expect(window.locator("html")).to_have_attribute("lang", language)  # also once the gateway has said its own
+    window.close()
