@@ -57,6 +57,7 @@ let announced = null;
 let announcedS = -Infinity;
 let knownS = nowS(); // when the angle was last known, or never
 let wasKnown = false; // of this gateway, or of one before its restart
+let shownLast = null; // the last number of the load that stood here, and when
 
 const link = new Link(
   (history) => trend.take(history),
@@ -86,6 +87,7 @@ function sayBeside(verdict, topics) {
   if (verdict.word !== steadyWord) steady.clear();
   steadyWord = verdict.word;
   verdict.sentence ??= sentence(verdict, state, value, steady.keep, link.ageS());
+  if (GONE.has(verdict.word) && verdict.also.includes("TRIP")) verdict.sentence = `${text("do_trip")} ${verdict.sentence}`;
   const isBound = value?.isBound && steady.shows("doing", "rest");
   return value && {...value, isBound: value.isResting && steady.keep("bound", isBound ? "bound" : "angle") === "bound"};
 }
@@ -200,6 +202,7 @@ function showReasons(verdict, {condition, motion, health}, value) {
 function showSwing(value, topics, verdict, waitedS) {
   const {motion} = topics;
   document.body.classList.toggle("doubtful", !verdict.sound);
+  if (value !== null && verdict.sound) shownLast = {angleDeg: value.angleDeg, atS: nowS()};
   setText("angle-title", text(value?.title ?? "deciding_angle"));
   setText("bound", value?.isBound ? "≤ " : "");
   setText("phi", value?.isBound ? upwards(value.angleDeg + value.halfDeg) : degrees(value?.angleDeg));
@@ -217,9 +220,14 @@ function intervalText(value, ageS, waitedS) {
     // no share of the intervals is stated of what is expected: a drive or a gust that begins meanwhile is in none
     return `${half && `± ${half}`}\n${text("expected_in", {seconds: decimal(inS, 1)})}`.trim();
   }
-  const good = state.last_good;
-  if (!good || !isKnown(good.phi_max_deg)) return text("never");
-  return text("was", {angle: degrees(good.phi_max_deg), ago: since(good.age_s + waitedS)});
+  const {angleDeg, ageS: goneS} = lastNumber(waitedS);
+  return isKnown(angleDeg) ? text("was", {angle: degrees(angleDeg), ago: since(goneS)}) : text("never");
+}
+
+// Return the last number that stood here, or before that the largest angle that the gateway was sure of, and its age.
+function lastNumber(waitedS) {
+  if (shownLast !== null) return {angleDeg: shownLast.angleDeg, ageS: nowS() - shownLast.atS};
+  return {angleDeg: state.last_good?.phi_max_deg, ageS: (state.last_good?.age_s ?? 0) + waitedS};
 }
 
 // Return for how long something is lost: it is not there now, however short that is.

@@ -220,8 +220,8 @@ def test_cards_say_why_in_the_language_of_the_page(
     site.remove("crane-7")
     expect(window.locator("#cards .why")).to_have_text(
         [
-            "Grenzwert 6,0° war überschritten. Klar unter 5,4° nur noch Warnung.",
-            "Gateway beendet oder nicht verbunden: niemand überwacht das Pendeln.",
+            "Grenzwert 6,0° war überschritten. Wird klar unter 5,4° zur Warnung.",
+            "Gateway aus: niemand überwacht das Pendeln.",
             "Erwartet, und nie gesehen.",
             "Der Sensor ist nicht kalibriert. Der Winkel kann um mehrere Grad falsch sein.",
             "Die Kraft ist nicht die einer hängenden Last.",

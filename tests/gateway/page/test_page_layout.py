@@ -160,6 +160,10 @@ TOO_LONG = """(sentences) => {
 }"""
 
 
+GONE = ("gateway_gone", "page_gone", "page_slow", "page_silent", "no_new_data", "reason_no_samples")
+"""What is said beside the last limit where nothing comes any more."""
+
+
 def test_every_sentence_of_an_alarm_has_two_lines_at_most(shown_page: ShownPage) -> None:
     window = _show(shown_page, "TRIP")
     texts = read_texts(str(window.locator("html").get_attribute("lang")))
@@ -169,6 +173,7 @@ def test_every_sentence_of_an_alarm_has_two_lines_at_most(shown_page: ShownPage)
         for form in ("alarm_exceeded", "alarm_possible", "alarm_coming", "alarm_unknown")
         for other in ("also_lean", "also_calibration")
     ]
+    standing += [f"{texts['do_trip']} {texts[gone]}" for gone in GONE]
     ending = [
         f"{texts[form]} {texts[follows]}".replace("{limit}", texts[f"at_{level}"])
         for level in ("warn", "trip")

@@ -1,5 +1,7 @@
 """Loss of view in a browser: late data, a gateway or server that is gone, and the tones that go on."""
 
+import re
+
 import pytest
 from playwright.sync_api import Browser, expect
 
@@ -78,12 +80,15 @@ def test_losing_the_gateway_ends_no_tone_and_is_an_alarm_itself(
     gateway.speaking.clear()
     screen.shows("STALE", "hourglass")
     wait_for_tone(screen.page, LIMIT_HZ)
+    expect(screen.page.locator("#sentence")).to_contain_text("Stop the hoist, end the move gently. No new data")
+    expect(screen.page.locator("#interval")).to_have_text(re.compile(r"^not known; was 2\.3° \d"))  # as it stood there
 
     gateway.scene.level = "normal"
     gateway.speaking.set()
     screen.shows("OK", "circle")
     page.process.kill()
     screen.shows("STALE", "hourglass")
+    expect(screen.page.locator("#sentence")).to_have_text("No connection: this display does not watch the swing.")
     wait_for_tone(screen.page, LOST_HZ)
     screen.page.locator("#sound").click()
     expect(screen.page.locator("#sound")).to_have_attribute("data-state", "on")  # silenced by a person

@@ -214,7 +214,7 @@ def test_a_silent_sensor_is_told_from_a_gateway_that_is_gone(shown_page: ShownPa
     screen.text("#sentence", "No readings come from the sensor.")
     screen.text("#interval", re.compile(r"^not known; was 2\.3° "))
     gateway.speaking.clear()
-    screen.text("#sentence", "The gateway has stopped or is disconnected: nobody watches the swing.")
+    screen.text("#sentence", "Gateway off or not connected: nobody watches the swing.")
     gateway.scene.validity = "valid"
     gateway.speaking.set()
     screen.shows("OK", "circle")
