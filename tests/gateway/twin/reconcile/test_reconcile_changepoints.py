@@ -126,7 +126,7 @@ def test_short_push_is_no_gust(context_of: ContextOf, duration_s: float, *, is_g
 
 @pytest.mark.slow
 def test_event_and_persistent_effect_are_named_together(model: Model, loaded: Callable[..., CheckedRecording]) -> None:
-    hidden: EffectValues = {"viscous_damping": {"damping_ratio": 0.01}, **HOIST}
+    hidden: EffectValues = {"viscous_damping": {"damping_ratio": 0.01}, **IMPACT}
     result = reconcile(model, loaded(hidden), loaded(hidden, "held_out"))
 
     assert result.verdict == "named"

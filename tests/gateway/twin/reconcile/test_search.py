@@ -101,7 +101,7 @@ def test_answer_does_not_depend_on_the_number_of_processes(
         return run_in_processes(tasks, processes)
 
     monkeypatch.setattr(context, "run_in_processes", counted)
-    hidden = {"viscous_damping": {"damping_ratio": 0.01}, "axis_offset": {"offset_g": (0.004, 0.0, 0.0)}}
+    hidden = {"viscous_damping": {"damping_ratio": 0.01}}
     log, held_out = loaded(hidden), loaded(hidden, "held_out")
     one, two = (to_json(reconcile(model, log, held_out, processes=each), 0.0) for each in (1, 2))
     assert one == two
