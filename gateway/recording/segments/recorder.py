@@ -200,17 +200,19 @@ class Recorder:
     def tick(self, now_ns: int) -> None:
         """Sync when `fsync_s` has passed, or an alert has changed; begin a new segment when the open one is too long or too
         large. Raises `RecorderError`."""
-        is_due = self._has_change or now_ns - self._synced_ns >= self._fsync_ns
-        if self._segment is None or not is_due:
+        is_due = now_ns - self._synced_ns >= self._fsync_ns
+        if self._segment is None or not (is_due or self._has_change):
             return
         try:
             self._segment.sync(signs=self._has_change)
             vanished = self._segment.has_vanished
         except OSError as error:
             raise self._stop(error) from error
-        self._synced_ns = now_ns
         self._has_change = False
         self._unsynced_messages = self._unsynced_samples = 0
+        if not is_due:
+            return
+        self._synced_ns = now_ns
         self.vanished += vanished
         self._retention.enforce(self._segment.size_bytes)
         too_long = now_ns - self._segment.start_ns >= self._segment_ns

@@ -46,7 +46,7 @@ def test_part_without_the_start_of_its_run_is_compared_after_a_warm_up(
     assert (code, result["differing"]) == (0, {})
     (note,) = result["notes"]
     assert note.startswith(
-        "205 blocks of the run are not in these files, or cannot be read: compared from 2026-01-01T00:00:35"
+        "201 blocks of the run are not in these files, or cannot be read: compared from 2026-01-01T00:00:35"
     )
     assert set(result["compared"]) == {"/acceleration", "/tilt"}
     assert 15 < result["compared"]["/tilt"] < 25
