@@ -146,6 +146,7 @@ function showScreens(gone) {
   const recalibrated = Boolean(session?.suspended);
   const aligned = !recalibrated && window.location.hash === "#align";
   const chosen = SCREENS[window.location.hash] ?? "swing";
+  document.body.dataset.screen = recalibrated || aligned ? "service" : chosen;
   calibration.show(session, recalibrated, gone);
   align.show(state.align, state.align_turn, aligned, gone);
   for (const name of ["swing", "alerts", "service"]) {
@@ -205,6 +206,7 @@ function showSwing(value, topics, verdict, waitedS) {
   if (value !== null && verdict.sound) shownLast = {angleDeg: value.angleDeg, atS: nowS()};
   setText("angle-title", text(value?.title ?? "deciding_angle"));
   setText("bound", value?.isBound ? "≤ " : "");
+  element("word").dataset.number = value === null ? "" : degrees(value.angleDeg);
   setText("phi", value?.isBound ? upwards(value.angleDeg + value.halfDeg) : degrees(value?.angleDeg));
   setText("interval", intervalText(value, (state.age_s.motion ?? 0) + waitedS, waitedS));
   document.body.dataset.sampleMs = isKnown(motion?.time_ns) ? (motion.time_ns / NS_PER_MS).toFixed(1) : "";

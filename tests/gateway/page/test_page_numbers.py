@@ -270,3 +270,7 @@ def test_the_list_has_the_largest_angle_of_an_alarm(shown_page: ShownPage) -> No
     screen.page.evaluate("location.hash = '#alerts'")
     screen.text("#sentence", "Limit 6.0° was exceeded. Becomes a warning in 3 s.")
     screen.text("#alert-rows tr.standing td >> nth=3", "7.9°")
+    beside = "() => getComputedStyle(document.getElementById('word'), '::after').content"
+    assert "2.3°" in screen.page.evaluate(beside)  # the number that decides is in sight on every screen
+    screen.page.evaluate("location.hash = ''")
+    screen.page.wait_for_function(f"({beside})() === 'none'")
