@@ -13,7 +13,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tests.command_lines import run_here
 from tests.documentation.examples import ROOT, Command, is_as_shown
 from tests.ports import unused_port
 from tests.waiting import PATIENCE_S, wait_until
@@ -29,7 +28,6 @@ ENDLESS = (
     "plumbline archive upload",
 )
 """Commands that go on until Ctrl-C; they are stopped when the page has been read to its end."""
-NEEDS_A_SHELL = r"[*|&;<>$`]"
 EDIT = "sed -i 's/trip_deg = 6.0/trip_deg = 5.5/'"
 """What the reader does in an editor."""
 STOPPED = (0, 130)
@@ -99,21 +97,7 @@ class Reader:
         if text.startswith(ENDLESS):
             self.begin(text)
             return
-        done = self._run(text)
-        self.printed = done.stdout
-        where = f"{command.place}: {text}\n{done.stdout}{done.stderr}"
-        expected = next((code for start, code in self.exit_codes.items() if text.startswith(start)), 0)
-        assert done.returncode == expected, where
-        assert "Traceback" not in done.stderr, where
-        if command.shown is not None:
-            assert is_as_shown(command.shown, done.stdout), where
-
-    def _run(self, text: str) -> "subprocess.CompletedProcess[str]":
-        """Run a command to its end, in this process where it needs no shell."""
-        line = text.replace("\\\n", " ")
-        if line.startswith("plumbline ") and not re.search(NEEDS_A_SHELL, line):
-            return run_here(shlex.split(line, comments=True)[1:], self.environment, self.folder)
-        return subprocess.run(
+        done = subprocess.run(
             ["sh", "-c", text],
             cwd=self.folder,
             env=self._all_environment(),
@@ -122,6 +106,13 @@ class Reader:
             timeout=4 * PATIENCE_S,
             check=False,
         )
+        self.printed = done.stdout
+        where = f"{command.place}: {text}\n{done.stdout}{done.stderr}"
+        expected = next((code for start, code in self.exit_codes.items() if text.startswith(start)), 0)
+        assert done.returncode == expected, where
+        assert "Traceback" not in done.stderr, where
+        if command.shown is not None:
+            assert is_as_shown(command.shown, done.stdout), where
 
     def _in_this_folder(self, text: str) -> str:
         found = {name: re.search(pattern, self.printed) for name, pattern in self.taken_from_output.items()}
