@@ -62,6 +62,7 @@ def render_page(
     label = label if incident is None else f"{label}, {incident.rule}"
     if verification.kind == "differs":
         label, kind = f"{verification.alarm}: {label}", "trip"
+    configuration, since = configuration_in_force(course, incident)
     return render(
         "incident.html.j2",
         title=f"Incident report: {', '.join(filter(None, (course.source, evidence.gateway)))}",
@@ -84,7 +85,8 @@ def render_page(
         health=_health(course.last_health),
         device=tuple((name, printable_text(value, 200)) for name, value in evidence.device.items()),
         calibrations=tuple((each, *_certificate(evidence, each)) for _, each in course.calibrations),
-        configuration=configuration_in_force(course, incident),
+        configuration=configuration,
+        configuration_since=since,
         computed=computed,
     )
 

@@ -9,14 +9,16 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any, Protocol
 
 import pytest
 import zenoh
 
-from tests.command_lines import run_here
+from gateway.cli.main import main
+from gateway.errors import BAD_INPUT
 from tests.ports import unused_port
 from tests.waiting import PATIENCE_S
 
@@ -189,10 +191,18 @@ def join_bus() -> Iterator[JoinBus]:
 
 @pytest.fixture
 def plumbline() -> Plumbline:
-    """Runs commands in this process."""
+    """Runs commands in this process: to start another takes longer than most of them."""
 
     def run(*arguments: str | Path, environment: Mapping[str, str | None] | None = None) -> Completed:
-        return run_here([str(each) for each in arguments], environment)
+        words, out, err = [str(each) for each in arguments], StringIO(), StringIO()
+        with pytest.MonkeyPatch.context() as patched, redirect_stdout(out), redirect_stderr(err):
+            for name, value in (environment or {}).items():
+                patched.delenv(name, raising=False) if value is None else patched.setenv(name, value)
+            try:
+                code = main(words)
+            except SystemExit as end:  # of the argument parser, which has printed why
+                code = end.code if isinstance(end.code, int) else BAD_INPUT
+        return Completed(words, code, out.getvalue(), err.getvalue())
 
     return run
 
