@@ -176,6 +176,7 @@ def compose(
         partial(open_gateway_session, configuration.bus, section.key),
         users,
         [duplicates.poll, silent.poll],
+        recording.key_tried,
         faults,
         lambda: silent.are_too_many,
     )

@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -82,10 +82,10 @@ class Site:
         self.link = "--connect", self.router.endpoint
         self._consumers: list[Consumer] = []
 
-    def start(self, toml: str) -> RunningGateway:
+    def start(self, toml: str, program: Sequence[str] = ("gateway",)) -> RunningGateway:
         """Start the gateway, as another user than that of the receivers."""
         bus = {"PLUMBLINE_BUS__CONNECT": json.dumps([self.router.endpoint])}
-        return self._start(toml, environment={**bus, "XDG_STATE_HOME": str(self._folder / "gateway")})
+        return self._start(toml, program=program, environment={**bus, "XDG_STATE_HOME": str(self._folder / "gateway")})
 
     def card(self) -> Any:
         """The gateway in `fleet status`, as another program reads it."""
@@ -214,6 +214,15 @@ def test_another_key_is_not_authenticated_until_a_person_accepts_it(site: Site) 
     assert "none that answers has this fingerprint" in nobodys.stderr
     assert site.run("remote", "status", *site.link, *accept).stderr == ""
     wait_until(lambda: site.card()["authenticated"], "the accepted key")
+
+
+def test_a_gateway_that_makes_its_key_on_a_slow_disk_sends_nothing_before(site: Site, tmp_path: Path) -> None:
+    slow = tmp_path / "stalled"
+    slow.write_text("slow")
+    consumer = site.consume()
+    site.start(CALM, program=("tests.system.stalling_disk", str(slow)))
+    consumer.until_state(GatewayState.FINE)
+    assert GatewayState.NOT_AUTHENTICATED not in consumer.states
 
 
 def test_a_gateway_without_a_key_is_never_shown_as_authenticated(site: Site, tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ The thread then looks whether connections to the bus open no link, and keeps the
 
 import logging
 import threading
+import time
 from collections.abc import Callable, Sequence
 
 import zenoh
@@ -19,6 +20,9 @@ MIN_OPENING_PAUSE_S, MAX_OPENING_PAUSE_S = 0.5, 5.0
 and a missing one costs little."""
 WATCH_S = 1.0
 """Time between two looks at the open bus. Basis: a choice; what is looked for is a fault after seconds."""
+MAX_KEY_WAIT_S, KEY_POLL_S = 2.0, 0.02
+"""Longest wait for the key before the bus is opened, and time between two looks. Basis: a choice; a slow card makes a new key
+within it, and a disk that hangs delays alerts no longer."""
 PART = "bus"
 SILENT_CONNECTIONS = "bus_connections"
 LOOKS = 3
@@ -34,17 +38,20 @@ class BusConnection(threading.Thread):
         open_session: Callable[[], zenoh.Session],
         users: Sequence[Callable[[zenoh.Session], None]],
         watches: Sequence[Callable[[], None]],
+        key_tried: threading.Event,
         faults: FaultRegister,
         must_reopen: Callable[[], bool] = lambda: False,
     ) -> None:
         """`users` are called with the session once it is open, and not before; `watches` about once a second from then on.
 
+        `key_tried` is waited for: what is sent before the key is loaded is not signed, and receivers do not believe it.
         `must_reopen` is asked after these; the session is then closed and opened anew, for the same users.
         """
         super().__init__(name="bus", daemon=True)
         self._open_session = open_session
         self._users = users
         self._watches = watches
+        self._key_tried = key_tried
         self._faults = faults
         self._must_reopen = must_reopen
         self._stopping = threading.Event()
@@ -58,6 +65,9 @@ class BusConnection(threading.Thread):
     def run(self) -> None:
         """Open the session, pass it on, and close it when told to stop."""
         backoff = Backoff(MIN_OPENING_PAUSE_S, MAX_OPENING_PAUSE_S)
+        end_s = time.monotonic() + MAX_KEY_WAIT_S
+        while not self._key_tried.wait(KEY_POLL_S) and time.monotonic() < end_s and not self._stopping.is_set():
+            pass
         while not self._stopping.is_set():
             session = self._try_open()
             self.tried.set()

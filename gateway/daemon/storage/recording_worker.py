@@ -134,6 +134,8 @@ class RecordingWorker(Worker[RecordingItem]):
         """Gateway time of the next attempt to record; None while it is recorded."""
         self.tried = threading.Event()
         """Set after the first attempt to record."""
+        self.key_tried = threading.Event()
+        """Set after the first attempt to load the key that signs recordings and messages."""
         self._lost_on_disk = 0
         self._lost_in_queue = 0
         self.unwritable = 0
@@ -261,7 +263,10 @@ class RecordingWorker(Worker[RecordingItem]):
         if self._retry_at_ns is None or self._now_ns() < self._retry_at_ns:
             return
         try:
-            self._claim_folder()
+            try:
+                self._claim_folder()
+            finally:
+                self.key_tried.set()
             path = self._recorder.start(self._now_ns())
         except (InstanceError, FolderError, RecorderError) as error:
             self._interrupt(str(error))
