@@ -16,7 +16,7 @@ export class Gauge {
   // `value` has the angle and half its interval, null where none is stated; a limit is null where there is none.
   draw(limits, value, presentDeg) {
     const scaleDeg = BEYOND_LIMIT * limits.trip_deg;
-    const share = (deg, most = 1) => `${(100 * Math.min(Math.max(deg, 0) / scaleDeg, most)).toFixed(2)}%`;
+    const share = (deg, most = 1) => `${(100 * Math.min(Math.max(deg, 0) / scaleDeg, most)).toFixed(2)}cqw`;
     for (const [name, key] of [["warn", "warn_at"], ["trip", "limit_at"]]) {
       const limitDeg = limits[`${name}_deg`];
       place(this.parts[name], isKnown(limitDeg) ? share(limitDeg) : null);
@@ -31,7 +31,7 @@ export class Gauge {
   }
 }
 
-function place(element, left) {
-  element.hidden = left === null;
-  if (left !== null) element.style.left = left;
+function place(element, at) {
+  element.hidden = at === null;
+  if (at !== null) element.style.setProperty("--at", at);
 }

@@ -33,6 +33,9 @@ const SYMBOLS = `<svg xmlns="http://www.w3.org/2000/svg" class="symbols" aria-hi
       <path class="cut" d="M38 40c0-18 26-17 25 0-1 10-13 9-13 21M50 73v3"/>
     </symbol>
     <symbol id="sound-on" viewBox="0 0 100 100">
+      <path class="speaker" d="M26 36h20l26-24v76L46 64H26z"/>
+    </symbol>
+    <symbol id="sound-sounding" viewBox="0 0 100 100">
       <path class="speaker" d="M8 36h20l26-24v76L28 64H8z"/><path class="wave" d="M66 34q14 16 0 32M78 20q26 30 0 60"/>
     </symbol>
     <symbol id="sound-off" viewBox="0 0 100 100">

@@ -36,9 +36,10 @@ export class Sound {
     const isSilenced = audible && !level && this.alarms.size > 0;
     const word = !audible ? text("mute") : level ? text("silence") : isSilenced ? text("silenced") : "";
     const label = !audible ? text("sound_off") : word || text("sound_on");
+    const icon = level && audible ? "#sound-sounding" : audible && !isSilenced ? "#sound-on" : "#sound-off";
     for (const button of this.buttons) {
       button.dataset.state = level ? "alarm" : audible ? "on" : "off";
-      if (button.getAttribute("aria-label") !== label) show(button, word, label, audible && !isSilenced ? "#sound-on" : "#sound-off");
+      if (button.getAttribute("aria-label") !== label) show(button, word, label, icon);
     }
     if (level && audible) this.play(PATTERNS[level]);
   }

@@ -57,7 +57,15 @@ export class Trend {
     this.drawAlerts(alerts, timeNs, x);
     this.label("warn", limitText(warnDeg), y(warnDeg));
     this.label("trip", limitText(tripDeg), y(tripDeg));
+    this.labelBegin(timeNs, x);
     this.svg.setAttribute("aria-label", text("trend_words", {count: this.points.length}));
+  }
+
+  // Say since when there is a curve, after a start: what was before is in the recording.
+  labelBegin(timeNs, x) {
+    const ageS = nowS() - (this.points[0]?.atS ?? nowS()), isShort = ageS < SPAN_S - TICK_S;
+    this.label("begin", isShort ? text("trend_begins", {time: timeOfDay(timeNs - ageS * 1e9).slice(0, 5)}) : "", HEIGHT / 2);
+    if (isShort) this.path("absent", `M0 0H${x(ageS)}V${HEIGHT}H0Z`);
   }
 
   // A line and a local time every two minutes.

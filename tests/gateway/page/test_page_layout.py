@@ -184,6 +184,22 @@ def test_every_sentence_of_an_alarm_has_two_lines_at_most(shown_page: ShownPage)
     assert window.evaluate(TOO_LONG, [text.format(seconds=3) for text in sentences]) == []
 
 
+EDGES = """(at) => {
+  document.querySelector('#gauge .warn').style.setProperty('--at', at);
+  const spans = [...document.querySelectorAll('#gauge .mark span')], boxes = [...spans, document.getElementById('gauge')];
+  return boxes.map((box) => box.getBoundingClientRect()).map(({left, right}) => [left, right]);
+}"""
+
+
+@pytest.mark.parametrize("warning_at", ["4cqw", "65cqw"])
+def test_the_names_of_the_limits_stay_apart(shown_page: ShownPage, warning_at: str) -> None:
+    window = _show(shown_page, "OK")
+    for size in (PANEL, DESKTOP, PHONE, SMALL_PHONE):
+        _resize(window, size)
+        warning, limit, gauge = window.evaluate(EDGES, warning_at)
+        assert gauge[0] <= warning[0] < warning[1] < limit[0] < limit[1] <= gauge[1] + 1, size
+
+
 def test_the_dialog_fits_every_size(shown_page: ShownPage) -> None:
     window = _show(shown_page, "TRIP")
     window.locator("#acknowledge").click()
@@ -196,7 +212,8 @@ def test_the_dialog_fits_every_size(shown_page: ShownPage) -> None:
         assert window.evaluate("layout.cut()") == [], size
         is_phone = size in (PHONE, SMALL_PHONE)
         assert window.evaluate("(acrossOnly) => layout.outside(acrossOnly)", is_phone) == [], size
-        assert not _overlap(window, "#sign-in", "#phi"), size
+        for deciding in ("#word", "#sentence", "#phi", "#interval"):
+            assert not _overlap(window, "#sign-in", deciding), (size, deciding)
     window.keyboard.press("Escape")
     expect(window.locator("#sign-in")).to_be_hidden()
 

@@ -80,7 +80,9 @@ def test_losing_the_gateway_ends_no_tone_and_is_an_alarm_itself(
     gateway.speaking.clear()
     screen.shows("STALE", "hourglass")
     wait_for_tone(screen.page, LIMIT_HZ)
-    expect(screen.page.locator("#sentence")).to_contain_text("Stop the hoist, end the move gently. No new data")
+    expect(screen.page.locator("#sentence")).to_have_text(
+        re.compile(r"^Stop the hoist, end the move gently\. (No new data|Gateway off)")
+    )
     expect(screen.page.locator("#interval")).to_have_text(re.compile(r"^not known; was 2\.3° \d"))  # as it stood there
 
     gateway.scene.level = "normal"
@@ -173,6 +175,18 @@ def test_the_button_says_in_words_what_it_does_and_that_a_tone_was_silenced(
     screen.page.locator("#sound").click()
     screen.text("#sound-word", "silenced")
     expect(screen.page.locator("#sound use")).to_have_attribute("href", "#sound-off")
+
+
+def test_the_loudspeaker_has_waves_only_while_it_sounds(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser
+) -> None:
+    gateway.scene.level = "trip"
+    screen = Screen(browser, page.url)
+    turn_sound_on(screen.page)
+    shown = screen.page.locator("#sound use")
+    expect(shown).to_have_attribute("href", "#sound-sounding")
+    gateway.scene.acknowledged_by = "Ann"
+    expect(shown).to_have_attribute("href", "#sound-on")
     gateway.scene.level = "normal"
     screen.text("#sound-word", "")
 

@@ -10,6 +10,7 @@ from gateway.motion.estimate import MotionEstimate, PeakEstimate
 from gateway.units import degrees
 from tests.gateway.page.conftest import FakeGateway, PageUnderTest, ShownPage
 from tests.gateway.page.screen import CALM, Screen
+from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -205,6 +206,21 @@ def test_one_wide_interval_does_not_change_the_scale_of_the_trend(shown_page: Sh
     assert 60 <= heights[0] <= 80
 
 
+BEGIN = """([oldestS]) => import('/trend.js').then(({Trend}) => {
+  const labels = document.createElement('div');
+  const trend = new Trend(document.createElementNS('http://www.w3.org/2000/svg', 'svg'), labels, document.createElement('div'));
+  trend.add([[0, oldestS, 2, 1, 3, true], [1, 0, 2, 1, 3, true]]);
+  trend.draw({warn_deg: 4, trip_deg: 6}, Date.UTC(2026, 0, 1, 12, 30) * 1e6, []);
+  return labels.querySelector('.begin').textContent;
+})"""
+
+
+def test_a_curve_shorter_than_its_ten_minutes_says_since_when_it_is_there(shown_page: ShownPage) -> None:
+    window = shown_page.screen.page
+    assert re.fullmatch(r"curve since \d\d:27", window.evaluate(BEGIN, [150.0]))
+    assert window.evaluate(BEGIN, [590.0]) == ""
+
+
 BAND = "document.querySelector('#gauge .band').style.width"
 
 
@@ -273,4 +289,4 @@ def test_the_list_has_the_largest_angle_of_an_alarm(shown_page: ShownPage) -> No
     beside = "() => getComputedStyle(document.getElementById('word'), '::after').content"
     assert "2.3°" in screen.page.evaluate(beside)  # the number that decides is in sight on every screen
     screen.page.evaluate("location.hash = ''")
-    screen.page.wait_for_function(f"({beside})() === 'none'")
+    wait_until(lambda: screen.page.evaluate(beside) == "none", "no number beside the word")
