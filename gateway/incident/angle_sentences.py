@@ -24,10 +24,9 @@ def angle_sentences(clock: ReportClock, incident: AlertIncident | None, facts: I
         yield "The angle was not known at any time of it."
     else:
         reasons = _not_known(clock, facts, facts.angle)
-        known = "known " if facts.angle.unknown_s > GRACE_S else ""
-        least = "at least " if facts.angle.missing else ""
+        known = "known " if facts.angle.missing or facts.angle.unknown_s > GRACE_S else ""
         yield (
-            f"The largest {known}angle between rope and vertical was {least}{_angle_text(facts.peak)} at "
+            f"The largest {known}angle between rope and vertical was {_angle_text(facts.peak)} at "
             f"{clock.both(facts.peak.time_s)}{': ' if reasons else ''}{'; '.join(reasons)}."
         )
     if facts.limit_deg is None or incident is None:

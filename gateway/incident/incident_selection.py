@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, takewhile
 
 from gateway.alert_periods import AlertPeriods, AlertState, AlertStep
 from gateway.errors import InputError
@@ -81,6 +81,12 @@ class AlertIncident:
     def cleared_ns(self) -> int | None:
         """Gateway time of its end; None where the recordings have none: they end, or the gateway was stopped."""
         return next((change.time_ns for change in reversed(self.changes) if change.event == "cleared"), None)
+
+    @property
+    def unknown_ns(self) -> int | None:
+        """Gateway time from which on its level was not known, to the last message of it; None: it was known, or it ended."""
+        unknown = list(takewhile(lambda change: change.level == "unknown", reversed(self.changes)))
+        return unknown[-1].time_ns if unknown else None
 
     @property
     def acknowledgements(self) -> tuple[IncidentChange, ...]:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from gateway.documents.format import (
+    as_sentence,
     format_fixed,
     format_limit,
     format_percent,
@@ -242,11 +243,14 @@ def _when_it_ended(
     if incident is None or facts.raised_s is None:
         return
     if facts.cleared_s is None:
-        stood, after = clock.both(min(course.time_s(incident.last_ns), course.end_s)), _after(course, facts.end_s)
+        until, after = clock.both(min(course.time_s(incident.last_ns), course.end_s)), _after(course, facts.end_s)
+        stood = f"it stood at {until}"
+        if incident.unknown_ns is not None:
+            stood = f"its level was not known from {clock.both(course.time_s(incident.unknown_ns))} to {until}"
         if after:
-            yield f"The recordings state no end of it: it stood at {stood}, after which {after}."
+            yield f"The recordings state no end of it: {stood}, after which {after}."
         else:
-            yield f"It stood at {stood}, where this report ends; the recordings go on."
+            yield as_sentence(f"{stood}, where this report ends; the recordings go on")
         if course.end_cause:
             yield f"The last recording ends at {clock.both(course.end_s)}. {course.end_cause}."
     else:
@@ -279,9 +283,12 @@ def _after(course: Course, end_s: float) -> str:
 
 def where_it_stood(course: Course, incident: AlertIncident) -> str:
     """Return at what an alert without an end stood last; empty where it goes on behind the course."""
+    is_unknown = incident.unknown_ns is not None
     if course.end_s - course.time_s(incident.last_ns) > MAX_ALERT_SILENCE_S:
-        return f"stood when it was last stated, after which {_after(course, course.time_s(incident.last_ns))}"
-    return "stands where the recordings end" if course.end_cause else ""
+        stood = "had no known level" if is_unknown else "stood"
+        return f"{stood} when it was last stated, after which {_after(course, course.time_s(incident.last_ns))}"
+    stands = "has no end, and no known level," if is_unknown else "stands"
+    return f"{stands} where the recordings end" if course.end_cause else ""
 
 
 def _who_acknowledged(clock: ReportClock, incident: AlertIncident, facts: IncidentFacts) -> Iterator[str]:

@@ -64,7 +64,7 @@ export class Trend {
   // Say since when there is a curve, after a start: what was before is in the recording.
   labelBegin(timeNs, x) {
     const ageS = nowS() - (this.points[0]?.atS ?? nowS()), isShort = ageS < SPAN_S - TICK_S;
-    this.label("begin", isShort ? text("trend_begins", {time: timeOfDay(timeNs - ageS * 1e9).slice(0, 5)}) : "", HEIGHT / 2);
+    this.label("begin", isShort ? text("trend_begins", {time: timeOfDay(timeNs - ageS * 1e9).slice(0, 5)}) : "", 0.8 * HEIGHT);
     if (isShort) this.path("absent", `M0 0H${x(ageS)}V${HEIGHT}H0Z`);
   }
 

@@ -142,7 +142,7 @@ class _InfoText:
     def _alert(self, alert: RecordedAlert) -> str:
         begin = "before" if alert.is_raised_before else "      "
         if alert.to_utc_ns is None:
-            end = "still raised at the end"
+            end = "not known at the end" if alert.ended == "unknown" else "still raised at the end"
         else:
             seconds = (alert.to_utc_ns - alert.from_utc_ns) / 1e9
             end = f"{alert.ended} after {seconds:.1f} s"

@@ -267,13 +267,14 @@ def _recorded(period: AlertPeriod[AlertState]) -> RecordedAlert | None:
     upper_deg, limit_deg = period.largest_upper_deg, highest.limit_deg
     is_seen = period.ended == "cleared" and not is_before
     is_below = is_seen and upper_deg is not None and limit_deg is not None and upper_deg < limit_deg
+    is_unknown = period.present is not None and period.present.level == "unknown"
     return RecordedAlert(
         rule=period.rule,
         level=highest.level,
         from_utc_ns=since_utc_ns if is_before else first.time_ns,
         to_utc_ns=period.end_ns,
         is_raised_before=is_before,
-        ended=period.ended or "standing",
+        ended=period.ended or ("unknown" if is_unknown else "standing"),
         largest_deg=period.largest_deg,
         largest_upper_deg=period.largest_upper_deg,
         limit_deg=limit_deg,

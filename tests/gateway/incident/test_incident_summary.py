@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from gateway.incident.cause import MotionAroundPeak
-from gateway.incident.course import Course
+from gateway.incident.course import CUT_OFF, Course
 from gateway.incident.facts import incident_facts
 from gateway.incident.incident_selection import AlertIncident, find_incidents
-from gateway.incident.incident_summary import summary_sentences, suspension_texts
+from gateway.incident.incident_summary import summary_sentences, suspension_texts, where_it_stood
 from gateway.incident.timeline_figure import ReportClock
 from gateway.messages import Alert, Motion, MotionState
 from gateway.motion.history import MotionHistory
@@ -87,7 +87,7 @@ def test_the_end_of_an_alert_is_not_known_where_the_recordings_end_before_it() -
     course = built(*motions, *stated).course(ORIGIN_NS, ORIGIN_NS + 4_400_000_000)
     facts = incident_facts(course, found)
     (told,) = (each for each in summary_sentences(course, found, facts) if each.startswith("The largest"))
-    assert "was at least 5.00°" in told
+    assert "The largest known angle between rope and vertical was 5.00°" in told
     assert told.endswith(": what came after 00:00:04.4 is not known.")
     assert facts.angle.missing == ("end",)
 
@@ -199,12 +199,31 @@ def test_the_largest_angle_is_taken_up_to_the_last_message_of_a_run_that_was_cut
         builder.add_run(ORIGIN_NS + round(time_s * 1e9), boot, "[recorder]\nfsync_s = 2.5\n")
     course = builder.course(ORIGIN_NS, ORIGIN_NS + 12 * 10**9)
     text = " ".join(summary_sentences(course, found, incident_facts(course, found)))
-    assert "was at least 5.60° (5.40° to 5.80° at 95 %)" in text
+    assert "The largest known angle between rope and vertical was 5.60° (5.40° to 5.80° at 95 %)" in text
     assert "what came after 00:00:04.8 is not known" in text
     assert "it stood at 2026-01-01 00:00:04.0 UTC, after which the gateway stopped without notice" in text
     assert (
         "(recorded up to 2026-01-01 00:00:04.8 UTC; it may have run up to 2.5 s longer, or more where somebody has cut its file)"
         in text
+    )
+
+
+def test_an_alarm_that_is_suspended_is_not_said_to_stand() -> None:
+    unknown = active("swing", "unknown", "b-1")
+    stated = [
+        *ONE_TRIP[:2],
+        (3.0, alert("changed", "swing", unknown, incident="b-1")),
+        (9.0, alert("standing", None, unknown)),
+    ]
+    (found,) = find_incidents((ORIGIN_NS + round(time_s * 1e9), each) for time_s, each in stated)
+    builder = built(*((0.1 * number, motion(7.0 if number < 30 else None)) for number in range(100)), *stated)
+    course = builder.course(ORIGIN_NS, ORIGIN_NS + 10 * 10**9)
+    text = " ".join(summary_sentences(course, found, incident_facts(course, found)))
+    known_until = "its level was not known from 2026-01-01 00:00:03.0 UTC to 2026-01-01 00:00:09.0 UTC"
+    assert f"The recordings state no end of it: {known_until}, after which they end." in text
+    assert "stood at" not in text
+    assert where_it_stood(replace(course, end_cause=CUT_OFF), found) == (
+        "has no end, and no known level, where the recordings end"
     )
 
 

@@ -63,7 +63,7 @@ def test_what_was_before_the_recordings_is_not_stated_of_what_is_left(
     assert content["utc"]["limit_reached"] is None
     assert f"what was before: {BY_QUOTA}." in report.sentences[1]
     assert "had stood so since 2026-01-01 00:00:" in text
-    assert "was at least" in text
+    assert "The largest known angle" in text
     assert f"By the alert itself it was {largest_deg:.2f}°, at most {largest_upper_deg:.2f}°" in text
     (answer,) = (each for each in report.sentences if each.startswith("It may have reached the limit of 5.0°: "))
     assert answer.endswith("; a part of the incident is not in the recordings.")

@@ -85,6 +85,13 @@ def test_trip_that_begins_in_one_segment_and_ends_in_another_is_one() -> None:
     assert (end.from_utc_ns, end.is_raised_before) == (utc(50), True)
 
 
+def test_an_alert_whose_level_is_not_known_at_the_end_is_not_said_to_stand() -> None:
+    raised = state(10, "raised", "swing", active("swing", "trip", 10, 7.5, "boot-1"))
+    unknown = state(20, "changed", "swing", active("swing", "unknown", 10, None, "boot-1"))
+    (alert,) = join_alerts([("boot", summary(raised, unknown))])
+    assert (alert.level, alert.to_utc_ns, alert.ended) == ("trip", None, "unknown")
+
+
 @pytest.mark.parametrize(("upper_deg", "is_corrected"), [(5.9, True), (6.1, False)])
 def test_an_alert_that_clears_before_its_bound_is_checked_was_a_bound_all_the_same(
     upper_deg: float, is_corrected: bool
