@@ -73,14 +73,11 @@ class MotionHistory:
     def between(self, from_s: float, to_s: float) -> Self:
         """Return the bins from a time to a later one, both included."""
         begin, end = np.searchsorted(self.time_s, [from_s, np.nextafter(to_s, np.inf)]).tolist()
-        return self._select(begin, end)
-
-    def _select(self, begin: int, end: int) -> Self:
         return type(self)(**{field.name: getattr(self, field.name)[begin:end] for field in fields(self)})
 
-    def largest_angle(self) -> LargestAngle | None:
-        """Return the largest angle; its interval also reaches to any other time's upper end."""
-        known = np.flatnonzero(np.isfinite(self.angle_rad))
+    def largest_angle(self, begin: int = 0, end: int | None = None) -> LargestAngle | None:
+        """Return the largest angle of some bins; its interval also reaches to any other time's upper end."""
+        known = begin + np.flatnonzero(np.isfinite(self.angle_rad[begin:end]))
         if len(known) == 0:
             return None
         angle_rad, u_rad = self.angle_rad[known], self.u_rad[known]
@@ -117,7 +114,7 @@ class MotionHistory:
                 state=state,
                 from_s=float(self.time_s[begin]),
                 to_s=float(self.time_s[end - 1] + (step_s[end - 1] if step_s[end - 1] <= LONGEST_GAP_S else 0.0)),
-                largest=self._select(begin, end).largest_angle(),
+                largest=self.largest_angle(begin, end),
             )
             for (begin, state), end in zip(begins.items(), ends, strict=True)
         )

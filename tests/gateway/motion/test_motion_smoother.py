@@ -111,6 +111,15 @@ def test_rope_phases_and_largest_angle_of_a_working_crane(
         assert largest.time_s == pytest.approx(working.time_s[working.angle_rad.argmax()], abs=0.3)
 
 
+def test_the_largest_angle_of_a_recording_is_that_of_one_of_its_phases(histories: tuple[MotionHistory, ...]) -> None:
+    """Also where a phase begins with it."""
+    for history in histories:
+        top, count = int(np.nanargmax(history.angle_rad)), len(history.state)
+        begins = replace(history, state=("driven",) * top + ("free",) * (count - top))
+        driven, free = begins.phases()
+        assert begins.largest_angle() == free.largest != driven.largest
+
+
 @pytest.mark.slow
 def test_live_and_smoothed_angles_agree_within_their_intervals(
     working: Recording, history_of_working: MotionHistory
