@@ -8,9 +8,9 @@ from gateway.alert_periods import AlertPeriods, AlertState, AlertStep
 from gateway.errors import InputError
 from gateway.messages import LEVEL_RANK, Alert, Level
 from gateway.recording.chain.statements import describe_removed
-from gateway.recording.format.content import CUT
+from gateway.recording.format.content import CUT, segment_number
 from gateway.recording.format.salvage import describe_losses, may_hide_messages
-from gateway.recording.reading.interval import RecordingInterval, RecordingTime
+from gateway.recording.reading.interval import RecordingInterval, RecordingTime, iso_utc
 from gateway.recording.reading.recording_file import Selection, open_recording
 from gateway.recording.reading.timeline import ReportProgress, Timeline, TimelineSpan, ignore_progress
 
@@ -281,21 +281,40 @@ def _worst(incidents: Sequence[AlertIncident]) -> AlertIncident | None:
 def _read_alerts(timeline: Timeline, report: ReportProgress, hidden: list[str]) -> Iterator[tuple[int, Alert]]:
     """Yield the messages of alerts; segments in which none stood and nothing changed, by their summaries, are left out.
 
-    `hidden` takes a line for each file of which messages cannot be read.
+    `hidden` takes a line for each file of which messages cannot be read, or before whose messages changes of alerts are missing
+    that no hole in the segments explains.
     """
     done, total = 0, max(timeline.size_bytes, 1)
+    newest, segment_before, offset_ns = 0, 0, timeline.span().wall_offset_ns
     for segment in timeline.segments:
-        summary = segment.summary
+        summary, number = segment.summary, segment_number(segment.origin)
+        newest, segment_before = newest if number == segment_before + 1 else 0, number
         if summary is None or any(map(_is_eventful, summary.alerts)):
             file = open_recording(segment.path)
             for recorded in file.messages(Selection(topics=ALERTS)):
                 content = file.decode(recorded)
                 if isinstance(content, Alert):
+                    if missing := _missing_changes(newest, content):
+                        hidden.append(
+                            f"{segment.path.name}: {missing} before {iso_utc(recorded.log_time_ns + offset_ns)}"
+                        )
+                    newest = content.alert_number or 0
                     yield recorded.log_time_ns, content
             if may_hide_messages(file.losses):
                 hidden.append(f"{segment.path.name}: {', '.join(describe_losses(file.losses))}")
         done += segment.size_bytes
         report(done / total)
+
+
+def _missing_changes(newest: int, alert: Alert) -> str:
+    """Return which numbered changes are missing between the newest one, 0: not known, and a message; empty: none."""
+    before = (alert.alert_number or 0) - (alert.rule is not None)
+    if newest == 0 or before <= newest or alert.clock == "replayed":
+        return ""
+    which = (
+        f"change {before} of alerts is" if before == newest + 1 else f"changes {newest + 1} to {before} of alerts are"
+    )
+    return f"{which} missing"
 
 
 def _is_eventful(state: AlertState) -> bool:

@@ -1,9 +1,16 @@
 """The incidents in messages of alerts: they have ids or none, and may be raised before the recordings begin."""
 
 from dataclasses import replace
+from pathlib import Path
 
-from gateway.incident.incident_selection import STANDING, find_incidents
-from tests.gateway.incident.stated import active, alert
+import pytest
+
+from gateway.incident.incident_selection import STANDING, find_incidents, read_incidents
+from gateway.pipeline.outgoing_message import encode_message
+from gateway.recording.reading.timeline import open_timeline
+from gateway.recording.segments.recorder import Recorder
+from tests.gateway.incident.stated import ORIGIN_NS, active, alert
+from tests.gateway.recording.conftest import HEADER, AlertEvent, make_alert, make_samples
 
 
 def test_changes_are_joined_by_their_id_and_numbered_in_order_of_time() -> None:
@@ -95,3 +102,22 @@ def test_an_acknowledgement_after_the_end_changes_neither_the_end_nor_the_level(
     )
     assert (found.cleared_ns, found.last_ns, found.level) == (40, 40, "warn")
     assert [(each.time_ns, each.acknowledged_by) for each in found.acknowledgements] == [(9000, "ann")]
+
+
+@pytest.mark.parametrize(
+    ("last", "said"),
+    [(4, []), (5, ["change 5 of alerts is missing"]), (6, ["changes 5 to 6 of alerts are missing"])],
+)
+def test_changes_of_alerts_that_are_missing_in_a_recording_are_told(tmp_path: Path, last: int, said: list[str]) -> None:
+    """The first heartbeat after them has the number of the last change."""
+    recorder = Recorder(tmp_path, HEADER, segment_s=600.0, fsync_s=1.0, quota_mb=100.0)
+    recorder.start(ORIGIN_NS)
+    recorder.write(encode_message("samples", make_samples(), ORIGIN_NS))
+    told: list[tuple[AlertEvent, str | None, int]] = [("raised", "swing", 4), ("standing", None, last)]
+    for second, (event, rule, number) in enumerate([*told, told[-1]]):
+        stated = replace(make_alert(event), alert_number=number, rule=rule)
+        recorder.write(encode_message("alert", stated, ORIGIN_NS + second * 10**9))
+    recorder.close()
+    hidden: list[str] = []
+    read_incidents(open_timeline([tmp_path]), hidden=hidden)
+    assert [each.partition(": ")[2].partition(" before ")[0] for each in hidden] == said
