@@ -285,10 +285,11 @@ def _read_alerts(timeline: Timeline, report: ReportProgress, hidden: list[str]) 
     that no hole in the segments explains.
     """
     done, total = 0, max(timeline.size_bytes, 1)
-    newest, segment_before, offset_ns = 0, 0, timeline.span().wall_offset_ns
+    newest: int | None = None
+    segment_before, offset_ns = 0, timeline.span().wall_offset_ns
     for segment in timeline.segments:
         summary, number = segment.summary, segment_number(segment.origin)
-        newest, segment_before = newest if number == segment_before + 1 else 0, number
+        newest, segment_before = newest if number == segment_before + 1 else None, number
         if summary is None or any(map(_is_eventful, summary.alerts)):
             file = open_recording(segment.path)
             for recorded in file.messages(Selection(topics=ALERTS)):
@@ -298,7 +299,7 @@ def _read_alerts(timeline: Timeline, report: ReportProgress, hidden: list[str]) 
                         hidden.append(
                             f"{segment.path.name}: {missing} before {iso_utc(recorded.log_time_ns + offset_ns)}"
                         )
-                    newest = content.alert_number or 0
+                    newest = content.alert_number
                     yield recorded.log_time_ns, content
             if may_hide_messages(file.losses):
                 hidden.append(f"{segment.path.name}: {', '.join(describe_losses(file.losses))}")
@@ -306,10 +307,10 @@ def _read_alerts(timeline: Timeline, report: ReportProgress, hidden: list[str]) 
         report(done / total)
 
 
-def _missing_changes(newest: int, alert: Alert) -> str:
-    """Return which numbered changes are missing between the newest one, 0: not known, and a message; empty: none."""
+def _missing_changes(newest: int | None, alert: Alert) -> str:
+    """Return which numbered changes are missing between the newest one, None: not known, and a message; empty: none."""
     before = (alert.alert_number or 0) - (alert.rule is not None)
-    if newest == 0 or before <= newest or alert.clock == "replayed":
+    if newest is None or before <= newest or alert.clock == "replayed":
         return ""
     which = (
         f"change {before} of alerts is" if before == newest + 1 else f"changes {newest + 1} to {before} of alerts are"

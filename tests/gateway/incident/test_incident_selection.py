@@ -9,8 +9,9 @@ from gateway.incident.incident_selection import STANDING, find_incidents, read_i
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.reading.timeline import open_timeline
 from gateway.recording.segments.recorder import Recorder
+from tests.gateway.conftest import make_samples
 from tests.gateway.incident.stated import ORIGIN_NS, active, alert
-from tests.gateway.recording.conftest import HEADER, AlertEvent, make_alert, make_samples
+from tests.gateway.recording.conftest import HEADER, AlertEvent, make_alert
 
 
 def test_changes_are_joined_by_their_id_and_numbered_in_order_of_time() -> None:
@@ -106,14 +107,18 @@ def test_an_acknowledgement_after_the_end_changes_neither_the_end_nor_the_level(
 
 @pytest.mark.parametrize(
     ("last", "said"),
-    [(4, []), (5, ["change 5 of alerts is missing"]), (6, ["changes 5 to 6 of alerts are missing"])],
+    [(1, []), (2, ["change 2 of alerts is missing"]), (3, ["changes 2 to 3 of alerts are missing"])],
 )
 def test_changes_of_alerts_that_are_missing_in_a_recording_are_told(tmp_path: Path, last: int, said: list[str]) -> None:
     """The first heartbeat after them has the number of the last change."""
     recorder = Recorder(tmp_path, HEADER, segment_s=600.0, fsync_s=1.0, quota_mb=100.0)
     recorder.start(ORIGIN_NS)
     recorder.write(encode_message("samples", make_samples(), ORIGIN_NS))
-    told: list[tuple[AlertEvent, str | None, int]] = [("raised", "swing", 4), ("standing", None, last)]
+    told: list[tuple[AlertEvent, str | None, int]] = [
+        ("standing", None, 0),
+        ("raised", "swing", 1),
+        ("standing", None, last),
+    ]
     for second, (event, rule, number) in enumerate([*told, told[-1]]):
         stated = replace(make_alert(event), alert_number=number, rule=rule)
         recorder.write(encode_message("alert", stated, ORIGIN_NS + second * 10**9))
