@@ -16,8 +16,10 @@ from devices.regular_file import open_regular
 T = TypeVar("T")
 MAX_TOML_BYTES = 256_000
 """Largest configuration or rig that is read. Basis: a choice; a hundred times a long configuration, and a bound of the memory."""
-DEEP_KEY = re.compile(r"(?:[\w\"'-]+\s*\.\s*){32}")
-"""The time of the parser grows with the square of the number of parts of a key."""
+DEEP_KEY = re.compile(r"(?<![\w\"'-])(?:[\w\"'-]++\s*+\.\s*+){32}")
+"""The time of the parser grows with the square of the number of parts of a key. The search begins where a word does, and takes
+back nothing: its own time grows with the length of the text alone.
+"""
 MAX_STATE_BYTES = 16_000_000
 """Largest state file or record that is read. Basis: a hundred times the largest that the gateway writes."""
 

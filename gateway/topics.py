@@ -84,6 +84,8 @@ the tilt one message in five is recorded. Basis: its low-pass leaves nothing tha
 
 KEY_PREFIX = "plumbline/v1/"
 """Begin of every key on the bus, with the version of the keys; site, crane and sensor follow, then the topic."""
+DEMO_SITE = "demo-site"
+"""The site of a gateway that nobody has named: many have it."""
 ANY_GATEWAY = f"{KEY_PREFIX}*/*/*"
 EVERY_KEY = f"{KEY_PREFIX}**"
 ALIVE = "alive"

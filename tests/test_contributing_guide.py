@@ -72,7 +72,7 @@ def _sway_reading(evaluation: Evaluation) -> Reading | None:
     return Reading.of(motion.angle_rad, motion.u_rad)
 
 
-def _sway_limits(section: AlertsSection) -> Limits:
+def _sway_limits(section: "AlertsSection") -> Limits:
     trip_rad = math.radians(section.sway_trip_deg)
     return Limits(trip_rad=trip_rad, clear_rad=trip_rad / 2, hold_s=section.hold_s)
 

@@ -16,12 +16,12 @@ import msgspec
 
 from gateway.atomic_io import write_private
 from gateway.authorization.credential import VOUCHER_FIELD
-from gateway.configuration.model import GatewaySection
 from gateway.configuration.user_state import user_state_folder
 from gateway.errors import InputError
 from gateway.file_input import decode_json, parse_json, read_bounded, reason_of
 from gateway.messages import NewestStatement
 from gateway.pki.signing_key import fingerprint
+from gateway.topics import DEMO_SITE
 
 FOLDER = "gateways"
 LONGEST_CHALLENGE = 16_384
@@ -77,7 +77,7 @@ def remember_statement(heard: NewestStatement, environment: Mapping[str, str] = 
 
 def can_pin(gateway: str, environment: Mapping[str, str] = os.environ) -> bool:
     """Return whether a name is that of one gateway, and there is a place to pin its key."""
-    unnamed = f"/{GatewaySection.model_fields['site'].default}/" in gateway  # many gateways have this name
+    unnamed = f"/{DEMO_SITE}/" in gateway
     return not unnamed and _path(gateway, environment) is not None
 
 

@@ -12,7 +12,7 @@ from gateway.configuration.device_sections import AnyDevice, SimulatedDevice
 from gateway.configuration.relay_section import AnyRelay, NoRelay
 from gateway.configuration.section import KEY_PATTERN, Address, Section, host_and_port, one_of
 from gateway.languages import LANGUAGES
-from gateway.topics import KEY_PREFIX
+from gateway.topics import DEMO_SITE, KEY_PREFIX
 
 MAX_CUTOFF_SHARE = 0.4
 """Largest cut-off frequency of the low-pass, relative to the sample rate. Basis: a choice; below half the sample rate (Nyquist),
@@ -34,7 +34,7 @@ WebAddress = Annotated[str, Field(max_length=200), AfterValidator(_check_web_add
 class GatewaySection(Section):
     """The identity of the gateway: the key of its messages and the folder of its data."""
 
-    site: str = Field("demo-site", pattern=KEY_PATTERN, description="first part of the bus key")
+    site: str = Field(DEMO_SITE, pattern=KEY_PATTERN, description="first part of the bus key")
     crane: str = Field("crane-1", pattern=KEY_PATTERN, description="second part of the bus key")
     sensor: str = Field("hook-1", pattern=KEY_PATTERN, description="third part of the bus key")
     data_dir: Path = Field(Path("plumbline-data"), description="folder of recordings and calibration records")

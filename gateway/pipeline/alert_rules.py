@@ -7,11 +7,14 @@ and says what has happened by its text `<name>_alarm`.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from gateway.configuration.model import AlertsSection
 from gateway.messages import CALIBRATION_RULE
 from gateway.motion.estimate import MotionEstimate
 from gateway.stages.alerts import Limits, Reading, larger_reading
+
+if TYPE_CHECKING:  # the page has the rules' names, and no configuration
+    from gateway.configuration.model import AlertsSection
 
 LEAN_CLEAR_SHARE = 0.8
 """The lean alert clears below this share of its limit. Basis: a choice; a lean at its limit does not clear by noise, and one that
@@ -33,7 +36,7 @@ class AlertRule:
     """One row."""
 
     name: str
-    limits: Callable[[AlertsSection], Limits]
+    limits: "Callable[[AlertsSection], Limits]"
     reading: Callable[[Evaluation], Reading | None]
     """The angle as it is compared; None where it is not known."""
 
@@ -59,7 +62,7 @@ def lean_reading(evaluation: Evaluation) -> Reading | None:
     return Reading.of(motion.lean_rad, motion.lean_u_rad)
 
 
-def _swing_limits(section: AlertsSection) -> Limits:
+def _swing_limits(section: "AlertsSection") -> Limits:
     return Limits(
         trip_rad=math.radians(section.trip_deg),
         clear_rad=math.radians(section.clear_deg),
@@ -68,7 +71,7 @@ def _swing_limits(section: AlertsSection) -> Limits:
     )
 
 
-def _lean_limits(section: AlertsSection) -> Limits:
+def _lean_limits(section: "AlertsSection") -> Limits:
     trip_rad = math.radians(section.lean_trip_deg)
     return Limits(trip_rad=trip_rad, clear_rad=LEAN_CLEAR_SHARE * trip_rad, hold_s=section.hold_s)
 

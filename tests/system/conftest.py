@@ -20,6 +20,7 @@ import zenoh
 from gateway.cli.main import main
 from gateway.errors import BAD_INPUT
 from tests.ports import unused_port
+from tests.system.forked_program import ForkedProgram
 from tests.waiting import PATIENCE_S
 
 ROOT = Path(__file__).parents[2]
@@ -63,19 +64,19 @@ class RunningGateway:
             "PLUMBLINE_PAGE__ENABLED": json.dumps(page),
         }
         self.started_s = time.monotonic()
-        self.process = subprocess.Popen(
-            [*prefix, sys.executable, "-m", *program, "run", "--config", str(config), *arguments],
-            cwd=ROOT,
-            env={**os.environ, **settings, **(environment or {})},
-            stdout=stdout,
-            stderr=stderr,
-            text=True,
-        )
+        words = [*program, "run", "--config", str(config), *arguments]
+        env = {**os.environ, **settings, **(environment or {})}
+        self.process: ForkedProgram | subprocess.Popen[str]
+        if prefix:
+            command = [*prefix, sys.executable, "-m", *words]
+            self.process = subprocess.Popen(command, cwd=ROOT, env=env, stdout=stdout, stderr=stderr, text=True)
+        else:
+            self.process = ForkedProgram(words, ROOT, env, stdout, stderr)
 
     def wait(self, timeout_s: float = PATIENCE_S) -> tuple[int, str, str]:
         """(exit code, standard output, standard error)."""
         out, err = self.process.communicate(timeout=timeout_s)
-        return self.process.returncode, out, err
+        return self.process.wait(), out, err
 
     def stop(self, name: signal.Signals = signal.SIGTERM) -> tuple[int, str]:
         """Signal it, and it ends in time; (exit code, standard error)."""

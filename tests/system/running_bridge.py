@@ -12,6 +12,7 @@ from typing import Protocol
 
 from tests.system.bus_query import KEY
 from tests.system.conftest import ROOT
+from tests.system.forked_program import ForkedProgram
 from tests.waiting import PATIENCE_S
 
 NUMBERS = itertools.count()
@@ -36,24 +37,23 @@ class PlantClient(Protocol):
 
 
 class RunningBridge:
-    """`plumbline bridge`."""
+    """`plumbline bridge`; a program of its own, as a service has it, where it is given an environment."""
 
     def __init__(
         self, protocol: str, endpoint: str, settings: Path, key: str = KEY, environment: Mapping[str, str] | None = None
     ) -> None:
         self._log = settings.with_name(f"bridge-{next(NUMBERS)}.log")
+        words = ["gateway", "bridge", protocol, "--settings", str(settings), "--gateway", key, "--connect", endpoint]
+        self.process: ForkedProgram | subprocess.Popen[str]
         with self._log.open("w") as log:
-            self.process = subprocess.Popen(
-                [
-                    *(sys.executable, "-m", "gateway", "bridge", protocol),
-                    *("--settings", str(settings), "--gateway", key, "--connect", endpoint),
-                ],
-                cwd=ROOT,
-                env={**os.environ, "PYTHONUNBUFFERED": "1", **ALLOCATOR, **(environment or {})},
-                stdout=subprocess.PIPE,
-                stderr=log,
-                text=True,
-            )
+            if environment is None:
+                self.process = ForkedProgram(words, ROOT, os.environ, subprocess.PIPE, log.fileno())
+            else:
+                command = [sys.executable, "-m", *words]
+                env = {**os.environ, "PYTHONUNBUFFERED": "1", **ALLOCATOR, **environment}
+                self.process = subprocess.Popen(
+                    command, cwd=ROOT, env=env, stdout=subprocess.PIPE, stderr=log, text=True
+                )
         assert self.process.stdout is not None
         self.said = self.process.stdout.readline()
         if not self.said:
@@ -73,7 +73,7 @@ class RunningBridge:
         """(exit code, standard error)."""
         self.process.send_signal(signal.SIGTERM)
         self.process.communicate(timeout=PATIENCE_S)
-        return self.process.returncode, self._said()
+        return self.process.wait(), self._said()
 
     def end(self) -> None:
         """Kill it, whatever it does."""

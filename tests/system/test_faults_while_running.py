@@ -167,7 +167,8 @@ def test_a_signal_at_any_time_of_the_start_ends_it(start_gateway: StartGateway, 
     port = unused_port()
     environment = {"PLUMBLINE_BUS__MODE": "client", "PLUMBLINE_BUS__CONNECT": f'["tcp/127.0.0.1:{port}"]'}
     with socket.create_server(("127.0.0.1", port)):  # accepts, and never answers
-        gateway = start_gateway(page=True, environment={**environment, "PLUMBLINE_BUS__LISTEN": "[]"})
+        environment["PLUMBLINE_BUS__LISTEN"] = "[]"
+        gateway = start_gateway(page=True, environment=environment, prefix=("env",))  # no fork of what has started
         time.sleep(after_s)
         code, _ = gateway.stop()
     assert code in (0, 3, -signal.SIGTERM)  # the last: before Python could take the signal

@@ -22,6 +22,7 @@ sample_rate_hz = 25
 noise_g = 0.0008
 full_scale_g = 2.0
 """
+LOG_S = 45
 OUTPUTS = {"--json": "out.json", "--report": "out.html", "--prediction": "out.csv", "--write-model": "out.toml"}
 
 
@@ -32,13 +33,14 @@ def rig(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.fixture
-def log(rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A gateway's recording of a swing that dies away."""
-    path = tmp_path / "log.mcap"
+    folder = tmp_path_factory.mktemp("log")
+    (folder / "rig.toml").write_text(RIG)
+    path = folder / "log.mcap"
     effect = ["--effect", "viscous_damping:damping_ratio=0.01"]
-    assert main(["simulate", str(rig), "--out", str(path), *effect, "--duration", "45"]) == 0
-    capsys.readouterr()
+    assert main(["simulate", str(folder / "rig.toml"), "--out", str(path), *effect, "--duration", f"{LOG_S}"]) == 0
     return path
 
 
@@ -60,7 +62,7 @@ def test_recording_of_the_gateway_needs_no_other_file_and_gives_the_same_answer_
     assert [effect["name"] for effect in answers[0]["effects"]] == ["viscous_damping"]
     for file in ("out.csv", "out.toml"):
         assert (tmp_path / "first" / file).read_bytes() == (tmp_path / "second" / file).read_bytes()
-    assert len((tmp_path / "first" / "out.csv").read_text().splitlines()) == 45 * 25 + 1
+    assert len((tmp_path / "first" / "out.csv").read_text().splitlines()) == LOG_S * 25 + 1
     assert "viscous_damping" in capsys.readouterr().out
 
     with_it = ["reconcile", str(log), "--rig", str(tmp_path / "first" / "out.toml")]

@@ -57,7 +57,7 @@ def test_zero_in_place_while_the_load_hangs_still(
     )
     peer = join_bus(gateway.endpoint)
     peer.wait_for("tilt", lambda tilt: tilt["axial_deg"] == pytest.approx(1.5, abs=0.1))
-    zero = ("remote", "zero", "--by", "ann", "--connect", gateway.endpoint)
+    zero = ("remote", "zero", "--by", "ann", "--connect", gateway.endpoint, "--credentials", gateway.data_dir)
     deadline = time.monotonic() + PATIENCE_S
     while (done := plumbline(*zero)).returncode == 1 and time.monotonic() < deadline:
         assert "static for" in done.stderr

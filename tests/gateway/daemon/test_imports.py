@@ -1,4 +1,4 @@
-"""What the gateway does not load at its start, because each costs a small board megabytes or time."""
+"""What the gateway and its page do not load at their start, because each costs a small board megabytes or time."""
 
 import subprocess
 import sys
@@ -11,8 +11,8 @@ MOST_OWN_MODULES = 190
 
 
 @cache
-def loaded_modules() -> frozenset[str]:
-    code = "import sys, gateway.daemon.gateway; print(*sys.modules)"
+def loaded_modules(start: str = "gateway.daemon.gateway") -> frozenset[str]:
+    code = f"import sys, {start}; print(*sys.modules)"
     return frozenset(
         subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     )
@@ -29,3 +29,7 @@ def test_the_gateway_starts_without_the_parts_that_are_not_configured() -> None:
 def test_the_gateway_loads_no_more_modules_of_its_own_than_before() -> None:
     own = [name for name in loaded_modules() if name.partition(".")[0] in ("gateway", "devices")]
     assert len(own) <= MOST_OWN_MODULES, f"{len(own)} modules; load later what only some configurations need"
+
+
+def test_the_page_starts_without_the_configuration_which_it_does_not_read() -> None:
+    assert "gateway.configuration.model" not in loaded_modules("gateway.page.server")

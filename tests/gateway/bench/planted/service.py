@@ -11,6 +11,7 @@ an angle that is drawn for each day.
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.signal import lfilter
 
 from tests.gateway.bench.planted.thermal import Values
 
@@ -242,14 +243,5 @@ def _flicker(random: np.random.Generator, count: int) -> Values:
         keep = np.exp(-1 / (RATE_HZ * tau_s))
         state = random.standard_normal(3)
         steps = np.sqrt(1 - keep**2) * random.standard_normal((count, 3))
-        powers = keep ** np.arange(count)
-        # x_k = keep^k x_0 + sum keep^(k - j) steps_j, by blocks that keep the powers in range
-        values = np.empty((count, 3))
-        block = max(1, min(count, int(200 * RATE_HZ * tau_s)))
-        for start in range(0, count, block):
-            part = steps[start : start + block]
-            weight = powers[: len(part), None]
-            values[start : start + block] = weight * (keep * state + np.cumsum(part / weight, axis=0))
-            state = values[start + len(part) - 1]
-        total += values
+        total += lfilter([1.0], [1.0, -keep], steps, axis=0, zi=keep * state[None])[0]
     return np.asarray(total / np.sqrt(len(times_s)))
