@@ -156,7 +156,7 @@ def run_reconcile(arguments: argparse.Namespace) -> int:
     from gateway.twin.reconcile.data.sensor import with_measured_noise
     from gateway.twin.reconcile.output.serialisation import to_json, to_text
     from gateway.twin.reconcile.reconcile import reconcile
-    from gateway.twin.reconcile.search.budget import usable_processes
+    from gateway.twin.reconcile.search.context import usable_processes
 
     begin_s = time.monotonic()
     _check_files(arguments)

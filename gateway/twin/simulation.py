@@ -12,9 +12,15 @@ from gateway.errors import InputError
 from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.effects.evaluation_context import Rigging
 from gateway.twin.model import EffectValues, Model, TwinRig
-from gateway.twin.simulator.parameter_vector import initial_state_specs
 from gateway.twin.simulator.simulator import Simulator
-from gateway.twin.simulator.state import RIGGING_RATES, RIGGING_TILTS, ROPE_RATES, ROPE_TILTS, STRETCH
+from gateway.twin.simulator.state import (
+    RIGGING_RATES,
+    RIGGING_TILTS,
+    ROPE_RATES,
+    ROPE_TILTS,
+    STRETCH,
+    initial_state_specs,
+)
 
 Array = NDArray[np.float64]
 DEFAULT_AMPLITUDE_RAD = math.radians(5.0)

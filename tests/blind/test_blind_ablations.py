@@ -16,9 +16,8 @@ from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.data.observations import make_observations
 from gateway.twin.reconcile.decision.evidence import rivals_of
 from gateway.twin.reconcile.search import search
-from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateTable
-from gateway.twin.reconcile.search.context import make_context
+from gateway.twin.reconcile.search.context import Budget, make_context
 from tests.blind import ablation_table, ablations
 from tests.blind.ablation_table import Worth, markdown, worth_of
 from tests.blind.ablations import PARTS

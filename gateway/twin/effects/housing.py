@@ -5,9 +5,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from devices.pendulum.equations import Scalar, Vector
-from gateway.twin.effects.effect import Effect
+from gateway.twin.effects.effect import LOCK_SLEWING, MEASURE_CLAMP, MEASURE_HOUSING, MEASURE_LEVER_ARM, Effect
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext, RopeGeometry
-from gateway.twin.effects.experiments import LOCK_SLEWING, MEASURE_CLAMP, MEASURE_HOUSING, MEASURE_LEVER_ARM
 from gateway.twin.effects.guess_context import GuessContext, guess_yaw_rate
 from gateway.twin.effects.parameter import ParameterKind, Symbols, Values, amplitude, shape
 from gateway.twin.effects.sensor import rotate_across

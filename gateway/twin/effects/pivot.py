@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from devices.pendulum.equations import Vector, add, cross, dot, scale
 from devices.pendulum.small_swing import small_swing_rate_1_s
 from gateway.numerics.spectrum import find_strongest_line, fit_sine_phasors
-from gateway.twin.effects.effect import Effect, ModelStructure
+from gateway.twin.effects.effect import SWING_BOTH_WAYS, SWING_TO_REST, Effect, ModelStructure
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext
-from gateway.twin.effects.experiments import SWING_BOTH_WAYS, SWING_TO_REST
 from gateway.twin.effects.guess_context import GuessContext
 from gateway.twin.effects.parameter import Symbols, Values, amplitude, shape
 

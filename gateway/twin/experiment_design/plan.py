@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.effect import Effect
-from gateway.twin.effects.experiments import LARGER_SWING, TURN_HOUSING
+from gateway.twin.effects.effect import LARGER_SWING, TURN_HOUSING, Effect
 from gateway.twin.experiment_design.experiment import CANDIDATES, FREE_SWING, Experiment
 from gateway.twin.experiment_design.signatures import (
     ExperimentSensitivities,

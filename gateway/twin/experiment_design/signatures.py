@@ -20,9 +20,8 @@ from gateway.twin.experiment_design.experiment import INPUTS, Experiment, Run
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.search.signatures import orthonormal, project_out
 from gateway.twin.simulation import DEFAULT_RATE_HZ, released_state
-from gateway.twin.simulator.parameter_vector import ParameterSpec
 from gateway.twin.simulator.simulator import Simulator
-from gateway.twin.simulator.state import HEADING, RIGGING_RATES, RIGGING_TILTS, ROPE_RATES, ROPE_TILTS
+from gateway.twin.simulator.state import HEADING, RIGGING_RATES, RIGGING_TILTS, ROPE_RATES, ROPE_TILTS, ParameterSpec
 
 Array = NDArray[np.float64]
 MAX_RATE_HZ = 10.0

@@ -15,12 +15,12 @@ from typing import Protocol
 import numpy as np
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.sensor_output import SampleLoss
-from gateway.twin.effects.term_library import registered_library
+from gateway.twin.effects.sensor import SampleLoss
+from gateway.twin.effects.terms import registered_library
 from gateway.twin.model import Model
 from gateway.twin.reconcile.data.crane_inputs import NO_INPUTS, CraneInputs, KnownModel, registered
 from gateway.twin.reconcile.data.data_checks import CheckedRecording, find_lack_of_rest
-from gateway.twin.reconcile.data.recordings import (
+from gateway.twin.reconcile.data.observations import (
     Recordings,
     find_lack_of_test,
     samples_per_mean,
@@ -28,13 +28,12 @@ from gateway.twin.reconcile.data.recordings import (
     take_means,
 )
 from gateway.twin.reconcile.decision.evidence import RankedCandidate, gather_evidence, rank_candidates, rivals_of
+from gateway.twin.reconcile.decision.identifiability import contributions, is_beyond_parts, replace_implausible
 from gateway.twin.reconcile.decision.verdict import as_best_so_far, decide
-from gateway.twin.reconcile.equation.selection import find_law
-from gateway.twin.reconcile.output.outcome import SearchOutcome
+from gateway.twin.reconcile.equation import find_law
 from gateway.twin.reconcile.output.result import AVERAGED, Reconciliation
-from gateway.twin.reconcile.output.result_builder import build_result, unusable_result
-from gateway.twin.reconcile.search.ambiguity import contributions, is_beyond_parts, replace_implausible
-from gateway.twin.reconcile.search.budget import Budget
+from gateway.twin.reconcile.output.result_builder import SearchOutcome, build_result, unusable_result
+from gateway.twin.reconcile.search.context import Budget
 from gateway.twin.reconcile.search.persistent import detect_in_samples
 from gateway.twin.reconcile.search.search import SearchRun, search
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES

@@ -12,9 +12,8 @@ from gateway.numerics.spectrum import ZERO_PADDING, periodogram
 from gateway.numerics.stats import autocorrelations, true_runs
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.least_squares import Fit
-from gateway.twin.reconcile.output.estimates import DIRECTIONS, Remainder
-from gateway.twin.reconcile.output.result import Curves, Disagreement, Peak, Residual
+from gateway.twin.reconcile.fit.multiple_shooting import Fit
+from gateway.twin.reconcile.output.result import DIRECTIONS, Curves, Disagreement, Peak, Remainder, Residual
 
 Array = NDArray[np.float64]
 MAX_LAGS = 40

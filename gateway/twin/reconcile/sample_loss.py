@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from gateway.numerics.spectrum import MIN_MACHINE_LINE_HZ, MachineLine, find_machine_line
 from gateway.twin.effects import EFFECTS, ModelStructure
-from gateway.twin.effects.sensor_output import ClockDrift
+from gateway.twin.effects.sensor import ClockDrift
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
-from gateway.twin.reconcile.fit.least_squares import Fit
+from gateway.twin.reconcile.fit.multiple_shooting import Fit
 from gateway.twin.reconcile.search.candidates import CandidateFit
 from gateway.twin.reconcile.search.validation import evaluate_on_validation
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES

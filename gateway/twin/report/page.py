@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from gateway.documents.environment import render
 from gateway.twin.reconcile.output.result import Comparison, Reconciliation
 from gateway.twin.report.gap import gap_content
-from gateway.twin.report.motion import motion_content
-from gateway.twin.report.residual import disagreement_figures, residual_figures
+from gateway.twin.report.motion import disagreement_figures, motion_content, residual_figures
 from gateway.twin.report.text import COUNTED, REFITTED, caution, final_model_name, is_same_model, model_value, rig_facts
 from gateway.twin.report.verdict import (
     assessment,

@@ -20,8 +20,15 @@ from gateway.documents.format import (
 )
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Value
-from gateway.twin.reconcile.output.estimates import Estimate, Law, NamedEffect
-from gateway.twin.reconcile.output.result import Candidate, Comparison, Equivalent, Reconciliation
+from gateway.twin.reconcile.output.result import (
+    Candidate,
+    Comparison,
+    Equivalent,
+    Estimate,
+    Law,
+    NamedEffect,
+    Reconciliation,
+)
 from gateway.twin.report.gap import part_rows
 from gateway.twin.report.text import format_noise_ratio
 

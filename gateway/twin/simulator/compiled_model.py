@@ -14,8 +14,14 @@ from numpy.typing import NDArray
 
 from devices.pendulum.small_swing import small_swing_rate_1_s
 from gateway.twin.effects.effect import Effect
-from gateway.twin.simulator.parameter_vector import initial_state_specs
-from gateway.twin.simulator.state import Expression, initial_from_state, on_constraints, state_from_initial, state_size
+from gateway.twin.simulator.state import (
+    Expression,
+    initial_from_state,
+    initial_state_specs,
+    on_constraints,
+    state_from_initial,
+    state_size,
+)
 from gateway.twin.simulator.symbolic_model import NominalRig, SymbolicModel
 from gateway.twin.simulator.vectorised_function import VectorisedFunction, VectorisedJacobian
 

@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Effect, ModelStructure
 from gateway.twin.effects.parameter import Value
-from gateway.twin.effects.sensor_output import LowpassLag
+from gateway.twin.effects.sensor import LowpassLag
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.simulator.compiled_model import compile_model
 from gateway.twin.simulator.first_order_lowpass import first_order_lowpass, initial_transient, lowpass_sensitivity
 from gateway.twin.simulator.integrate import Trajectory, integrate
-from gateway.twin.simulator.parameter_vector import ParameterSpec, effect_parameter_specs, initial_state_specs
 from gateway.twin.simulator.sensitivities import evaluate_inside, visit_sensitivities
-from gateway.twin.simulator.state import state_size
+from gateway.twin.simulator.state import ParameterSpec, effect_parameter_specs, initial_state_specs, state_size
 from gateway.twin.simulator.symbolic_model import NominalRig
 
 Array = NDArray[np.float64]

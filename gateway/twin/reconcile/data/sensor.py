@@ -8,7 +8,7 @@ from scipy.special import erf
 
 from gateway.measurement.source import Source
 from gateway.numerics.stats import robust_sigma
-from gateway.twin.effects.sensor_output import SAME_READING_G
+from gateway.twin.effects.sensor import SAME_READING_G
 from gateway.twin.model import DEFAULT_NOISE_G, Model
 from gateway.twin.reconcile.data.observations import Observations, unmeasured_axes
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import rests_at_edge
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.least_squares import Fit
+from gateway.twin.reconcile.fit.multiple_shooting import Fit
 from gateway.twin.reconcile.residual import EXCESS_LINES, has_excess
 from gateway.twin.reconcile.search.candidates import LITTLE_OF_GAP, CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.changepoints import exclude_unmodelled_profiles

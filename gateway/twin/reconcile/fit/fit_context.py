@@ -7,15 +7,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.crane_input import CraneInput
 from gateway.twin.effects.guess_context import SHARPEST, EventWindow, GuessContext
 from gateway.twin.effects.parameter import ParameterKind
 from gateway.twin.model import EffectValues, TwinRig
+from gateway.twin.reconcile.data.crane_inputs import CraneInput
 from gateway.twin.reconcile.data.observations import Observations, slice_samples
 from gateway.twin.reconcile.fit.initial_conditions import hides_sign_of_swing, reverse_swing, segment_initial_conditions
 from gateway.twin.reconcile.fit.initial_states import window_bounds
-from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, SCREENING_ITERATIONS, Fit, FitProblem
-from gateway.twin.reconcile.fit.multiple_shooting import SEGMENT_S, fit_model, uniform_segments
+from gateway.twin.reconcile.fit.multiple_shooting import (
+    FIT_ITERATIONS,
+    SCREENING_ITERATIONS,
+    SEGMENT_S,
+    Fit,
+    FitProblem,
+    fit_model,
+    uniform_segments,
+)
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING

@@ -14,8 +14,16 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Value, without_rounding
 from gateway.twin.model import EffectValues, as_tables
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
-from gateway.twin.reconcile.output.estimates import Estimate, Law, Resemblance
-from gateway.twin.reconcile.output.result import AVERAGED, Comparison, Curves, Gap, Reconciliation
+from gateway.twin.reconcile.output.result import (
+    AVERAGED,
+    Comparison,
+    Curves,
+    Estimate,
+    Gap,
+    Law,
+    Reconciliation,
+    Resemblance,
+)
 
 SCHEMA_VERSION = 2
 """Definition: raised when a field changes its meaning; fields are added without."""

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.crane_input import LENGTH_CORRECTION
 from gateway.twin.effects.parameter import TAIL_SHARE, StatedLimits, Value, Values, excess
 from gateway.twin.model import EffectValues
+from gateway.twin.reconcile.data.crane_inputs import LENGTH_CORRECTION
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.intervals import standard_uncertainties
-from gateway.twin.reconcile.fit.least_squares import NO_LIMITS, Fit, Limits
+from gateway.twin.reconcile.fit.multiple_shooting import NO_LIMITS, Fit, Limits
 from gateway.twin.reconcile.residual import noise_inflation_factor, warrants_another_effect
 from gateway.twin.simulator.simulator import Simulator
 

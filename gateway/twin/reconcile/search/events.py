@@ -11,12 +11,11 @@ from gateway.twin.effects.guess_context import EventWindow
 from gateway.twin.effects.parameter import ParameterKind, Values
 from gateway.twin.effects.rope import RopeLength
 from gateway.twin.reconcile.fit.fit_context import sensitivities_sigma
-from gateway.twin.reconcile.fit.least_squares import REFINE_ITERATIONS
+from gateway.twin.reconcile.fit.multiple_shooting import REFINE_ITERATIONS
 from gateway.twin.reconcile.residual import EXCESS_SIGNIFICANT, warrants_another_effect
-from gateway.twin.reconcile.search.budget import FitRequest
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.changepoints import exclude_unmodelled_profiles, scan_for_changepoints
-from gateway.twin.reconcile.search.context import SearchContext
+from gateway.twin.reconcile.search.context import FitRequest, SearchContext
 from gateway.twin.reconcile.search.persistent import MAX_PARENTS, baseline_of
 from gateway.twin.simulator.state import HEADING
 

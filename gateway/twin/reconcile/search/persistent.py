@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 from gateway.swing.detection.rope_length import rope_length_by_period
 from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.effects.rope import DoublePendulum, RopeLength
-from gateway.twin.effects.sensor import Vibration
-from gateway.twin.effects.sensor_output import Clipping, ClockDrift, Quantization, SampleHold
+from gateway.twin.effects.sensor import Clipping, ClockDrift, Quantization, SampleHold, Vibration
 from gateway.twin.model import EffectValues
-from gateway.twin.reconcile.data.recordings import Recordings
+from gateway.twin.reconcile.data.observations import Recordings
 from gateway.twin.reconcile.data.sensor import (
     MIN_NAMED_STEP_SIGMA,
     detect_quantisation_step,
@@ -20,7 +19,6 @@ from gateway.twin.reconcile.data.sensor import (
     noise_with_quantisation_g,
 )
 from gateway.twin.reconcile.fit.fit_context import FitContext
-from gateway.twin.reconcile.search.budget import FitRequest
 from gateway.twin.reconcile.search.candidates import (
     LITTLE_OF_GAP,
     MIN_VARIANCE_SHARE,
@@ -28,7 +26,7 @@ from gateway.twin.reconcile.search.candidates import (
     CandidateFit,
     CandidateTable,
 )
-from gateway.twin.reconcile.search.context import SearchContext
+from gateway.twin.reconcile.search.context import FitRequest, SearchContext
 from gateway.twin.reconcile.search.validation import Validator
 
 Array = NDArray[np.float64]

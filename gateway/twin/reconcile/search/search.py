@@ -11,11 +11,10 @@ from dataclasses import dataclass, replace
 from gateway.twin.effects import EFFECTS
 from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.crane_inputs import KnownModel
-from gateway.twin.reconcile.data.recordings import Recordings
+from gateway.twin.reconcile.data.observations import Recordings
 from gateway.twin.reconcile.decision.evidence import VALIDATED_MARGIN
-from gateway.twin.reconcile.fit.least_squares import REFINE_ITERATIONS
+from gateway.twin.reconcile.fit.multiple_shooting import REFINE_ITERATIONS
 from gateway.twin.reconcile.sample_loss import find_sample_loss, retime_validation
-from gateway.twin.reconcile.search.budget import Budget, FitRequest
 from gateway.twin.reconcile.search.candidates import (
     LITTLE_OF_GAP,
     MAX_EFFECTS,
@@ -23,7 +22,7 @@ from gateway.twin.reconcile.search.candidates import (
     CandidateFit,
     CandidateTable,
 )
-from gateway.twin.reconcile.search.context import SearchContext, make_context
+from gateway.twin.reconcile.search.context import Budget, FitRequest, SearchContext, make_context
 from gateway.twin.reconcile.search.events import fit_events_in_windows, has_event, needs_more, refine
 from gateway.twin.reconcile.search.persistent import (
     MAX_SCORED,

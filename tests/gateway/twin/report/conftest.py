@@ -10,16 +10,18 @@ import pytest
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.model import TwinRig
-from gateway.twin.reconcile.output.estimates import Estimate, NamedEffect, Remainder
 from gateway.twin.reconcile.output.result import (
     Candidate,
     Comparison,
     Curves,
     DataPart,
     Disagreement,
+    Estimate,
     Gap,
+    NamedEffect,
     Peak,
     Reconciliation,
+    Remainder,
     Residual,
     Step,
 )
