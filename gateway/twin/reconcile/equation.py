@@ -20,13 +20,14 @@ from gateway.numerics.spectrum import ZERO_PADDING, periodogram, refine_frequenc
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Values
 from gateway.twin.effects.terms import HIGHEST_FREQUENCY_HZ, TERMS, Term
-from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_MARGIN, VALIDATED_MARGIN
+from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_MARGIN
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.residual import noise_floor, noise_inflation_factor, warrants_another_effect
 from gateway.twin.reconcile.search.candidates import (
     LITTLE_OF_GAP,
     MAX_EFFECTS,
     MOST_OF_GAP,
+    VALIDATED_MARGIN,
     CandidateFit,
     CandidateTable,
 )

@@ -15,7 +15,6 @@ from typing import Protocol
 import numpy as np
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.sensor import SampleLoss
 from gateway.twin.effects.terms import registered_library
 from gateway.twin.model import Model
 from gateway.twin.reconcile.data.crane_inputs import NO_INPUTS, CraneInputs, KnownModel, registered
@@ -27,7 +26,7 @@ from gateway.twin.reconcile.data.observations import (
     split_recordings,
     take_means,
 )
-from gateway.twin.reconcile.decision.evidence import RankedCandidate, gather_evidence, rank_candidates, rivals_of
+from gateway.twin.reconcile.decision.evidence import RankedCandidate, gather_evidence, rank_candidates
 from gateway.twin.reconcile.decision.identifiability import contributions, is_beyond_parts, replace_implausible
 from gateway.twin.reconcile.decision.verdict import as_best_so_far, decide
 from gateway.twin.reconcile.equation import find_law
@@ -114,14 +113,9 @@ def _decide(run: SearchRun, random: np.random.Generator) -> SearchOutcome:
     ranked, base = rank_candidates(table, run.best, run.base.names, validator)
     best = ranked[0]
     evidence = gather_evidence(
-        best,
+        run,
+        ranked,
         base,
-        RankedCandidate(run.nominal, validator.evaluate(run.nominal), 0.0, 0.0),
-        rivals_of(ranked),
-        run.recordings.log,
-        validator.selection,
-        run.table.fits,
-        frozenset() if run.lost_fraction is None else frozenset({SampleLoss.name}),
         improves_selection=_is_supported_by_selection(run, best, base, random),
         beyond_parts=frozenset(name for name in best.names if is_beyond_parts(name, best.candidate, context)),
     )

@@ -26,6 +26,8 @@ MOST_OF_GAP = 0.5
 of one."""
 LITTLE_OF_GAP = 0.1
 """Share of the gap that the best set may leave for no other to be tried, and the least that a part of an answer closes."""
+VALIDATED_MARGIN = 60.0
+"""BIC behind the best set on the log up to which a set is evaluated on the selection part."""
 MAX_EFFECTS = 3
 """Effects, or terms, of one answer: recordings of ordinary length do not separate more."""
 MIN_SCORE_STATISTIC = 25.0
