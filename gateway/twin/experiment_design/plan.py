@@ -1,8 +1,9 @@
-"""The plan: for each group of hypotheses the experiment that separates most of it with the least effort."""
+"""The plan: for each group of hypotheses the experiment that separates most of it with the least effort; as text and as JSON."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +56,12 @@ class Separation:
     def is_distinguishable(self) -> bool:
         """Whether the recordings separate them."""
         return self.sigma >= MIN_SEPARATION_SIGMA and self.cosine < MAX_COSINE
+
+    @property
+    def in_words(self) -> str:
+        """The same as a part of a table."""
+        verdict = "separated" if self.is_distinguishable else "not separated"
+        return f"{self.sigma:6.1f} sigma, cosine {self.cosine:.5f}, {verdict:<13}"
 
 
 def smallest_angle_cosine(first: Array, second: Array) -> float:
@@ -266,3 +273,87 @@ def _other_measurement(names: frozenset[str]) -> str:
     if others:
         return "; ".join(others)
     return CALIBRATE if all(effect.enters == "sensor" for effect in effects) else OTHER_MEANS
+
+
+PREAMBLE = (
+    "The residual, in sigma, if one effect of typical size is replaced by the other; a cosine of 1 means the same signature.\n"
+    f"Separated: {MIN_SEPARATION_SIGMA:g} sigma or more, and a cosine below {MAX_COSINE:g}. "
+    f"Before: a free swing of {FREE_SWING.runs[0].amplitude_deg:g}°, {FREE_SWING.duration_s:.0f} s."
+)
+FREE_SWING_NOTE = {
+    True: " (an ordinary free swing is enough)",
+    False: " (an ordinary free swing: no other experiment separates more)",
+}
+"""By whether it separates all effects of the group."""
+
+
+def as_text(plan: Plan) -> str:
+    """Return the plan for a terminal."""
+    return "\n\n".join([PREAMBLE, *(_group_text(each, plan.rig) for each in plan.groups)])
+
+
+def _group_text(each: GroupPlan, rig: TwinRig) -> str:
+    lines = [" | ".join(hypothesis.in_words for hypothesis in each.group)]
+    if each.experiment is None:
+        lines.append(f"  none of the {each.tried} experiments tried separates these effects")
+    else:
+        note = FREE_SWING_NOTE[each.is_distinguishable] if each.experiment == FREE_SWING else ""
+        lines += [f"  do: {each.experiment.describe(rig)}{note}", f"  takes: {each.experiment.time_needed}"]
+        done = (name.replace("_", " ") for name in sorted(each.experiment.inputs(rig)))
+        lines += [f"  expect: {name} among the named effects, because you do it" for name in done]
+    names = [f"{pair.first.in_words} / {pair.second.in_words}" for pair in each.pairs]
+    for name, pair in zip(names, each.pairs, strict=True):
+        after = "" if pair.after is None else f"   after {pair.after.in_words}"
+        lines.append(f"  {name:<{max(map(len, names))}}  before {pair.before.in_words}{after}".rstrip())
+    if each.instead is not None:
+        lines.append(f"  {'instead' if each.experiment is None else 'for the others'}: {each.instead}")
+    lines += [f"  or: {other.describe(rig)} ({other.time_needed})" for other in each.alternatives]
+    return "\n".join(lines)
+
+
+def as_json(plan: Plan) -> dict[str, Any]:
+    """Return the plan for programs; angles in degrees, lengths in metres."""
+    return {"rig": asdict(plan.rig), "groups": [_group_json(each, plan.rig) for each in plan.groups]}
+
+
+def _group_json(each: GroupPlan, rig: TwinRig) -> dict[str, Any]:
+    return {
+        "effects": [hypothesis.label for hypothesis in each.group],
+        "told_apart": each.is_distinguishable,
+        "manoeuvre": None if each.experiment is None else _experiment_json(each.experiment, rig),
+        "pairs": [
+            {
+                "first": pair.first.label,
+                "second": pair.second.label,
+                "before": _separation_json(pair.before),
+                "after": None if pair.after is None else _separation_json(pair.after),
+            }
+            for pair in each.pairs
+        ],
+        "alternatives": [_experiment_json(other, rig) for other in each.alternatives],
+        "instead": each.instead,
+        "tried": each.tried,
+    }
+
+
+def _separation_json(separation: Separation) -> dict[str, Any]:
+    return {**asdict(separation), "told_apart": separation.is_distinguishable}
+
+
+def _experiment_json(experiment: Experiment, rig: TwinRig) -> dict[str, Any]:
+    return {
+        "do": experiment.describe(rig),
+        "duration_s": experiment.duration_s,
+        "effort_s": experiment.effort_s,
+        "recordings": [
+            {
+                "amplitude_deg": run.amplitude_deg,
+                "roundness": run.axis_ratio,
+                "duration_s": run.duration_s,
+                "heading_deg": run.heading_deg,
+                "housing_position_m": rig.position_m + run.position_change_m(rig),
+                "model": run.inputs(rig),
+            }
+            for run in experiment.runs
+        ],
+    }

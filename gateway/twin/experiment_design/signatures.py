@@ -51,6 +51,12 @@ class Hypothesis:
         """`axis_offset[x+y]`, as `parse_hypotheses` reads it."""
         return f"{self.effect}[{'+'.join(self.parts)}]" if self.parts else self.effect
 
+    @property
+    def in_words(self) -> str:
+        """`axis offset (x, y)`."""
+        name = self.effect.replace("_", " ")
+        return f"{name} ({', '.join(self.parts)})" if self.parts else name
+
     def has(self, spec: ParameterSpec) -> bool:
         """Return whether the hypothesis contains a number of a simulator's parameter vector."""
         return spec.effect == self.effect and (not self.parts or spec.part in self.parts)
