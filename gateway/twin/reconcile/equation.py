@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from gateway.numerics.spectrum import ZERO_PADDING, periodogram, refine_frequency
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Values
-from gateway.twin.effects.terms import HIGHEST_FREQUENCY_HZ, TERMS, Term
+from gateway.twin.effects.terms import HIGHEST_FREQUENCY_HZ, TERMS
 from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_MARGIN
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.residual import noise_floor, noise_inflation_factor, warrants_another_effect
@@ -127,14 +127,9 @@ class ScreenedTerm:
     """What it changes with these values, in sigma, what is fitted anyway projected out, shape (3 n,)."""
 
     @property
-    def term(self) -> Term:
-        """The term of the library."""
-        return TERMS[self.name]
-
-    @property
     def n_parameters(self) -> int:
         """Numbers that a fit determines."""
-        return sum(p.size for p in self.term.parameters)
+        return sum(p.size for p in TERMS[self.name].parameters)
 
 
 def screen_terms(setting: FitContext, parent: CandidateFit) -> list[ScreenedTerm]:
@@ -235,17 +230,12 @@ def find_law(
         if longer is None:
             break
         law = longer
-        if not leaves_residual(context, law, validator):
+        on_log = warrants_another_effect(context.setting.log, law.candidate.fit)
+        if not (on_log or warrants_another_effect(validator.selection, law.after.fit)):
             break
     if not law.terms or min(_share_closed(base, law.candidate), _share_closed(before, law.after)) < MOST_OF_GAP:
         return None
     return _without_idle_terms(context, law, validator, work)
-
-
-def leaves_residual(context: SearchContext, law: FoundLaw, validator: Validator) -> bool:
-    """Return whether a law leaves more than noise."""
-    on_log = warrants_another_effect(context.setting.log, law.candidate.fit)
-    return on_log or warrants_another_effect(validator.selection, law.after.fit)
 
 
 def _with_one_more(

@@ -145,13 +145,9 @@ def describe_result(found: SearchOutcome, counts: Mapping[str, int], random: np.
     with registered_library():
         described = _describe(found, random)
         result = build_result(described, counts, random)
-        return build_result(found, counts, random) if _is_refuted(result) else result
-
-
-def _is_refuted(result: Reconciliation) -> bool:
-    """Return whether the law makes the prediction of the test part worse: then it describes nothing."""
-    closed_percent = None if result.law is None else result.law.closed_test_percent
-    return closed_percent is not None and closed_percent < 0
+        closed_percent = None if result.law is None else result.law.closed_test_percent
+        is_refuted = closed_percent is not None and closed_percent < 0  # then it describes nothing
+        return build_result(found, counts, random) if is_refuted else result
 
 
 def _describe(found: SearchOutcome, random: np.random.Generator) -> SearchOutcome:

@@ -214,28 +214,37 @@ def _mark_effects(axes: Axes, acting: tuple[NamedEffect, ...], window_s: tuple[f
 
 def disagreement_figures(result: Reconciliation, compared: Comparison) -> dict[str, object]:
     """Return the residual over time with the localised disagreements, and that of held-out data."""
-    name = single_model_name(result)
-    held_out = residual_svg("held-out-residual", compared.held_out, (), name)
+    held_out = residual_svg("held-out-residual", result, compared.held_out)
     return {
-        "figure": Figure(residual_svg("log-residual", compared.log, compared.disagreement, name)),
+        "figure": Figure(residual_svg("log-residual", result, compared.log, compared.disagreement)),
         "held_out": Figure(held_out, f"The same for the {held_out_name(compared)}."),
         "axis_names": AXIS_NAMES,
     }
 
 
-def residual_svg(name: str, curves: Curves, places: tuple[Disagreement, ...], single_model: str) -> str:
-    """Return both residuals on three axes; `single_model` is the model's name where both are the same."""
-    label = "Residual on three axes over time, in units of the noise"
-    return render_svg(name, label, 4.6, lambda canvas: _draw_residuals(canvas, curves, places, single_model))
-
-
-def _draw_residuals(canvas: Canvas, curves: Curves, places: tuple[Disagreement, ...], single_model: str) -> None:
-    column = add_panels(canvas, gap=0.32)[:, 0]
-    time_s = curves.recording_time_s[curves.used]
-    before, after = (each[curves.used] for each in curves.residuals_sigma)
-    models = [("before", before, BEFORE), ("after", after, AFTER)]
+def _residuals(result: Reconciliation, curves: Curves) -> list[tuple[str, Array, str]]:
+    """Return name, residual (n, 3) in sigma and colour of each model; of one where before and after are the same."""
+    before, after = curves.residuals_sigma
     if is_same_model(curves):
-        models = [(single_model, after, AFTER)]
+        return [(single_model_name(result), after, AFTER)]
+    return [("before", before, BEFORE), ("after", after, AFTER)]
+
+
+def residual_svg(name: str, result: Reconciliation, curves: Curves, places: tuple[Disagreement, ...] = ()) -> str:
+    """Return the residuals of both models on three axes, with the places of disagreements."""
+    label = "Residual on three axes over time, in units of the noise"
+    models = _residuals(result, curves)
+    return render_svg(name, label, 4.6, lambda canvas: _draw_residuals(canvas, curves, models, places))
+
+
+def _draw_residuals(
+    canvas: Canvas,
+    curves: Curves,
+    models: list[tuple[str, Array, str]],
+    places: tuple[Disagreement, ...] = (),
+) -> None:
+    column = add_panels(canvas, gap=0.32)[:, 0]
+    used, time_s = curves.used, curves.recording_time_s[curves.used]
     for row, axis in enumerate(AXES):
         axes = column[row]
         for i, each in enumerate(places, start=1):
@@ -243,12 +252,12 @@ def _draw_residuals(canvas: Canvas, curves: Curves, places: tuple[Disagreement, 
                 axes.axvspan(each.from_s, each.to_s, facecolor=SHADE, alpha=0.35, edgecolor=SHADE, linewidth=0.8)
                 axes.text(each.from_s, 0.97, f" {i}", transform=axes.get_xaxis_transform(), va="top", fontweight="bold")
         for label, residual, color in models:
-            plot_curve(axes, time_s, residual[:, row], color, label if row == 0 else "", 0.7)
+            plot_curve(axes, time_s, residual[used, row], color, label if row == 0 else "", 0.7)
         axes.set_ylabel(f"{axis} (σ)")
-        rms = " → ".join(format_number(float(np.sqrt(np.mean(residual[:, row] ** 2)))) for _, residual, _ in models)
+        rms = " → ".join(format_number(float(np.sqrt(np.mean(each[used, row] ** 2)))) for _, each, _ in models)
         axes.set_title(f"{AXIS_NAMES[axis]}: rms {rms} σ", fontsize=8.5)
         for level in (-2, 2):
-            axes.axhline(level, color="black", linewidth=0.7, linestyle=":")
+            axes.axhline(level, color=INK, linewidth=0.7, linestyle=":")
     column[2].set_xlabel("time (s)")
     column[2].set_xlim(float(time_s[0]), float(time_s[-1]))
     add_legend(canvas)
@@ -263,23 +272,25 @@ LOWEST_CYCLES = 0.99
 
 def residual_figures(result: Reconciliation, compared: Comparison) -> dict[str, object]:
     """Return the residual of the final model over time, and its spectrum."""
+    log, of_final = compared.log, [("after", compared.log.residuals_sigma[1], AFTER)]
+    after = render_svg(
+        "after-residual",
+        "Residual of the final model over time",
+        4.6,
+        lambda canvas: _draw_residuals(canvas, log, of_final),
+    )
+    spectrum = render_svg(
+        "spectrum",
+        "Power spectrum of the residual on three axes",
+        5.0,
+        lambda canvas: _draw_spectrum(canvas, result, compared),
+    )
     return {
         "residual": Figure(
-            render_svg(
-                "after-residual",
-                "Residual of the final model over time",
-                3.5,
-                lambda canvas: _draw_residual(canvas, compared.log),
-            ),
-            "Residual of the final model on its own scale. Dotted: ±2 σ, which contains 95 % of the noise.",
+            after, "Residual of the final model on its own scale. Dotted: ±2 σ, which contains 95 % of the noise."
         ),
         "spectrum": Figure(
-            render_svg(
-                "spectrum",
-                "Power spectrum of the residual on three axes",
-                5.0,
-                lambda canvas: _draw_spectrum(canvas, result, compared),
-            ),
+            spectrum,
             "Power spectrum of the residual over that of the noise, which lies around the line at 1. Dotted: the swing "
             "frequency and its double. Averaged over narrow bands; triangles mark spectral peaks.",
         ),
@@ -287,25 +298,10 @@ def residual_figures(result: Reconciliation, compared: Comparison) -> dict[str, 
     }
 
 
-def _draw_residual(canvas: Canvas, log: Curves) -> None:
-    column = add_panels(canvas, share="all", top_margin_in=0.1)[:, 0]
-    time_s, residual = log.recording_time_s[log.used], log.residuals_sigma[1][log.used]
-    for row, axis in enumerate(AXES):
-        plot_curve(column[row], time_s, residual[:, row], AFTER, width=0.5)
-        column[row].set_ylabel(f"{axis} (σ)")
-        for level in (-2, 2):
-            column[row].axhline(level, color=INK, linewidth=0.7, linestyle=":")
-    column[2].set_xlabel("time (s)")
-    column[2].set_xlim(float(time_s[0]), float(time_s[-1]))
-
-
 def _draw_spectrum(canvas: Canvas, result: Reconciliation, compared: Comparison) -> None:
     column = add_panels(canvas, share="all", gap=0.2)[:, 0]
     log, swing_hz = compared.log, 1 / result.rig.small_swing_period_s
-    before, after = (periodogram(log.time_s, each) for each in log.residuals_sigma)
-    models = [("before", before, BEFORE), ("after", after, AFTER)]
-    if is_same_model(log):
-        models = [(single_model_name(result), after, AFTER)]
+    models = [(label, periodogram(log.time_s, each), color) for label, each, color in _residuals(result, log)]
     for row, axis in enumerate(AXES):
         axes = column[row]
         for label, (frequency_hz, power), color in models:

@@ -14,7 +14,6 @@ from gateway.twin.report.verdict import (
     is_transient,
     ranked_candidates,
     relative_deficit,
-    unit_text,
     verdict_content,
 )
 
@@ -39,7 +38,6 @@ def _ranking_content(result: Reconciliation, _compared: Comparison) -> Content:
 def _parameters_content(_result: Reconciliation, compared: Comparison) -> Content:
     return {
         "component_texts": component_texts,
-        "unit_text": unit_text,
         "is_transient": is_transient,
         "is_same_model": is_same_model(compared.log),
     }

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
-from typing import Any
+from typing import Any, TypeVar
 
 import casadi as ca
 
@@ -23,6 +23,8 @@ from gateway.twin.simulator.state import (
     structure_of,
     vector,
 )
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,12 +174,10 @@ class SymbolicModel:
         return geometry
 
     def _rigging(self) -> Rigging | None:
-        found = (effect.rigging(p) for effect, p in self.active_effects())
-        return next((rigging for rigging in found if rigging is not None), None)
+        return self._first(lambda effect, p: effect.rigging(p))
 
     def _heavy_rope(self, geometry: RopeGeometry) -> HeavyRope | None:
-        found = (effect.heavy_rope(p, self.rig.gravity_m_s2, geometry) for effect, p in self.active_effects())
-        return next((rope for rope in found if rope is not None), None)
+        return self._first(lambda effect, p: effect.heavy_rope(p, self.rig.gravity_m_s2, geometry))
 
     def _housing_on_bent_rope(self, state: State, kinematics: Kinematics) -> HousingOnBentRope:
         rope = self._heavy_rope(kinematics.geometry)
@@ -186,8 +186,12 @@ class SymbolicModel:
         return HousingOnBentRope.of(rope, state, kinematics)
 
     def _pivot_compliance(self) -> Vector | None:
-        found = (effect.pivot_compliance_m(p) for effect, p in self.active_effects())
-        return next((compliance for compliance in found if compliance is not None), None)
+        return self._first(lambda effect, p: effect.pivot_compliance_m(p))
+
+    def _first(self, of: Callable[[Effect, Symbols], T | None]) -> T | None:
+        """Return what the only effect of a structure gives; None where no effect does."""
+        found = (of(effect, p) for effect, p in self.active_effects())
+        return next((each for each in found if each is not None), None)
 
     def _sum(self, of: Callable[[Effect, Symbols], Vector]) -> Vector:
         return reduce(eq.add, (of(effect, p) for effect, p in self.active_effects()), ZERO_VECTOR)

@@ -283,12 +283,12 @@ class Recordings:
     @property
     def selection(self) -> Observations:
         """The held-out recording with the selection blocks in use."""
-        return selection_part(self.held_out, self.block_s)
+        return part_of(self.held_out, self.block_s, is_test=False)
 
     @property
     def test(self) -> Observations:
         """The held-out recording with the test blocks in use."""
-        return test_part(self.held_out, self.block_s)
+        return part_of(self.held_out, self.block_s, is_test=True)
 
 
 def split_recordings(log: Observations, held_out: Observations | None, period_s: float) -> Recordings:
@@ -310,20 +310,10 @@ def find_lack_of_test(recordings: Recordings) -> str | None:
     return f"{part} lasts {recordings.held_out.duration_s:.3g} s, and more than {needed_s:.3g} s are needed to test a model on"
 
 
-def selection_part(observations: Observations, block_s: float) -> Observations:
-    """Use the blocks of a held-out recording by which models are selected."""
-    return replace(observations, used=observations.used & ~_is_test(observations, block_s))
-
-
-def test_part(observations: Observations, block_s: float) -> Observations:
-    """Use the blocks of a held-out recording on which the selected model is tested."""
-    return replace(observations, used=observations.used & _is_test(observations, block_s))
-
-
-def _is_test(observations: Observations, block_s: float) -> NDArray[np.bool_]:
-    block = np.floor((observations.time_s - observations.time_s[0]) / block_s).astype(np.int64)
-    is_test: NDArray[np.bool_] = block % TEST_EVERY == TEST_EVERY - 1
-    return is_test
+def part_of(held_out: Observations, block_s: float, *, is_test: bool) -> Observations:
+    """Use the blocks of a held-out recording on which the selected model is tested, or the others, by which it is selected."""
+    block = np.floor((held_out.time_s - held_out.time_s[0]) / block_s).astype(np.int64)
+    return replace(held_out, used=held_out.used & ((block % TEST_EVERY == TEST_EVERY - 1) == is_test))
 
 
 def samples_per_mean(recordings: Recordings) -> int:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,7 @@ from gateway.twin.simulator.state import HEADING
 Array = NDArray[np.float64]
 SEGMENT_PERIODS = 6.5
 """Longest segment of a short rope, in periods: a rope that is wrong by 3 % shifts the phase by a tenth of a turn over it."""
+NO_SHAPES: EffectValues = MappingProxyType({})
 FIRST_PART_S = 40.0
 """Length of the first part of the log, on which guesses are compared: it contains several beats of two modes."""
 
@@ -138,6 +140,13 @@ class FitContext:
         simulator = self.simulator(tuple(values))
         free, first_samples = self.free_parameters(simulator, values), segment_bounds(self.rig, values, self.log)
         return FitProblem(simulator, self.log, free, first_samples, self.tick)
+
+    def at_rest_beside(
+        self, fit: Fit, values: EffectValues, tried: Iterable[str], shapes: EffectValues = NO_SHAPES
+    ) -> tuple[Simulator, Array]:
+        """Return the simulator of a fitted set with effects at rest beside it, and its values; those have these `shapes`."""
+        simulator, fitted = self.simulator((*values, *tried)), self.simulator(tuple(values)).effects(fit.values)
+        return simulator, simulator.values(fit.values[: simulator.n_initial_states], {**shapes, **fitted})
 
     def segment_starts(self, values: EffectValues) -> Array:
         """Return the initial states of the segments under a model, as initial guesses for similar models."""

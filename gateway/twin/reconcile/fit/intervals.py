@@ -143,9 +143,8 @@ def intervals(
     tried = [name for name in companions if name not in values and name not in setting.model_effects]
     if not tried:
         return below, above
-    simulator = setting.simulator((*values, *tried))
+    simulator, at = setting.at_rest_beside(fit, values, tried)
     fitted = setting.simulator(tuple(values))
-    at = simulator.values(fit.values[: simulator.n_initial_states], fitted.effects(fit.values))
     flat = sensitivities_sigma(simulator, at, setting.log).reshape(-1, len(simulator.parameters))
     place_of = {spec.label: i for i, spec in enumerate(simulator.parameters)}
     free = np.flatnonzero(fit.free & (np.arange(len(fit.free)) != HEADING))

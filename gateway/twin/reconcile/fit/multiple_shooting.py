@@ -175,16 +175,6 @@ class CondensedSystem:
     largest_discontinuity: float
     """Largest difference between the end of a segment and the initial state of the next, rad or rad/s."""
 
-    @property
-    def chi2(self) -> float:
-        """Sum of the squared residual."""
-        return float((self.residual**2).sum())
-
-    def states_after(self, initial_states: Array, step: Array) -> Array:
-        """Return the initial states (segments, states) after a step of the values."""
-        moved: Array = initial_states + self.closing_step + self.states_by_values @ step
-        return moved
-
 
 def condense(
     batch: SegmentBatch, observations: Observations, initial_states: Array, first_samples: Sequence[int]
@@ -268,7 +258,11 @@ class _Iterate:
     """Shape (k,)."""
     first_samples: Sequence[int]
     system: CondensedSystem
-    chi2: float
+
+    @property
+    def chi2(self) -> float:
+        """Chi-square after the discontinuities are closed to first order."""
+        return float((self.system.residual**2).sum())
 
     @property
     def values(self) -> Array:
@@ -329,7 +323,7 @@ def _linearise(
     if not batch.is_finite:
         raise IntegrationError("the trajectory diverges from these values")
     system = condense(batch, o, initial_states, first_samples)
-    return _Iterate(initial_states, effect_values, first_samples, system, system.chi2)
+    return _Iterate(initial_states, effect_values, first_samples, system)
 
 
 def _take_step(problem: FitProblem, current: _Iterate, free: NDArray[np.bool_], damping_level: int) -> _Step | None:
@@ -349,7 +343,7 @@ def _take_step(problem: FitProblem, current: _Iterate, free: NDArray[np.bool_], 
 
 def _after(problem: FitProblem, current: _Iterate, step: Array) -> _Iterate | None:
     """Return the iterate after a step; None where it cannot be simulated, or where one segment fits no better."""
-    initial_states = current.system.states_after(current.initial_states, step)
+    initial_states = current.initial_states + current.system.closing_step + current.system.states_by_values @ step
     effect_values = current.effect_values + step[initial_states.shape[1] :]
     try:
         # With one segment a prediction, several times quicker than a linearisation, already shows chi-square.

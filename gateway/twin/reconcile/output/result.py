@@ -56,6 +56,15 @@ class Estimate:
     """Largest size that a part or a mount can have; None where there is no such limit."""
     stated: Value | None = None
     """What the rig states; None where its model does not have the effect."""
+    components: tuple[str, ...] = ()
+    """Names of the components; empty for a single number."""
+    refitted: bool = False
+    """It belongs to the recording and not to the rig."""
+
+    @property
+    def unit_text(self) -> str:
+        """The unit; empty for a pure number."""
+        return "" if self.unit == "1" else self.unit
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from gateway.twin.effects.terms import TERMS
 from gateway.twin.model import EffectValues, Model, TwinRig
 from gateway.twin.reconcile.data.crane_inputs import merge_spans
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
-from gateway.twin.reconcile.data.observations import Observations, Recordings, selection_part, test_part
+from gateway.twin.reconcile.data.observations import Observations, Recordings, part_of
 from gateway.twin.reconcile.data.sensor import quantised_mean_g
 from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_MARGIN, RankedCandidate
 from gateway.twin.reconcile.decision.verdict import Decision
@@ -84,7 +84,7 @@ class SearchOutcome:
         run, as_stamped = self.run, self.run.recordings.held_out_as_stamped
         before, after = run.validator.evaluate(run.nominal), self.decision.model.validation
         if run.lost_fraction is not None:
-            selection = selection_part(as_stamped, run.recordings.block_s)
+            selection = part_of(as_stamped, run.recordings.block_s, is_test=False)
             nominal, limits = run.validator.effects_of(run.nominal), run.validator.limits_of(run.nominal)
             before = evaluate_on_validation(self.rig, nominal, selection, limits=limits)
             after = evaluate_on_validation(self.rig, self.model, selection)
@@ -102,7 +102,7 @@ class SearchOutcome:
 
 def measure_gap(log: Curves, held_out: Curves, recordings: Recordings, random: np.random.Generator) -> Gap:
     """Return reduced chi-square on the log, on the whole held-out recording and on its test part, before and after."""
-    in_test = test_part(recordings.held_out_as_stamped, recordings.block_s).used
+    in_test = part_of(recordings.held_out_as_stamped, recordings.block_s, is_test=True).used
     log_before, log_after = _reduced_chi2(log, log.used)
     held_before, held_after = _reduced_chi2(held_out, held_out.used)
     test_before, test_after = _reduced_chi2(held_out, in_test)
@@ -120,7 +120,7 @@ def list_data_parts(recordings: Recordings) -> tuple[DataPart, ...]:
     """Return what each part of the data served; times count from the first sample of the recording as given."""
     log, held_out, block_s = recordings.log, recordings.held_out_as_stamped, recordings.block_s
     recording: Literal["log", "held_out"] = "log" if recordings.last_third else "held_out"
-    selection, test = selection_part(held_out, block_s), test_part(held_out, block_s)
+    selection, test = (part_of(held_out, block_s, is_test=each) for each in (False, True))
     return (
         DataPart("fit", "log", ((0.0, log.duration_s),), int(log.used.sum())),
         DataPart("selection", recording, _blocks_s(selection, block_s), int(selection.used.sum())),
@@ -239,11 +239,20 @@ def _estimate(parameter: Parameter, value: Value, below: Array, above: Array, ri
     low, high = np.maximum(numbers - below, parameter.lower), np.minimum(numbers + above, parameter.upper)
     doubtful = rests_at_edge(parameter, value) or bool(excess(parameter, value, rig).any())
     plausible, limit = not doubtful, limit_of(parameter, rig)
-    if parameter.components:
-        ci95: tuple[Value, Value] = (tuple(map(float, low)), tuple(map(float, high)))
-        return Estimate(tuple(map(float, numbers)), ci95, parameter.unit, parameter.meaning, plausible, limit)
-    interval = (float(low[0]), float(high[0]))
-    return Estimate(float(numbers[0]), interval, parameter.unit, parameter.meaning, plausible, limit)
+
+    def as_value(each: Array) -> Value:
+        return tuple(each.tolist()) if parameter.components else float(each[0])
+
+    return Estimate(
+        as_value(numbers),
+        (as_value(low), as_value(high)),
+        parameter.unit,
+        parameter.meaning,
+        plausible,
+        limit,
+        components=parameter.components,
+        refitted=parameter.refitted,
+    )
 
 
 def _law(law: FoundLaw, found: SearchOutcome, reaches: Reaches) -> Law:

@@ -28,7 +28,7 @@ from gateway.twin.reconcile.output.result import (
 SCHEMA_VERSION = 2
 """Definition: raised when a field changes its meaning; fields are added without."""
 Array = NDArray[np.float64]
-ONLY_FOR_READERS = frozenset({"explains", "equation"})
+ONLY_FOR_READERS = frozenset({"explains", "equation", "components", "refitted"})
 """Fields of the result that are words of its own kind, and no part of the JSON."""
 VERDICT_SENTENCES = {
     "data_unusable": "the data cannot be used",
@@ -236,12 +236,14 @@ def _value(effect: str, parameter: str, value: Value) -> str:
 
 def _estimate(estimate: Estimate) -> str:
     low, high = (np.atleast_1d(end) for end in estimate.ci95)
-    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
-    values = [
-        f"{_number(value)}{unit} ({_number(least)} to {_number(most)})"
+    return ", ".join(
+        f"{_with_unit(_number(value), estimate)} ({_number(least)} to {_number(most)})"
         for value, least, most in zip(np.atleast_1d(estimate.value), low, high, strict=True)
-    ]
-    return ", ".join(values)
+    )
+
+
+def _with_unit(text: str, estimate: Estimate) -> str:
+    return f"{text} {estimate.unit_text}".rstrip()
 
 
 def _against_stated(estimate: Estimate) -> str:
@@ -252,9 +254,8 @@ def _against_stated(estimate: Estimate) -> str:
     differs = dict.fromkeys(
         "larger" if a > s else "smaller" for s, a, b in zip(stated, low, high, strict=True) if not a <= s <= b
     )
-    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
     than = f"{' or '.join(differs)} than stated: " if differs else "as stated: "
-    return f"; {than}{', '.join(_number(each) for each in stated)}{unit}"
+    return f"; {than}{_with_unit(', '.join(map(_number, stated)), estimate)}"
 
 
 def _number(value: float) -> str:
@@ -267,8 +268,7 @@ def _doubt(estimate: Estimate) -> str:
         return ""
     if estimate.limit is None:
         return "; doubtful: at the edge of what is possible"
-    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
-    return f"; implausible: beyond {estimate.limit:.3g}{unit}, the most that is usual"
+    return f"; implausible: beyond {_with_unit(f'{estimate.limit:.3g}', estimate)}, the most that is usual"
 
 
 def _gap(gap: Gap) -> str:

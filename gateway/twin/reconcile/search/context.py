@@ -78,11 +78,6 @@ class Budget:
         self._end_if_over()
         self.work_of_fit += self.work_per_evaluation
 
-    def add_fit(self, work: float) -> None:
-        """Count a fit that the search used."""
-        self.fits += 1
-        self.work += work
-
     def _end_if_over(self) -> None:
         if self.fits and self.is_over():
             raise OutOfTimeError
@@ -192,27 +187,19 @@ class SearchContext:
             is_spare = request.is_further_guess and (self.budget.is_exhausted or table.is_explained)
             return not is_spare and is_needed(table, request)
 
-        left, at_once = list(requests), self._at_once(requests)
+        left, at_once = list(requests), 1
+        if min(self.budget.processes, len(requests)) > 1:
+            work = max(self.setting.work_per_evaluation(each.values) for each in requests)
+            at_once = self.budget.processes if work >= MIN_PARALLEL_WORK else 1
         while left := [each for each in left if is_wanted(each)]:
             batch, left = left[:at_once], left[at_once:]
-            for request, (found, work) in zip(batch, self._make_at_once(batch), strict=True):
+            tasks = [partial(self._make, each) for each in batch]
+            made = run_in_processes(tasks, self.budget.processes) if len(tasks) > 1 else []
+            for request, (found, work) in zip(batch, made or [task() for task in tasks], strict=True):
                 if is_wanted(request):
-                    self.budget.add_fit(work)
+                    self.budget.fits, self.budget.work = self.budget.fits + 1, self.budget.work + work
                     table = table if found is None else table.with_fit(found)
         return table
-
-    def _at_once(self, requests: Sequence[FitRequest]) -> int:
-        """Return how many of these fits are worth processes of their own."""
-        if min(self.budget.processes, len(requests)) < 2:
-            return 1
-        work = max(self.setting.work_per_evaluation(each.values) for each in requests)
-        return self.budget.processes if work >= MIN_PARALLEL_WORK else 1
-
-    def _make_at_once(self, requests: Sequence[FitRequest]) -> list[tuple[CandidateFit | None, float]]:
-        """Return fits, None where one diverged, each with its work."""
-        tasks = [partial(self._make, each) for each in requests]
-        made = run_in_processes(tasks, self.budget.processes) if len(tasks) > 1 else []
-        return made or [task() for task in tasks]
 
     def _make(self, request: FitRequest) -> tuple[CandidateFit | None, float]:
         values = request.values

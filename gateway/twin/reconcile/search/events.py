@@ -105,9 +105,7 @@ def _scan(context: SearchContext, parent: CandidateFit, *, length: bool) -> tupl
     """Scan for changepoints of the tilts and rates; with `length` also of the rope's length."""
     setting, log = context.setting, context.setting.log
     extra = (RopeLength.name,) if length and RopeLength.name not in parent.values else ()
-    simulator = setting.simulator((*parent.values, *extra))
-    model = setting.simulator(tuple(parent.values)).effects(parent.fit.values)
-    at = simulator.values(parent.fit.values[: simulator.n_initial_states], model)
+    simulator, at = setting.at_rest_beside(parent.fit, parent.values, extra)
     chosen = [*range(HEADING), *(i for i, spec in enumerate(simulator.parameters) if spec.effect in extra)]
     residual = log.residual_sigma(parent.fit.force_g)
     return scan_for_changepoints(log.time_s, residual, sensitivities_sigma(simulator, at, log)[..., chosen], log.used)
