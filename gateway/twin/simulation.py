@@ -165,8 +165,7 @@ def _excess_noise_g(model: Model, sensor: Accelerometer) -> Array:
             f"sensor.noise_g {min(model.rig.noise_g):g} is below what the simulated part has at {sensor.odr_hz:g} Hz, "
             f"{sensor.noise_g:.2g} g; raise it, or lower sensor.sample_rate_hz"
         )
-    excess: Array = np.sqrt(squares)
-    return excess
+    return np.sqrt(squares)
 
 
 def _apply_sample_effects(model: Model, force_g: Array) -> Array:

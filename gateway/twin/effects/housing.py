@@ -194,8 +194,7 @@ class HousingTorsion(Effect):
         basis = np.asarray(np.linalg.qr(drift)[0], dtype=np.float64)
 
         def without_drift(columns: Array) -> Array:
-            left: Array = columns - basis @ (basis.T @ columns)
-            return left
+            return columns - basis @ (basis.T @ columns)
 
         target = without_drift(np.sqrt(weight) * angle_rad)
         gains, fitted = np.zeros(count), np.zeros((count, 2))

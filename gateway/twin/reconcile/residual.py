@@ -238,8 +238,7 @@ def _is_wide(time_s: Array, motion: Array, period_s: float) -> NDArray[np.bool_]
     block = ((time_s - time_s[0]) * BLOCKS_PER_PERIOD / period_s).astype(int)
     _, block = np.unique(block, return_inverse=True)
     power = np.bincount(block, (motion**2).sum(axis=1)) / np.bincount(block)
-    wide: NDArray[np.bool_] = (power > np.median(power))[block]
-    return wide
+    return (power > np.median(power))[block]
 
 
 def _strongest_line(log: Curves, turned_g: Array, axis: int) -> Peak | None:

@@ -156,8 +156,7 @@ def _without_vibration(observations: Observations, fit: Fit) -> Array:
     o = observations
     transform = np.fft.rfft(o.force_g - fit.force_g, axis=0)
     transform[np.fft.rfftfreq(len(o.time_s), o.interval_s) > MIN_MACHINE_LINE_HZ] = 0
-    slow_g: Array = fit.force_g + np.fft.irfft(transform, len(o.time_s), axis=0)
-    return slow_g
+    return fit.force_g + np.fft.irfft(transform, len(o.time_s), axis=0)
 
 
 def _vibration_g(line: MachineLine | None, time_s: Array) -> Array:

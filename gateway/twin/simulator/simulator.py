@@ -265,8 +265,7 @@ def _evaluated(polynomials: Array, at: Array) -> Array:
 
 def _differentiated(polynomials: Array) -> Array:
     exponents = np.arange(1, polynomials.shape[1])
-    derivative: Array = polynomials[:, 1:] * exponents[:, None]
-    return derivative
+    return polynomials[:, 1:] * exponents[:, None]
 
 
 def _recorded_time(time_s: Array) -> Array:

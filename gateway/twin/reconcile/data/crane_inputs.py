@@ -58,18 +58,15 @@ class SineSeries:
 
     def value(self, elapsed_s: Scalar) -> Scalar:
         """Return the profile."""
-        total: Scalar = sum(c * sine for c, _, (sine, _) in self._terms(elapsed_s))
-        return total
+        return sum(c * sine for c, _, (sine, _) in self._terms(elapsed_s))
 
     def slope(self, elapsed_s: Scalar) -> Scalar:
         """Return its derivative by time."""
-        total: Scalar = sum(c * rate * cosine for c, rate, (_, cosine) in self._terms(elapsed_s))
-        return total
+        return sum(c * rate * cosine for c, rate, (_, cosine) in self._terms(elapsed_s))
 
     def integral(self, elapsed_s: Scalar) -> Scalar:
         """Return its integral from the start of the interval."""
-        total: Scalar = sum(c / rate * (1 - cosine) for c, rate, (_, cosine) in self._terms(elapsed_s))
-        return total
+        return sum(c / rate * (1 - cosine) for c, rate, (_, cosine) in self._terms(elapsed_s))
 
     def _terms(self, elapsed_s: Scalar) -> Iterator[tuple[float, float, tuple[Scalar, Scalar]]]:
         """Yield coefficient, angular frequency, and sine and cosine, by recurrence: products are quicker than sines."""
@@ -363,8 +360,7 @@ def _horizontal_m_s2(history: MotionHistory) -> Array:
     angle_rad, azimuth_rad = (np.nan_to_num(each) for each in (history.angle_rad, history.azimuth_rad))
     lean = np.stack([np.cos(azimuth_rad), np.sin(azimuth_rad)], axis=1)
     along: Array = (seen * lean).sum(axis=1, keepdims=True) * lean
-    found: Array = seen + (1 / np.cos(angle_rad)[:, None] - 1) * along
-    return found
+    return seen + (1 / np.cos(angle_rad)[:, None] - 1) * along
 
 
 @dataclass(frozen=True, slots=True)

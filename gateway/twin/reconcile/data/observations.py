@@ -127,8 +127,7 @@ def _has_lateral_line(time_s: Array, force_g: Array) -> bool:
 
 
 def _is_initial(time_s: Array) -> NDArray[np.bool_]:
-    initial: NDArray[np.bool_] = time_s <= INITIAL_SHARE * float(time_s[-1] - time_s[0])
-    return initial
+    return time_s <= INITIAL_SHARE * float(time_s[-1] - time_s[0])
 
 
 @dataclass(frozen=True)
@@ -178,13 +177,11 @@ class Observations:
     @property
     def per_sigma(self) -> Array:
         """One over the noise, 0 where a sample does not count, shape (n, 3)."""
-        weight: Array = self.used[:, None] / self.noise_g
-        return weight
+        return self.used[:, None] / self.noise_g
 
     def residual_sigma(self, simulated_g: Array) -> Array:
         """Return (measured - simulated)/noise, 0 where a sample does not count, shape (n, 3)."""
-        residual: Array = (self.force_g - simulated_g) / self.noise_g * self.used[:, None]
-        return residual
+        return (self.force_g - simulated_g) / self.noise_g * self.used[:, None]
 
     def chi2(self, simulated_g: Array) -> float:
         """Return the sum of the squared residual in sigma."""

@@ -52,8 +52,7 @@ def segment_bounds(rig: TwinRig, values: EffectValues, observations: Observation
 def sensitivities_sigma(simulator: Simulator, values: Array, observations: Observations) -> Array:
     """Return the derivatives of a model's readings by its values (k,), in sigma of a recording, shape (n, 3, k)."""
     found = simulator.linearise(values, observations.time_s, observations.temperature_c)
-    sensitivities: Array = found.jacobian * observations.per_sigma[:, :, None]
-    return sensitivities
+    return found.jacobian * observations.per_sigma[:, :, None]
 
 
 def is_world_directed(names: Iterable[str]) -> bool:

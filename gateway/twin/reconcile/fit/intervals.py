@@ -89,8 +89,7 @@ def noise_density(power: Array, left: Array, bins: NDArray[np.intp]) -> Array:
 
     def around(values: Array) -> Array:
         sums = np.cumsum(np.pad(values, ((0, 0), (1, 0))), axis=1)
-        found: Array = sums[:, first + window] - sums[:, first]
-        return found
+        return sums[:, first + window] - sums[:, first]
 
     here = log_shape[:, bins]
     freedom = around(left[None])

@@ -42,8 +42,7 @@ def solve_damped(normal: Array, gradient: Array, damping: float) -> Array:
     """Return the solution of normal equations (k, k) and (k,); `damping` is added to the diagonal after scaling it to 1."""
     scale = np.sqrt(np.diag(normal)) + MIN_SCALE
     matrix = normal / np.outer(scale, scale) + damping * np.eye(len(scale))
-    solution: Array = np.linalg.solve(matrix, gradient / scale) / scale
-    return solution
+    return np.linalg.solve(matrix, gradient / scale) / scale
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,14 +33,12 @@ def orthonormal(columns: Array) -> Array:
     if not scaled.shape[1]:
         return scaled
     left, singular, _ = np.linalg.svd(scaled, full_matrices=False)
-    basis: Array = left[:, singular > RANK_TOLERANCE * singular[0]]
-    return basis
+    return left[:, singular > RANK_TOLERANCE * singular[0]]
 
 
 def project_out(basis: Array, columns: Array) -> Array:
     """Return what of columns (m,) or (m, k) is orthogonal to an orthonormal basis (m, rank)."""
-    projected: Array = columns - basis @ (basis.T @ columns)
-    return projected
+    return columns - basis @ (basis.T @ columns)
 
 
 @dataclass(frozen=True, slots=True)
