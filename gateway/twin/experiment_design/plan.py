@@ -12,7 +12,6 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import LARGER_SWING, TURN_HOUSING, Effect
 from gateway.twin.experiment_design.experiment import CANDIDATES, FREE_SWING, Experiment
 from gateway.twin.experiment_design.signatures import (
-    ExperimentSensitivities,
     Group,
     Hypothesis,
     Signature,
@@ -96,7 +95,8 @@ def ambiguity_groups(rig: TwinRig, model_effects: EffectValues) -> tuple[Group, 
         for part in amplitude_parts(EFFECTS[name])
     ]
     sensitivities = linearise_experiment(rig, model_effects, FREE_SWING, tuple(parts))
-    edges = [pair for pair in combinations(parts, 2) if _are_confusable(sensitivities, *pair)]
+    pairs = [pair for pair in combinations(parts, 2) if pair[0].effect != pair[1].effect]
+    edges = [pair for pair in pairs if _are_confusable(*sensitivities.signatures(*pair))]
     by_effects: dict[frozenset[str], set[Hypothesis]] = {}
     for nodes in _connected(parts, edges):
         by_effects.setdefault(frozenset(node.effect for node in nodes), set()).update(nodes)
@@ -105,13 +105,9 @@ def ambiguity_groups(rig: TwinRig, model_effects: EffectValues) -> tuple[Group, 
     return tuple(sorted(groups, key=lambda group: order[group[0].effect]))
 
 
-def _are_confusable(sensitivities: ExperimentSensitivities, first: Hypothesis, second: Hypothesis) -> bool:
-    if first.effect == second.effect:
-        return False
-    signatures = sensitivities.signatures(first, second)
-    are_visible = all(np.linalg.norm(each.typical) > MIN_SEPARATION_SIGMA for each in signatures)
-    one, other = signatures
-    return are_visible and smallest_angle_cosine(one.columns, other.columns) > CONFUSABLE_COSINE
+def _are_confusable(first: Signature, second: Signature) -> bool:
+    are_visible = all(np.linalg.norm(each.typical) > MIN_SEPARATION_SIGMA for each in (first, second))
+    return are_visible and smallest_angle_cosine(first.columns, second.columns) > CONFUSABLE_COSINE
 
 
 def _connected(
@@ -199,9 +195,12 @@ def plan(
     plans = []
     for i, group in enumerate(groups):
         forecasts = []
-        for experiment in _possible_experiments(rig, effects, group):
-            tick(f"group {i + 1} of {len(groups)}")
-            forecasts.append((experiment, forecast(rig, effects, experiment, group)))
+        # What the operator does is neither a hypothesis nor part of the model.
+        taken = {*effects, *(hypothesis.effect for hypothesis in group)}
+        for experiment in CANDIDATES:
+            if experiment.is_possible(rig) and not experiment.inputs(rig) & taken:
+                tick(f"group {i + 1} of {len(groups)}")
+                forecasts.append((experiment, forecast(rig, effects, experiment, group)))
         plans.append(_plan_group(group, forecasts))
     return Plan(rig, tuple(plans))
 
@@ -212,15 +211,11 @@ def forecast(rig: TwinRig, model_effects: EffectValues, experiment: Experiment, 
     return tuple(separation_of(*sensitivities.signatures(*pair)) for pair in combinations(group, 2))
 
 
-def _possible_experiments(rig: TwinRig, model_effects: EffectValues, group: Group) -> list[Experiment]:
-    """Return the candidates in which the operator's inputs are neither hypotheses nor part of the model."""
-    taken = {*model_effects, *(hypothesis.effect for hypothesis in group)}
-    return [each for each in CANDIDATES if each.is_possible(rig) and not each.inputs(rig) & taken]
-
-
 def _plan_group(group: Group, forecasts: Sequence[Forecast]) -> GroupPlan:
     before = dict(forecasts)[FREE_SWING]
-    ranked = sorted(forecasts, key=lambda each: _rank(each, _separable_pairs(forecasts)))
+    pairs = range(len(before))  # those that no candidate separates do not influence the ranking
+    separable = [i for i in pairs if any(separations[i].is_distinguishable for _, separations in forecasts)]
+    ranked = sorted(forecasts, key=lambda each: _rank(each, separable))
     best, after = ranked[0]
     separated = _count_distinguishable(after)
     alternatives = [
@@ -228,30 +223,24 @@ def _plan_group(group: Group, forecasts: Sequence[Forecast]) -> GroupPlan:
         for experiment, separations in ranked[1:]
         if _count_distinguishable(separations) == separated and not experiment.is_extension_of(best)
     ]
-    pairs = tuple(
+    compared = tuple(
         Pair(first, second, before[i], after[i] if separated else None)
         for i, (first, second) in enumerate(combinations(group, 2))
     )
     confused = {
         hypothesis.effect
-        for pair, separation in zip(pairs, after, strict=True)
+        for pair, separation in zip(compared, after, strict=True)
         if not separation.is_distinguishable
         for hypothesis in (pair.first, pair.second)
     }
     return GroupPlan(
         group,
         best if separated else None,
-        pairs,
+        compared,
         tuple(alternatives[:MAX_ALTERNATIVES]) if separated else (),
         _other_measurement(frozenset(confused)) if confused else None,
         len(forecasts),
     )
-
-
-def _separable_pairs(forecasts: Sequence[Forecast]) -> list[int]:
-    """Return the pairs that some candidate separates; the others do not influence the ranking."""
-    pairs = range(len(forecasts[0][1]))
-    return [i for i in pairs if any(separations[i].is_distinguishable for _, separations in forecasts)]
 
 
 def _rank(each: Forecast, separable: Sequence[int]) -> tuple[float, ...]:

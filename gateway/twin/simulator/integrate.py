@@ -178,7 +178,7 @@ def _integrate_segment(compiled: CompiledModel, initial: Array, p: Array, grid: 
 
 def _grid(compiled: CompiledModel, p: Array, from_s: float, until_s: float) -> IntegrationGrid:
     recorded = [np.array([from_s, until_s])]
-    bounds = Times(compiled.true_time(recorded, p)[:, 0], compiled.true_time_by_p(recorded, p)[:, 0])
+    bounds = Times(compiled.true_time(recorded, p)[:, 0], compiled.true_time.jacobian(recorded, p)[:, 0])
     times, times_by = (each.full() for each in compiled.discontinuities(p))
     step_s = compiled.step_s(p)
     return make_grid(bounds, Times(times[:, 0], times_by), compiled.impulses, step_s)

@@ -205,7 +205,7 @@ class Simulator:
         self, trajectory: Trajectory, starts: Array, inputs: list[Array], samples: "_Samples", p: Array
     ) -> tuple[Array, Array, Array]:
         """Return the readings before the low-pass, their total derivatives, and those of the states at the segments' ends."""
-        jacobian = self._compiled.reading_jacobian(inputs, p)
+        jacobian = self._compiled.reading.jacobian(inputs, p)
         states, n = trajectory.starts.shape[1], self.n_initial_states
         by = np.empty((*jacobian.shape[:2], n + len(p)))
 
@@ -218,7 +218,7 @@ class Simulator:
 
         ends_by = visit_sensitivities(self._compiled, trajectory, starts, p, visit)
         by[..., n:] += jacobian[..., states:]
-        true_by = self._compiled.true_time_by_p([samples.recorded_s], p)[:, 0]
+        true_by = self._compiled.true_time.jacobian([samples.recorded_s], p)[:, 0]
         if true_by.any():
             rate = _evaluated(_differentiated(trajectory.polynomials()[samples.step]), samples.share)
             rate /= trajectory.lengths_s[samples.step, None]
@@ -238,7 +238,7 @@ class Simulator:
             by[..., index + 1 : index + 4] += transient[:, :, None] * np.eye(3)
             reading = filtered + transient * initial_g
         if self._has_output_stage:
-            jacobian = self._compiled.output_jacobian([reading.T], p)
+            jacobian = self._compiled.output.jacobian([reading.T], p)
             by = jacobian[..., :3] @ by
             by[..., self.n_initial_states :] += jacobian[..., 3:]
             reading = self._compiled.output([reading.T], p)
