@@ -6,7 +6,7 @@ sides of the swing's: the product of residual and swing has the frequency itself
 
 Each round screens the library by linearisations, fits the best few terms beside what the law has already, and keeps the one
 with the most evidence on the log and the selection part if it is significant on the log, in coloured noise too, and lowers the
-residual of the selection part; never by the test part. Then terms without which no evidence is lost are removed.
+residual of the selection part; never by the test part.
 """
 
 import math
@@ -235,7 +235,7 @@ def find_law(
             break
     if not law.terms or min(_share_closed(base, law.candidate), _share_closed(before, law.after)) < MOST_OF_GAP:
         return None
-    return _without_idle_terms(context, law, validator, work)
+    return law
 
 
 def _with_one_more(
@@ -339,22 +339,3 @@ def _share_closed(before: CandidateFit | ValidationFit, after: CandidateFit | Va
 def _cosine(first: ScreenedTerm, second: ScreenedTerm) -> float:
     norms = np.linalg.norm(first.signature) * np.linalg.norm(second.signature)
     return 0.0 if norms == 0 else float(abs(first.signature @ second.signature) / norms)
-
-
-def _without_idle_terms(context: SearchContext, law: FoundLaw, validator: Validator, max_work: float) -> FoundLaw:
-    """Remove terms whose absence costs no evidence: a later term may have replaced them."""
-    table = CandidateTable(context.setting.log).with_fit(law.candidate)
-    table = replace(table, noise_inflation=law.noise_inflation)
-    for name in law.terms[:-1]:
-        if context.budget.work > max_work:
-            break
-        values = law.candidate.without(name)
-        table = context.fit(table, values)
-        shorter = table.get(values)
-        if shorter is None:
-            continue
-        after = validator.evaluate(shorter)
-        limit = table.evidence(law.candidate, law.after.fit.chi2) + MIN_EVIDENCE_MARGIN
-        if table.evidence(shorter, after.fit.chi2) < limit:
-            law = replace(law, candidate=shorter, after=after, terms=tuple(t for t in law.terms if t != name))
-    return law

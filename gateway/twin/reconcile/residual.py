@@ -11,6 +11,7 @@ from scipy.special import chdtrc
 from gateway.numerics.spectrum import ZERO_PADDING, periodogram
 from gateway.numerics.stats import autocorrelations, true_runs
 from gateway.twin.model import TwinRig
+from gateway.twin.reconcile.data.data_checks import WRONG_FREQUENCY_RATIO
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.multiple_shooting import Fit
 from gateway.twin.reconcile.output.result import DIRECTIONS, Curves, Disagreement, Peak, Remainder, Residual
@@ -46,8 +47,6 @@ MIN_BLOCK_RMS_SIGMA = 1.25
 """Rms of a block above which it exceeds the noise; noise of 100 samples does so once in 3600 blocks."""
 BAND_POWER_SHARE = 0.8
 """Share of the power in the band that is reported."""
-NEAR_RIG = 1.6
-"""Factor within which the swing's frequency is that of the rig: beyond it a recording is refused."""
 MAX_MULTIPLE = 4
 """Largest multiple of the swing's frequency that is named."""
 SAME_LINE_CYCLES = 1.5
@@ -214,7 +213,7 @@ def swing_frequency_hz(log: Curves, rig: TwinRig) -> float:
     """Return the frequency of the strongest line across the rope near that of the rig; at the load, where none is, the rig's."""
     rig_hz = 1 / rig.small_swing_period_s
     frequency_hz, power = periodogram(log.time_s, log.measured_g / log.noise_g)
-    near = (frequency_hz > rig_hz / NEAR_RIG) & (frequency_hz < rig_hz * NEAR_RIG)
+    near = np.abs(np.log(np.maximum(frequency_hz, 1e-12) / rig_hz)) < np.log(WRONG_FREQUENCY_RATIO)
     across = power[near, :2].sum(axis=1)
     is_seen = bool(across.size) and across.max() > len(log.time_s) ** 0.5
     return float(frequency_hz[near][np.argmax(across)]) if is_seen else rig_hz

@@ -12,6 +12,7 @@ from gateway.numerics.stats import robust_sigma, true_runs
 from gateway.swing.data.input_checks import WITHOUT_GRAVITY, lacks_gravity
 from gateway.twin.model import DEFAULT_NOISE_G, Model, TwinRig
 from gateway.twin.reconcile.data.observations import (
+    MIN_LINE_SHARE,
     NEIGHBOUR_RATIO,
     SAME_FREQUENCY_RATIO,
     Observations,
@@ -42,8 +43,6 @@ MAX_FREE_FALL_RHO = 0.7
 """Position over rope length up to which free fall is checked: nearer the load, the top of a large swing reads as little."""
 WRONG_FREQUENCY_RATIO = 1.25
 """Ratio of the swing's frequency to the rig's from which the rig is wrong; the rope length is then wrong by 1.6."""
-MIN_POWER_SHARE = 0.01
-"""Power at the rig's frequency, relative to the strongest line, from which the rig is right: a second mode may be stronger."""
 MIN_LINE_TO_NEIGHBOURS = 10.0
 """Power ratio to these neighbours from which the weaker line is the swing."""
 
@@ -239,7 +238,7 @@ def _has_line_of_rig(frequency_hz: Array, power: Array, period_s: float) -> bool
     log_ratio = np.log(frequency_hz * period_s)
     at_rig = np.abs(log_ratio) < np.log(SAME_FREQUENCY_RATIO)
     rig_power = power[at_rig].max(initial=0.0)
-    if rig_power >= MIN_POWER_SHARE * power.max():
+    if rig_power >= MIN_LINE_SHARE * power.max():
         return True
     neighbours = power[~at_rig & (np.abs(log_ratio) < np.log(NEIGHBOUR_RATIO))]
     is_second_mode = log_ratio[np.argmax(power)] > np.log(WRONG_FREQUENCY_RATIO)

@@ -40,7 +40,7 @@ NEIGHBOUR_RATIO = 2.0
 MIN_LINE_TO_NEIGHBOURS = 30.0
 """Power over the median around it from which an axial line is a swing: noise alone gets there once in 10^9 frequencies."""
 MIN_LINE_SHARE = 0.01
-"""Power relative to the strongest axial line: a bounce may be stronger."""
+"""Power relative to the strongest line from which one may be the swing's: a bounce or a second mode may be stronger."""
 MIN_RELATIVE_FREQUENCY = 0.2
 """Lowest frequency that counts, relative to the line's: slower is a drift."""
 MIN_RISE_TO_FALL = 1.5

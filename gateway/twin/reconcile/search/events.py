@@ -26,8 +26,6 @@ MAX_LENGTH_WINDOW_REMAINDER = 1.3
 """The same where the rope changes its length: samples respond far from linearly then, and the scan predicts too little."""
 MAX_EVENT_EXCESS = 0.2
 """Excess of the reduced chi-square outside of an event that still counts as one motion before and another after it."""
-NEARLY_EXPLAINED = 2.0
-"""Reduced chi-square below which a slowly converging persistent effect is refined."""
 MAX_REFINED_EXCESS_RATIO = 5.0
 """Excess of the reduced chi-square over that of the best fit: a fit with more does not become the best by converging."""
 STRETCH = 1.6
@@ -79,7 +77,8 @@ def refine(table: CandidateTable, context: SearchContext, size: int) -> Candidat
     table = table.start_round()
     for candidate in table.ranked(size)[:MAX_PARENTS]:
         excess_ratio = (candidate.reduced_chi2 - 1) / max(table.closest.reduced_chi2 - 1, EXCESS_SIGNIFICANT)
-        if excess_ratio > MAX_REFINED_EXCESS_RATIO or not _converges_slowly(candidate):
+        converges_slowly = any(EFFECTS[name].transient or EFFECTS[name].slow_convergence for name in candidate.values)
+        if excess_ratio > MAX_REFINED_EXCESS_RATIO or not converges_slowly:
             continue
         if table.is_explained or context.budget.is_exhausted:
             break
@@ -109,13 +108,6 @@ def _scan(context: SearchContext, parent: CandidateFit, *, length: bool) -> tupl
     chosen = [*range(HEADING), *(i for i, spec in enumerate(simulator.parameters) if spec.effect in extra)]
     residual = log.residual_sigma(parent.fit.force_g)
     return scan_for_changepoints(log.time_s, residual, sensitivities_sigma(simulator, at, log)[..., chosen], log.used)
-
-
-def _converges_slowly(fit: CandidateFit) -> bool:
-    """Whether a fit has an event, or is near the end of a narrow valley."""
-    if any(EFFECTS[name].transient for name in fit.values):
-        return True
-    return any(EFFECTS[name].slow_convergence for name in fit.values) and fit.reduced_chi2 < NEARLY_EXPLAINED
 
 
 def _stretched(effect: Effect, values: Values) -> Iterable[Values]:
