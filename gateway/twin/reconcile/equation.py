@@ -269,21 +269,21 @@ def _with_one_more(
     ]
     validator.evaluate_ahead(fit for _, fit in near_best)
     validated = ((each, fit, validator.evaluate(fit)) for each, fit in near_best)
-    rivals = [_Rival(each, fit, found, table.evidence(fit, found.fit.chi2)) for each, fit, found in validated]
-    rivals.sort(key=lambda each: each.evidence)
-    if not rivals or not _holds(law, rivals[0], validator, random):
+    rivals = [(table.evidence(fit, found.fit.chi2), each, fit, found) for each, fit, found in validated]
+    rivals.sort(key=lambda each: each[0])
+    if not rivals or not _holds(law, rivals[0][3], validator, random):
         return None
-    best, limit = rivals[0], rivals[0].evidence + MIN_EVIDENCE_MARGIN
-    near = [each.screened for each in rivals if each.evidence < limit]
-    near += [each for each in screened if _cosine(each, best.screened) > COLLINEAR_COSINE]
-    name = best.screened.name
+    least, best, best_fit, validation = rivals[0]
+    near = [each for evidence, each, *_ in rivals if evidence < least + MIN_EVIDENCE_MARGIN]
+    near += [each for each in screened if _cosine(each, best) > COLLINEAR_COSINE]
+    others = tuple(dict.fromkeys(each.name for each in near if each is not best))
     return replace(
         law,
-        candidate=best.fit,
-        after=best.validation,
-        terms=(*law.terms, name),
-        alternatives={**law.alternatives, name: tuple(dict.fromkeys(each.name for each in near if each.name != name))},
-        signatures={**law.signatures, name: best.screened.signature},
+        candidate=best_fit,
+        after=validation,
+        terms=(*law.terms, best.name),
+        alternatives={**law.alternatives, best.name: others},
+        signatures={**law.signatures, best.name: best.signature},
         noise_inflation=table.noise_inflation,
     )
 
@@ -308,16 +308,6 @@ def pairs_loss_with_gain(fit: CandidateFit, term: str) -> bool:
     return TERMS[term].feeds_energy(fit.values[term]) and any(EFFECTS[name].dissipative for name in fit.names)
 
 
-@dataclass(frozen=True, slots=True)
-class _Rival:
-    """A term that was fitted in a round."""
-
-    screened: ScreenedTerm
-    fit: CandidateFit
-    validation: ValidationFit
-    evidence: float
-
-
 def _score(screened: ScreenedTerm, context: SearchContext, law: FoundLaw) -> float:
     """Gain of a linearisation over the noise inflation, less the penalty of its parameters."""
     log = context.setting.log
@@ -326,10 +316,9 @@ def _score(screened: ScreenedTerm, context: SearchContext, law: FoundLaw) -> flo
     return screened.gain / inflation - screened.n_parameters * math.log(log.n_values)
 
 
-def _holds(law: FoundLaw, rival: _Rival, validator: Validator, random: np.random.Generator) -> bool:
+def _holds(law: FoundLaw, after: ValidationFit, validator: Validator, random: np.random.Generator) -> bool:
     """Whether a term describes the selection part, too."""
-    before, after = law.after, rival.validation
-    return _share_closed(before, after) > LITTLE_OF_GAP and validator.is_improved(before, after, random)
+    return _share_closed(law.after, after) > LITTLE_OF_GAP and validator.is_improved(law.after, after, random)
 
 
 def _share_closed(before: CandidateFit | ValidationFit, after: CandidateFit | ValidationFit) -> float:

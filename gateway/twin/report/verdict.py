@@ -141,33 +141,32 @@ def _sentence(result: Reconciliation) -> str:
             them = "it" if len(effects) == 1 else "them"
             return f"The nominal model lacks {names}. With {them}, the simulation agrees with the measurement."
         case "one_of":
-            return _group_sentence(result.alternatives, with_remainder=result.leaves_remainder)
+            does = "acts" if result.leaves_remainder else "explains the difference"
+            beside = " A further effect is not known." if result.leaves_remainder else ""
+            known = result.alternatives
+            of, names = (
+                ("these", f": {join_names(known, 'or')}") if known else ("several", "; their names were not recorded")
+            )
+            return f"One of {of} effects {does}{INDISTINGUISHABLE}{names}.{beside}"
         case "named_with_remainder":
             return f"The nominal model lacks {names}, and a further effect that is not known."
         case "unmodelled":
             return UNKNOWN_CAUSE[result.ended_early]
 
 
-def _group_sentence(candidates: tuple[str, ...], *, with_remainder: bool) -> str:
-    does = "acts" if with_remainder else "explains the difference"
-    beside = " A further effect is not known." if with_remainder else ""
-    if not candidates:
-        return f"One of several effects {does}{INDISTINGUISHABLE}; their names were not recorded.{beside}"
-    return f"One of these effects {does}{INDISTINGUISHABLE}: {join_names(candidates, 'or')}.{beside}"
-
-
 def _findings(result: Reconciliation) -> tuple[Finding, ...]:
-    group = tuple(_candidate(name) for name in result.candidates) if result.verdict == "one_of" else ()
     if result.verdict in ("data_unusable", "unmodelled"):
         return ()
-    return group + tuple(_finding(effect, is_addition=bool(group)) for effect in confirmed_effects(result))
-
-
-def _finding(effect: NamedEffect, *, is_addition: bool) -> Finding:
-    meaning, acted = as_sentence(effect.explains), _acted(effect.when_s)
-    if effect.is_stated:
-        meaning += f" The rig’s description states {_stated(effect)}."
-    return Finding(human_name(effect.name), meaning, is_addition, acted, effect_sizes(effect))
+    group = result.candidates if result.verdict == "one_of" else ()
+    meanings = {name: as_sentence(EFFECTS[name].explains) if name in EFFECTS else "" for name in group}
+    found = [Finding(human_name(name), meaning, False, "", ()) for name, meaning in meanings.items()]
+    for effect in confirmed_effects(result):
+        meaning = as_sentence(effect.explains)
+        if effect.is_stated:
+            meaning += f" The rig’s description states {_stated(effect)}."
+        acted, sizes = _acted(effect.when_s), effect_sizes(effect)
+        found.append(Finding(human_name(effect.name), meaning, bool(group), acted, sizes))
+    return tuple(found)
 
 
 def _stated(effect: NamedEffect) -> str:
@@ -177,11 +176,6 @@ def _stated(effect: NamedEffect) -> str:
         if estimate.stated is not None
         for each in np.atleast_1d(np.asarray(estimate.stated, dtype=np.float64))
     )
-
-
-def _candidate(name: str) -> Finding:
-    known = EFFECTS.get(name)
-    return Finding(human_name(name), as_sentence(known.explains) if known else "", False, "", ())
 
 
 def _acted(when_s: tuple[float, float] | None) -> str:

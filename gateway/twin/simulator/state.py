@@ -88,19 +88,14 @@ def initial_state_specs(structure: ModelStructure) -> tuple[ParameterSpec, ...]:
 def effect_parameter_specs(effect: Effect, length_m: float) -> tuple[ParameterSpec, ...]:
     """Return the numbers of an effect on a rope of this nominal length."""
     bounded = [_in_vector(p, effect.upper_bound(p, length_m)) for p in effect.parameters]
-    return tuple(
-        ParameterSpec(**_fields_of(p), effect=effect.name, component=i) for p in bounded for i in range(p.size)
-    )
+    known = [({each.name: getattr(p, each.name) for each in fields(Parameter)}, p.size) for p in bounded]
+    return tuple(ParameterSpec(**own, effect=effect.name, component=i) for own, size in known for i in range(size))
 
 
 def _in_vector(p: Parameter, upper: float) -> Parameter:
     if p.kind is ParameterKind.CUTOFF:
         return replace(p, lower=1 / upper, upper=1 / p.lower, neutral=1 / min(p.neutral, upper))
     return replace(p, upper=upper, neutral=min(p.neutral, upper))
-
-
-def _fields_of(parameter: Parameter) -> dict[str, Any]:
-    return {each.name: getattr(parameter, each.name) for each in fields(Parameter)}
 
 
 Expression = Any

@@ -209,10 +209,6 @@ class SymbolicModel:
         length = self._rope_geometry(self.context(0.0, 0.0), errors_alone=True).oscillation_length[0]
         return ca.sqrt(self.rig.gravity_m_s2 / length)
 
-    def _fictitious_acceleration(self, state: State, context: EvaluationContext, geometry: RopeGeometry) -> Vector:
-        housing = BodyState(*on_straight_rope(state, geometry.position), self._small_swing_rate_1_s)
-        return self._sum(lambda effect, p: effect.fictitious_acceleration_m_s2(p, context, housing))
-
     # the sensor's chain
 
     def true_time(self, recorded_s: Expression) -> Expression:
@@ -238,17 +234,19 @@ class SymbolicModel:
         kinematics = self._kinematics(state, context)
         gravity, motion = self.rig.gravity_m_s2, (state.n, state.n_rate, kinematics.n_acceleration)
         force = eq.specific_force(*motion, kinematics.pivot_acceleration, gravity, *kinematics.geometry.position)
-        force = eq.add(force, self._fictitious_acceleration(state, context, kinematics.geometry))
+        housing = BodyState(*on_straight_rope(state, kinematics.geometry.position), self._small_swing_rate_1_s)
+        force = eq.add(force, self._sum(lambda effect, p: effect.fictitious_acceleration_m_s2(p, context, housing)))
         rotation = self._housing_rotation(context)
         along_x, along_y = self._lever_arm(rotation)
         force = eq.add(force, eq.lever_arm_acceleration(*motion, state.x_axis, along_x, along_y))
         n, x_axis = state.n, state.x_axis
         if self.structure is ModelStructure.HEAVY_ROPE:
-            housing = self._housing_on_bent_rope(state, kinematics)
-            force = eq.add(force, housing.acceleration_m_s2)
-            n, x_axis = housing.axes(x_axis)
-        in_housing = _in_housing_axes(eq.in_housing(n, x_axis, force), rotation[0])
-        return eq.scale(1 / gravity, in_housing)
+            on_bent_rope = self._housing_on_bent_rope(state, kinematics)
+            force = eq.add(force, on_bent_rope.acceleration_m_s2)
+            n, x_axis = on_bent_rope.axes(x_axis)
+        x, y, z = eq.in_housing(n, x_axis, force)
+        cos, sin = ca.cos(rotation[0]), ca.sin(rotation[0])
+        return eq.scale(1 / gravity, (cos * x + sin * y, cos * y - sin * x, z))
 
     def _quadrature(self, x: Expression, context: EvaluationContext) -> Vector:
         """Return the derivative of the ideal reading along the motion over √(g/L)."""
@@ -284,9 +282,3 @@ class SymbolicModel:
         for effect, p in self.active_effects():
             output = effect.output_stage_g(p, output)
         return ca.vertcat(*output)
-
-
-def _in_housing_axes(force: Vector, angle: Scalar) -> Vector:
-    """Return components along the housing's axes, which are rotated by an angle about z."""
-    x, y, z = force
-    return ca.cos(angle) * x + ca.sin(angle) * y, ca.cos(angle) * y - ca.sin(angle) * x, z
