@@ -185,7 +185,9 @@ def describe_remainder(log: Curves, rig: TwinRig) -> Remainder:
     motion = log.measured_g[used] - log.measured_g[used].mean(axis=0)
     before, after = log.residual_before_g[used], log.residual_after_g[used]
     wide = _is_wide(log.time_s[used], motion, rig.small_swing_period_s)
-    turned = after @ _swing_axes(motion[:, :2])
+    axes = np.eye(3)  # along the swing, across it and along the rope, in those of the housing
+    axes[:2, :2] = np.linalg.eigh(motion[:, :2].T @ motion[:, :2])[1][:, ::-1]
+    turned = after @ axes
     swing_hz = swing_frequency_hz(log, rig)
     axis = int(np.argmax((turned**2).sum(axis=0)))
     direction, peak = DIRECTIONS[axis], _strongest_line(log, turned, axis)
@@ -222,14 +224,6 @@ def swing_frequency_hz(log: Curves, rig: TwinRig) -> float:
 def _share(residual: Array, motion: Array, noise_power: float) -> float:
     left, moved = (max(float((each**2).sum(axis=1).mean()) - noise_power, 0.0) for each in (residual, motion))
     return math.sqrt(left / moved) if moved else 0.0
-
-
-def _swing_axes(across: Array) -> Array:
-    """Return the axes along the swing, across it and along the rope, shape (3, 3), as columns in those of the housing."""
-    _, vectors = np.linalg.eigh(across.T @ across)
-    axes = np.eye(3)
-    axes[:2, :2] = vectors[:, ::-1]
-    return axes
 
 
 def _is_wide(time_s: Array, motion: Array, period_s: float) -> NDArray[np.bool_]:

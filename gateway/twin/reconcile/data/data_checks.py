@@ -131,7 +131,8 @@ def find_fault(time_s: Array, force_g: Array, twin: TwinRig) -> str | None:
         return f"wrong units: the norm of the readings is {norm_g:.3g}{unit}, at rest it is 1 g; give them in g"
     if lacks_gravity(force_g):
         return WITHOUT_GRAVITY
-    falling_s = _longest_free_fall_s(time_s, force_g)
+    falling = true_runs(np.linalg.norm(force_g, axis=1) < FREE_FALL_G)
+    falling_s = max((float(time_s[stop - 1] - time_s[start]) for start, stop in falling), default=0.0)
     if falling_s > SHORT_PERIODS * period_s and twin.position_m < MAX_FREE_FALL_RHO * twin.length_m:
         return (
             f"in free fall: the readings stay below {FREE_FALL_G:g} g for {falling_s:.2g} s, no rope was taut; "
@@ -143,12 +144,6 @@ def find_fault(time_s: Array, force_g: Array, twin: TwinRig) -> str | None:
             f"record at least {3 * period_s:.0f} s"
         )
     return _find_constant_axis(force_g, twin) or _find_swing_fault(time_s, force_g, twin)
-
-
-def _longest_free_fall_s(time_s: Array, force_g: Array) -> float:
-    """Return the longest time for which the norm of (n, 3) stays below `FREE_FALL_G`."""
-    falling = true_runs(np.linalg.norm(force_g, axis=1) < FREE_FALL_G)
-    return max((float(time_s[stop - 1] - time_s[start]) for start, stop in falling), default=0.0)
 
 
 def _find_constant_axis(force_g: Array, twin: TwinRig) -> str | None:

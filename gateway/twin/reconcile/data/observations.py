@@ -66,16 +66,6 @@ def make_upright(force_g: Array) -> Array:
     return upright
 
 
-def estimate_amplitude_rad(time_s: Array, force_g: Array, used: NDArray[np.bool_]) -> float:
-    """Return the amplitude at the start of a recording: at a turning point the rope carries cos(amplitude) of the weight.
-
-    This holds wherever the housing is on the rope. Of the samples (n, 3) only those in `used` (n,) count; where none of the first
-    ones does, because the crane works, all others tell.
-    """
-    initial = used & _is_initial(time_s)
-    return local_amplitude_rad(force_g[initial if initial.any() else used])
-
-
 def local_amplitude_rad(force_g: Array) -> float:
     """Return the amplitude of a swing in samples (n, 3) of about a period or more."""
     return float(np.arccos(np.clip(float(np.quantile(force_g[:, 2], AXIAL_QUANTILE)), -1.0, 1.0)))
@@ -87,7 +77,8 @@ def has_axial_reading_of_swing(time_s: Array, force_g: Array) -> bool:
     The rope force of a swing has two minima per period, so the lateral readings have a line at half its frequency. Near the load,
     where they show no swing, the rope force rises twice as far above 1 g as it falls below, whereas a bounce is symmetric.
     """
-    return _has_lateral_line(time_s, force_g) or _rises_further_than_it_falls(force_g[_is_initial(time_s), 2])
+    low_g, high_g = np.quantile(force_g[_is_initial(time_s), 2], [AXIAL_QUANTILE, 1 - AXIAL_QUANTILE])
+    return _has_lateral_line(time_s, force_g) or bool(high_g - 1 > MIN_RISE_TO_FALL * (1 - low_g) > 0)
 
 
 def has_axial_swing(time_s: Array, force_g: Array, small_swing_period_s: float) -> bool:
@@ -107,11 +98,6 @@ def has_axial_swing(time_s: Array, force_g: Array, small_swing_period_s: float) 
     return line > MIN_LINE_SHARE * axial.max() and line > MIN_LINE_TO_NEIGHBOURS * float(
         np.median(axial[around & ~at_line])
     )
-
-
-def _rises_further_than_it_falls(axial_g: Array) -> bool:
-    low_g, high_g = np.quantile(axial_g, [AXIAL_QUANTILE, 1 - AXIAL_QUANTILE])
-    return bool(high_g - 1 > MIN_RISE_TO_FALL * (1 - low_g) > 0)
 
 
 def _has_lateral_line(time_s: Array, force_g: Array) -> bool:
@@ -164,8 +150,12 @@ class Observations:
 
     @cached_property
     def amplitude_rad(self) -> float:
-        """Amplitude of the swing at the start of the recording."""
-        return estimate_amplitude_rad(self.time_s, make_upright(self.force_g), self.used)
+        """Amplitude at the start of the recording: at a turning point the rope carries cos(amplitude) of the weight.
+
+        This holds wherever the housing is on the rope. Where no first sample counts, because the crane works, all others tell.
+        """
+        initial = self.used & _is_initial(self.time_s)
+        return local_amplitude_rad(make_upright(self.force_g)[initial if initial.any() else self.used])
 
     @cached_property
     def has_large_amplitude(self) -> bool:
@@ -349,7 +339,7 @@ def _means(observations: Observations, count: int) -> Observations:
     force_g = np.einsum("ij,ijk->ik", weight, observations.force_g[around])
     curvature_g = np.zeros_like(force_g)
     curvature_g[1:-1] = force_g[:-2] - 2 * force_g[1:-1] + force_g[2:]
-    lost_g = (1 - 1 / count**2) / 24 * curvature_g
+    lost = (1 - 1 / count**2) / 24  # of the curvature; giving it back adds a little noise
     time_s = (weight * observations.time_s[around]).sum(axis=1)
     time_s[0] = observations.time_s[0]
     complete = share >= MIN_USED_SHARE
@@ -359,15 +349,9 @@ def _means(observations: Observations, count: int) -> Observations:
     temperature_c = observations.temperature_c
     return Observations(
         time_s,
-        force_g - lost_g,
+        force_g - lost * curvature_g,
         None if temperature_c is None else temperature_c[centres],
-        observations.noise_g * _noise_ratio(count),
+        observations.noise_g * float(np.sqrt(((1 + 2 * lost) ** 2 + 2 * lost**2) / count)),
         used,
         observations.offset_s,
     )
-
-
-def _noise_ratio(count: int) -> float:
-    """Return the noise of a mean over that of a sample; the second difference adds a little."""
-    share = (1 - 1 / count**2) / 24
-    return float(np.sqrt(((1 + 2 * share) ** 2 + 2 * share**2) / count))

@@ -118,7 +118,11 @@ def gather_evidence(
         baseline_closes_gap=_baseline_closes_gap(baseline.candidate, fits),
         share_closed=_share_closed(run, best, baseline),
         beyond_parts=beyond_parts,
-        at_edge=_effects_at_edge(best),
+        at_edge=frozenset(
+            name
+            for name, values in best.candidate.values.items()
+            if any(rests_at_edge(p, values[p.name]) for p in EFFECTS[name].parameters if p.name in values)
+        ),
     )
 
 
@@ -133,14 +137,6 @@ def _necessary_effects(
         if without is None or without.reduced_chi2 - 1 > MIN_NECESSARY_RATIO * excess:
             found.add(name)
     return frozenset(found)
-
-
-def _effects_at_edge(best: RankedCandidate) -> frozenset[str]:
-    return frozenset(
-        name
-        for name, values in best.candidate.values.items()
-        if any(rests_at_edge(each, values[each.name]) for each in EFFECTS[name].parameters if each.name in values)
-    )
 
 
 def _baseline_closes_gap(baseline: CandidateFit, fits: Mapping[frozenset[str], CandidateFit]) -> bool:

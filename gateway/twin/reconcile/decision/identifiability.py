@@ -119,7 +119,8 @@ class Contributions:
     def _angle_rad(self, name: str, others: Sequence[str], contribution: Array, size: float) -> float:
         """Return the angle between an effect's contribution and the nearest one of others, where the set may change as well."""
         used = [*_places(self.specs, others), *self._beside(name)]
-        if size_left(contribution, self.triangle[:, used]) > DISTINCT_ANGLE_RAD * size:
+        left = project_out(orthonormal(self.triangle[:, used]), contribution)
+        if np.linalg.norm(left) > DISTINCT_ANGLE_RAD * size:
             return math.pi / 2  # not even without bounds
         beyond = distance_within(contribution, self.triangle[:, used], self.lower[used], self.upper[used])
         return math.asin(min(1.0, beyond / size))
@@ -173,11 +174,6 @@ def possible_changes(simulator: Simulator, model: EffectValues, rig: TwinRig) ->
         lower[i] = min(0.0, max(spec.lower, spec.neutral - reach) - at[i])
         upper[i] = max(0.0, min(spec.upper, spec.neutral + reach) - at[i])
     return lower, upper
-
-
-def size_left(target: Array, columns: Array) -> float:
-    """Distance of a target (m,) from the space that columns (m, k) span."""
-    return float(np.linalg.norm(project_out(orthonormal(columns), target)))
 
 
 def distance_within(target: Array, columns: Array, lower: Array, upper: Array) -> float:

@@ -14,7 +14,7 @@ from gateway.twin.reconcile.decision.evidence import Evidence, RankedCandidate
 from gateway.twin.reconcile.decision.identifiability import Substitutes
 from gateway.twin.reconcile.output.result import Verdict
 from gateway.twin.reconcile.residual import SAME_LINE_CYCLES, has_lines, residual_lines
-from gateway.twin.reconcile.search.candidates import LITTLE_OF_GAP, MOST_OF_GAP, CandidateFit
+from gateway.twin.reconcile.search.candidates import LITTLE_OF_GAP, MOST_OF_GAP
 
 PARTIAL = ("named_with_remainder", "unmodelled")
 """Verdicts that leave something unexplained."""
@@ -227,7 +227,9 @@ def _drop_nonstationary_lines(decision: Decision, log: Observations) -> Decision
     if not has_lines(log, candidate.fit):
         return decision
     left_hz = np.array([line.hz for line in residual_lines(log, candidate.fit)])
-    unsteady = {name for name in candidate.names if _has_line_near(name, candidate, left_hz, log.duration_s)}
+    near_hz = 2 * SAME_LINE_CYCLES / log.duration_s  # an amplitude that changes widens both lines
+    lines_hz = {n: each["frequency_hz"] for n, each in candidate.values.items() if EFFECTS[n].steady_frequency}
+    unsteady = {name for name, hz in lines_hz.items() if (np.abs(left_hz - np.asarray(hz)) < near_hz).any()}
     named = tuple(name for name in decision.named if name not in unsteady)
     if named == decision.named:
         return decision
@@ -235,14 +237,6 @@ def _drop_nonstationary_lines(decision: Decision, log: Observations) -> Decision
     verdict: Verdict = "named_with_remainder" if named else "unmodelled"
     reason = VerdictReason.NONSTATIONARY_LINE
     return replace(decision, verdict=verdict, reason=reason, text=text, named=named, leaves_remainder=True)
-
-
-def _has_line_near(name: str, candidate: CandidateFit, lines_hz: np.ndarray, duration_s: float) -> bool:
-    if not EFFECTS[name].steady_frequency:
-        return False
-    # An amplitude that changes widens both lines.
-    frequency_hz = np.asarray(candidate.values[name]["frequency_hz"])
-    return bool((np.abs(lines_hz - frequency_hz) < 2 * SAME_LINE_CYCLES / duration_s).any())
 
 
 def _group_indistinguishable(

@@ -167,8 +167,10 @@ def harmonic_initial_states(
         start_s = float(observations.time_s[first])
         if swing.azimuth_rad is not None:
             azimuth_rad = swing.azimuth_rad
-        elif before is not None and _is_reversed(before, swing, start_s - before_s):
-            azimuth_rad += np.pi
+        elif before is not None:
+            turned_rad = (before.rate_1_s + swing.rate_1_s) / 2 * (start_s - before_s)
+            if np.cos(before.phase_rad + turned_rad - swing.phase_rad) < 0:  # it continues with the opposite sign
+                azimuth_rad += np.pi
         before, before_s = swing, start_s
         across, across_rate = _horizontal(swing, rig.small_swing_rate_1_s)
         direction = np.exp(1j * azimuth_rad)
@@ -235,12 +237,6 @@ def _axis_ratio(across: Complex, sideways: complex) -> float:
     """Return minor over major axis of the ellipse of the readings across the rope, but not zero."""
     ratio = -float((np.conj(across[0]) * across[1]).imag) / abs(sideways) ** 2
     return ratio if abs(ratio) > MIN_AXIS_RATIO else MIN_AXIS_RATIO
-
-
-def _is_reversed(before: _Swing, after: _Swing, elapsed_s: float) -> bool:
-    """Return whether a swing continues an earlier one with the opposite sign."""
-    rate_1_s = (before.rate_1_s + after.rate_1_s) / 2
-    return bool(np.cos(before.phase_rad + rate_1_s * elapsed_s - after.phase_rad) < 0)
 
 
 def _horizontal(swing: _Swing, small_swing_rate_1_s: float) -> tuple[complex, complex]:

@@ -148,7 +148,10 @@ def build_result(found: SearchOutcome, counts: Mapping[str, int], random: np.ran
     """Put everything into one record."""
     decision, recordings, run = found.decision, found.run.recordings, found.run
     log_curves, held_curves = found.log_curves(), found.held_out_curves()
-    reaches = _reaches(found)
+    setting, final = run.context.setting, decision.model.candidate
+    # Beside a remainder there are no companions: each of them would take a part of it.
+    companions = () if decision.leaves_remainder or not decision.named else scorable_effects(setting)
+    reaches = intervals(setting, final.fit, final.values, companions, run.table.noise_inflation)
     groups = (decision.candidates, *decision.also_one_of)
     splitting = dict.fromkeys(EFFECTS[name].discriminating_experiment for group in groups for name in group)
     return Reconciliation(
@@ -198,13 +201,6 @@ def unusable_result(model: Model, log: CheckedRecording, fault: str) -> Reconcil
 
 Reaches = tuple[Array, Array]
 """How far the interval of each value of the final model reaches below and above it, (values,) each."""
-
-
-def _reaches(found: SearchOutcome) -> Reaches:
-    """Allow for companions, but beside a remainder: each of them would take a part of it."""
-    setting, final = found.run.context.setting, found.decision.model.candidate
-    companions = () if found.decision.leaves_remainder or not found.decision.named else scorable_effects(setting)
-    return intervals(setting, final.fit, final.values, companions, found.run.table.noise_inflation)
 
 
 def _named_effect(name: str, found: SearchOutcome, reaches: Reaches) -> NamedEffect:

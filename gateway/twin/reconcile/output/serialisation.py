@@ -22,7 +22,6 @@ from gateway.twin.reconcile.output.result import (
     Gap,
     Law,
     Reconciliation,
-    Resemblance,
 )
 
 SCHEMA_VERSION = 2
@@ -167,16 +166,13 @@ def to_text(result: Reconciliation) -> str:
     if compared is None:
         return "\n".join(lines)
     if AVERAGED in result.counts:
-        lines.append(f"samples      {_averaged(result.counts[AVERAGED], compared.log)}")
+        highest_hz = 1 / (2 * float(np.median(np.diff(compared.log.time_s))))
+        why = f"for the recording is long: nothing faster than {highest_hz:.2g} Hz was judged"
+        lines.append(f"samples      {result.counts[AVERAGED]} to a mean, {why}")
     lines.append(f"gap          {_gap(compared.gap)}")
     if result.leaves_remainder:
         lines.append(f"left         {compared.remainder.sentence}")
     return "\n".join(lines)
-
-
-def _averaged(count: int, log: Curves) -> str:
-    rate_hz = 1 / float(np.median(np.diff(log.time_s)))
-    return f"{count} to a mean, for the recording is long: nothing faster than {rate_hz / 2:.2g} Hz was judged"
 
 
 def _verdict(result: Reconciliation, names: Sequence[str]) -> str:
@@ -198,14 +194,14 @@ def _law(law: Law | None) -> list[str]:
         if term.alternatives:
             lines.append(f"    nearly as good: {', '.join(term.alternatives)}")
         if term.closest_effects:
-            lines.append(f"    resembles {', '.join(_resemblance(each) for each in term.closest_effects)}")
+            alike = (
+                f"{each.name}{' of the opposite sign' if each.reversed else ''} ({each.cosine:.3f})"
+                for each in term.closest_effects
+            )
+            lines.append(f"    resembles {', '.join(alike)}")
     if law.closed_test_percent is not None:
         lines.append(f"    closes {law.closed_test_percent:.1f} % of the gap on the test part")
     return lines
-
-
-def _resemblance(found: Resemblance) -> str:
-    return f"{found.name}{' of the opposite sign' if found.reversed else ''} ({found.cosine:.3f})"
 
 
 def _inputs(found: Sequence[EstimatedInput]) -> str:

@@ -227,7 +227,8 @@ class SearchContext:
 
         One that the rig states starts from there: what is missing is its change.
         """
-        if name in others or name in self.setting.crane_inputs or _excludes_each_other(name, others):
+        structures = {EFFECTS[each].structure for each in (name, *others)} - {ModelStructure.ROPE}
+        if name in others or name in self.setting.crane_inputs or len(structures) > 1:
             return []
         stated = self.setting.stated_effects.get(name)
         guesses = guesses if stated is None else [stated]
@@ -266,12 +267,6 @@ class SearchContext:
         if key not in self._changepoints:
             self._changepoints[key] = locate_changepoint(self.setting, parent.values, length=length)
         return self._changepoints[key]
-
-
-def _excludes_each_other(name: str, others: Iterable[str]) -> bool:
-    """Whether effects give the model different structures."""
-    structures = {EFFECTS[each].structure for each in (name, *others)} - {ModelStructure.ROPE}
-    return len(structures) > 1
 
 
 def make_context(model: Model, log: Observations, budget: Budget, on_evaluation: Callable[[], None]) -> SearchContext:
