@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from devices.pendulum.equations import Scalar, Vector
+from devices.pendulum.equations import Scalar, Vector, add
 from gateway.twin.effects.effect import MEASURE_HOUSING, MEASURE_ROPE, TURN_HOUSING, Array, Effect
 from gateway.twin.effects.evaluation_context import EvaluationContext
 from gateway.twin.effects.guess_context import GuessContext, guess_vibration, wrap_angle
@@ -123,8 +123,7 @@ class AxisOffset(Effect):
 
     def reading_g(self, p: Symbols, context: EvaluationContext, reading: Vector) -> Vector:
         """Add the offset to each axis."""
-        x, y, z = (f + b for f, b in zip(reading, p["offset_g"], strict=True))
-        return x, y, z
+        return add(reading, p["offset_g"])
 
 
 class ThermalDrift(Effect):

@@ -257,21 +257,16 @@ class OffsetTerm(CoefficientTerm):
 
     def reading_g(self, p: Symbols, context: EvaluationContext, reading: Vector) -> Vector:
         """Add the offset."""
-        x, y, z = (f + each for f, each in zip(reading, self.coefficients_at(p, context), strict=True))
-        return x, y, z
+        x, y, z = self.coefficients_at(p, context)
+        return add(reading, (x, y, z))
 
 
-class ReadingTerm(Term):
-    """Base class of what depends on the reading, or settles."""
-
-    enters = "sensor"
-    quantity = "reading"
-
-
-class CreepingOffset(ReadingTerm):
+class CreepingOffset(Term):
     """An offset that settles after the start."""
 
     name = "creeping_offset"
+    enters = "sensor"
+    quantity = "reading"
     equation = "f_i + b_i exp(−t/τ)"
     formula = "exp(−t/τ)"
     says = ("the sensor's zero settles after the start",)
@@ -284,9 +279,7 @@ class CreepingOffset(ReadingTerm):
 
     def reading_g(self, p: Symbols, context: EvaluationContext, reading: Vector) -> Vector:
         """Add an offset that decays."""
-        left = ca.exp(-context.time_s / p["time_constant_s"])
-        x, y, z = (f + b * left for f, b in zip(reading, p["offset_g"], strict=True))
-        return x, y, z
+        return add(reading, scale(ca.exp(-context.time_s / p["time_constant_s"]), p["offset_g"]))
 
     def shift_start(self, values: Values, by_s: float) -> Values:
         """Return what is left of the offset at a later first sample."""
@@ -299,10 +292,12 @@ class CreepingOffset(ReadingTerm):
         return f"{number(values['offset_g'])} g {self.formula}, τ = {tau_s:.3g} s"
 
 
-class QuadraticReading(ReadingTerm):
+class QuadraticReading(Term):
     """A sensitivity that bends."""
 
     name = "quadratic_reading"
+    enters = "sensor"
+    quantity = "reading"
     equation = "f_i + k_i (f_i − f_i0)², f_0 the reading at rest"
     formula = "(f − f_0)²"
     says = ("the sensitivity changes with what is read",)
@@ -316,13 +311,15 @@ class QuadraticReading(ReadingTerm):
         return x, y, z
 
 
-class DelayedReading(ReadingTerm):
+class DelayedReading(Term):
     """A reading whose axes across the rope are sampled later than the axial one, to first order in the delay.
 
     A delay of all three axes is another start of the same motion, and shows nowhere.
     """
 
     name = "delayed_reading"
+    enters = "sensor"
+    quantity = "reading"
     equation = "f_i(t − τ_i) ≈ f_i − τ_i f′_i, i across the rope"
     formula = "−f′"
     says = (

@@ -36,22 +36,16 @@ def _ranking_content(result: Reconciliation, _compared: Comparison) -> Content:
 
 
 def _parameters_content(_result: Reconciliation, compared: Comparison) -> Content:
-    return {
-        "component_texts": component_texts,
-        "is_transient": is_transient,
-        "is_same_model": is_same_model(compared.log),
-    }
+    is_same = is_same_model(compared.log)
+    return {"component_texts": component_texts, "is_transient": is_transient, "is_same_model": is_same}
 
 
 def _model_content(result: Reconciliation, _compared: Comparison) -> Content:
     return {"caution": caution(result), "after_name": final_model_name(result), "model_value": model_value}
 
 
-def data_content(_result: Reconciliation) -> Content:
-    """Return the words for the counts of samples and for parameters that were fitted again."""
-    return {"counted": COUNTED, "refitted": REFITTED}
-
-
+DATA_CONTENT: Content = {"counted": COUNTED, "refitted": REFITTED}
+"""The words for the counts of samples and for parameters that were fitted again."""
 MODEL_SECTIONS: tuple[tuple[str, str, Callable[[Reconciliation, Comparison], Content]], ...] = (
     ("gap", "The gap, step by step", gap_content),
     ("motion", "Measured and simulated", motion_content),
@@ -80,7 +74,7 @@ def render_report(
     facts = (("software", software), *(computed or {}).items())
     sections = [
         *found,
-        ReportSection("data", "The data", data_content(result)),
+        ReportSection("data", "The data", DATA_CONTENT),
         ReportSection("computed", "How this was computed", {"facts": facts, "rig": rig_facts(result.rig)}),
     ]
     return render("report.html.j2", title=title, result=result, verdict=verdict_content(result), sections=sections)
