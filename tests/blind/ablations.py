@@ -145,7 +145,7 @@ GATES = {
         "samples inside an event whose course is not modelled count for nothing",
         (
             Call("decision.evidence.exclude_unmodelled_profiles", _first),
-            Call("search.events.exclude_unmodelled_profiles", _first),
+            Call("search.steps.exclude_unmodelled_profiles", _first),
         ),
     ),
 } | {f"rule: {name}": Part("a rule of the verdict", (RuleOfVerdict(index),)) for index, name in enumerate(RULES)}
@@ -154,14 +154,14 @@ GATES = {
 STEPS = {
     "length of a large swing": Part(
         "a wrong length is found by the period at the amplitude",
-        (Call("search.persistent._add_rope_length", _unadded),),
+        (Call("search.steps._add_rope_length", _unadded),),
     ),
     "length of a small swing": Part(
-        "the fit of a length begins at that of the period", (_step("search.persistent._fit_length_by_period"),)
+        "the fit of a length begins at that of the period", (_step("search.steps._fit_length_by_period"),)
     ),
     "machine line": Part(
         "a machine's line is fitted before the search",
-        (Call("search.persistent._add_machine_line", _first_and_second),),
+        (Call("search.steps._add_machine_line", _first_and_second),),
     ),
     "bodies": Part(
         "a heavy rope and a pivot that yields or holds are fitted before pairs",
@@ -177,7 +177,7 @@ STEPS = {
         "fits in narrow valleys are continued, events tried shorter and longer",
         (_step("search.search.refine"),),
     ),
-    "stretched events": Part("events are tried shorter and longer", (Call("search.events._stretched", _constant(())),)),
+    "stretched events": Part("events are tried shorter and longer", (Call("search.steps._stretched", _constant(())),)),
     "growth": Part(
         "second and third effects are added to the best one",
         (Call("search.search._forward_step", _ungrown),),

@@ -13,7 +13,7 @@ from gateway.twin.reconcile.output.result import Reconciliation
 from gateway.twin.reconcile.reconcile import reconcile
 from gateway.twin.reconcile.search.candidates import CandidateTable
 from gateway.twin.reconcile.search.context import Budget, make_context
-from gateway.twin.reconcile.search.persistent import fit_baseline
+from gateway.twin.reconcile.search.steps import fit_baseline
 from gateway.twin.reconcile.search.validation import Validator
 from tests.blind.rigid_pendulum import GRAVITY_M_S2, RigidPendulum, simulate
 

@@ -32,8 +32,8 @@ from gateway.twin.reconcile.search.candidates import (
     CandidateTable,
 )
 from gateway.twin.reconcile.search.context import FitRequest, SearchContext
-from gateway.twin.reconcile.search.persistent import MAX_SCORED
 from gateway.twin.reconcile.search.signatures import Signatures, compute_signatures
+from gateway.twin.reconcile.search.steps import MAX_SCORED
 from gateway.twin.reconcile.search.validation import ValidationFit, Validator
 
 Array = NDArray[np.float64]
@@ -136,7 +136,7 @@ def screen_terms(setting: FitContext, parent: CandidateFit) -> list[ScreenedTerm
     """Return every term that the model does not have, each with its best frequency or time constant, in no order."""
     tried = [name for name in TERMS if name not in parent.values and name not in setting.model_effects]
     steady = [name for name in tried if not TERMS[name].shape_parameters]
-    starts = setting.segment_starts(parent.values) if setting.large_amplitude else None
+    starts = setting.segment_starts(parent.values) if setting.log.has_large_amplitude else None
     best = {each.name: each for each in _screen(setting, parent, steady, {}, starts)}
     for shapes in _shapes(setting, parent, [name for name in tried if name not in steady]):
         for each in _screen(setting, parent, tuple(shapes), shapes, starts):

@@ -33,8 +33,8 @@ from gateway.twin.reconcile.equation import find_law
 from gateway.twin.reconcile.output.result import AVERAGED, Reconciliation
 from gateway.twin.reconcile.output.result_builder import SearchOutcome, build_result, unusable_result
 from gateway.twin.reconcile.search.context import Budget
-from gateway.twin.reconcile.search.persistent import detect_in_samples
 from gateway.twin.reconcile.search.search import SearchRun, search
+from gateway.twin.reconcile.search.steps import detect_in_samples
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 
 

@@ -134,12 +134,12 @@ class CompiledModel:
     @cached_property
     def impulses(self) -> dict[int, Any]:
         """By the index of its discontinuity: the state after an impulse, as a function of (x, time, p), with its derivatives."""
-        return {index: self._impulse(effect) for index, effect in self.symbolic.discontinuities()[1].items()}
-
-    def _impulse(self, effect: Effect) -> Any:
-        after = self.symbolic.apply_impulse(self._x, self._t, effect)
-        by = [ca.jacobian(after, each) for each in (self._x, self._p, self._t)]
-        return ca.Function(f"impulse_{effect.name}", [self._x, self._t, self._p], [after, *by])
+        found = {}
+        for index, effect in self.symbolic.discontinuities()[1].items():
+            after = self.symbolic.apply_impulse(self._x, self._t, effect)
+            by = [ca.jacobian(after, each) for each in (self._x, self._p, self._t)]
+            found[index] = ca.Function(f"impulse_{effect.name}", [self._x, self._t, self._p], [after, *by])
+        return found
 
     @cached_property
     def true_time(self) -> VectorisedFunction:

@@ -82,11 +82,6 @@ class FitContext:
     tick: Callable[[], None]
 
     @property
-    def large_amplitude(self) -> bool:
-        """Whether only the right model follows the recording as one trajectory."""
-        return self.log.has_large_amplitude
-
-    @property
     def crane_inputs(self) -> tuple[str, ...]:
         """Names of the inputs of the crane that are known."""
         return tuple(name for name in self.model_effects if isinstance(EFFECTS[name], CraneInput))

@@ -152,14 +152,10 @@ class SearchContext:
     _signatures: dict[frozenset[str], Signatures] = field(default_factory=dict)
     _segment_starts: dict[frozenset[str], Array] = field(default_factory=dict)
 
-    def with_baseline(self, baseline_effects: EffectValues) -> "SearchContext":
-        """The same recording and budget with other baseline effects."""
-        return replace(self, baseline_effects=baseline_effects)
-
     def without_eliminated(self, table: CandidateTable, best: CandidateFit) -> "SearchContext":
         """The same without the baseline effects that backward elimination removed: no rival has to have them."""
         kept = {name: values for name, values in self.baseline_effects.items() if name in best.values}
-        return self if table.get(kept) is None else self.with_baseline(kept)
+        return self if table.get(kept) is None else replace(self, baseline_effects=kept)
 
     def fit(
         self, table: CandidateTable, values: EffectValues, starts: Array | None = None, iterations: int = FIT_ITERATIONS
@@ -250,7 +246,7 @@ class SearchContext:
         """Signatures of all scorable effects beside a fitted set of effects."""
         if parent.names not in self._signatures:
             names = scorable_effects(self.setting)
-            starts = self.segment_starts(parent) if self.setting.large_amplitude else None
+            starts = self.segment_starts(parent) if self.setting.log.has_large_amplitude else None
             self._signatures[parent.names] = compute_signatures(
                 self.setting, parent.fit, parent.values, names, segment_starts=starts
             )

@@ -23,21 +23,24 @@ from gateway.twin.reconcile.search.candidates import (
     CandidateTable,
 )
 from gateway.twin.reconcile.search.context import Budget, FitRequest, SearchContext, make_context
-from gateway.twin.reconcile.search.events import fit_events_in_windows, has_event, needs_more, refine
-from gateway.twin.reconcile.search.persistent import (
+from gateway.twin.reconcile.search.signatures import any_length_changes, coincident_effects
+from gateway.twin.reconcile.search.steps import (
     MAX_SCORED,
     baseline_of,
     fit_baseline,
     fit_bodies,
     fit_by_score,
     fit_clock_hypotheses,
+    fit_events_in_windows,
     fit_guessed_effects,
     fit_persistent_effects,
     fit_persistent_pairs,
+    has_event,
+    needs_more,
     parents,
+    refine,
     requests_beside,
 )
-from gateway.twin.reconcile.search.signatures import any_length_changes, coincident_effects
 from gateway.twin.reconcile.search.validation import Validator
 
 MAX_SINGLE_REMAINDER = 0.8
@@ -131,7 +134,7 @@ def _settled_chi2(table: CandidateTable, context: SearchContext, best: Candidate
     """
     if not best.has_unexplained_residual:
         return 0.0
-    if not context.setting.large_amplitude:
+    if not context.setting.log.has_large_amplitude:
         return math.inf
     return best.fit.chi2 + MOST_OF_GAP * (baseline_of(table, context).fit.chi2 - best.fit.chi2)
 
@@ -151,7 +154,7 @@ def _forward_step(table: CandidateTable, context: SearchContext, size: int) -> t
 
 def _fit_guesses_and_events(table: CandidateTable, context: SearchContext, parent: CandidateFit) -> CandidateTable:
     """Fit what is guessed from a parent's residual, and events in windows; a large swing leaves nothing to be found in it."""
-    if context.setting.large_amplitude:
+    if context.setting.log.has_large_amplitude:
         return table
     table = fit_guessed_effects(table, context, parent).start_round()
     is_found = table.is_explained and table.best is not parent

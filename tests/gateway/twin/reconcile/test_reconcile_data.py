@@ -23,7 +23,7 @@ from gateway.twin.reconcile.data.sensor import (
 )
 from gateway.twin.reconcile.output.result import Curves
 from gateway.twin.reconcile.output.serialisation import format_prediction_csv
-from gateway.twin.reconcile.search.persistent import detect_in_samples
+from gateway.twin.reconcile.search.steps import detect_in_samples
 from gateway.twin.simulator.simulator import Simulator
 from tests.gateway.twin.reconcile.conftest import swing
 
