@@ -314,12 +314,14 @@ class RopeMass(Effect):
 
     def longest_step_s(self, p: Symbols, length_m: float, gravity_m_s2: float) -> Scalar:
         """Return a quarter of a radian of the string mode."""
-        rope = self._rope(p, gravity_m_s2, RopeGeometry((length_m, 0.0, 0.0), (0.0, 0.0, 0.0)))
+        rope = self.heavy_rope(p, gravity_m_s2, RopeGeometry((length_m, 0.0, 0.0), (0.0, 0.0, 0.0)))
         return MAX_STRING_STEP_RAD / rope.string_rate
 
     def heavy_rope(self, p: Symbols, gravity_m_s2: float, geometry: RopeGeometry) -> HeavyRope:
         """Return the rope; hoisting changes its mass."""
-        return self._rope(p, gravity_m_s2, geometry)
+        length, rate, _ = geometry.length
+        density, damping = p["relative_density_1_m"], p["string_damping_ratio"]
+        return HeavyRope(length, rate, density * length, damping, gravity_m_s2, geometry.gyration_squared_m2)
 
     def equivalent_values(self, coincident: Values, length_m: float) -> Values | None:
         """Return λ of the period of a length that seems shorter by the share −e: (1 + μ/3)/(1 + μ/2) = 1 + e."""
@@ -327,9 +329,3 @@ class RopeMass(Effect):
         if not MAX_SHORTENING < error < 0:
             return None
         return {"relative_density_1_m": -6 * error / (1 + 3 * error) / length_m}
-
-    @staticmethod
-    def _rope(p: Symbols, gravity_m_s2: float, geometry: RopeGeometry) -> HeavyRope:
-        length, rate, _ = geometry.length
-        density, damping = p["relative_density_1_m"], p["string_damping_ratio"]
-        return HeavyRope(length, rate, density * length, damping, gravity_m_s2, geometry.gyration_squared_m2)
