@@ -143,7 +143,7 @@ class HousingRocking(Effect):
             "°/g",
             "C, rotation per specific force across the rope, positive for a housing that hangs below its clamp",
             (-40.0, 40.0),
-            (3.0, 3.0),
+            3.0,
             ("x", "y"),
             limit=10.0,
         ),

@@ -106,7 +106,11 @@ def amplitude(
     components: tuple[str, ...] = (),
     **further: Any,
 ) -> Parameter:
-    """Return the parameter of a strength: the effect vanishes where it is 0. `further` are other fields of `Parameter`."""
+    """Return the parameter of a strength: the effect vanishes where it is 0. `further` are other fields of `Parameter`.
+
+    A typical value that is one number is that of each component.
+    """
+    typical = typical if isinstance(typical, tuple) else (typical,) * len(components) or typical
     return Parameter(name, unit, meaning, *bounds, 0.0, _small(typical, bounds), typical, components, **further)
 
 

@@ -80,16 +80,7 @@ class ScaleError(Effect):
     discriminating_experiment = MEASURE_HOUSING
     in_every_rig = True
     parameters = (
-        amplitude(
-            "relative",
-            "1",
-            "s of each axis",
-            (-0.3, 0.3),
-            (0.01, 0.01, 0.01),
-            AXES,
-            limit=0.03,
-            limit_of_rig="scale_limit",
-        ),
+        amplitude("relative", "1", "s of each axis", (-0.3, 0.3), 0.01, AXES, limit=0.03, limit_of_rig="scale_limit"),
     )
 
     def reading_g(self, p: Symbols, context: EvaluationContext, reading: Vector) -> Vector:
@@ -110,14 +101,7 @@ class AxisOffset(Effect):
     in_every_rig = True
     parameters = (
         amplitude(
-            "offset_g",
-            "g",
-            "b of each axis",
-            (-0.5, 0.5),
-            (0.01, 0.01, 0.01),
-            AXES,
-            limit=0.06,
-            limit_of_rig="offset_limit_g",
+            "offset_g", "g", "b of each axis", (-0.5, 0.5), 0.01, AXES, limit=0.06, limit_of_rig="offset_limit_g"
         ),
     )
 
@@ -231,7 +215,7 @@ class LowpassLag(Effect):
             "g",
             "state of the filter at the first sample, minus the state that the motion alone would give",
             (-2.0, 2.0),
-            (0.0, 0.0, 0.0),
+            0.0,
             AXES,
             refitted=True,
         ),

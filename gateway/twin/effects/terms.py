@@ -89,7 +89,7 @@ class Term(Effect):
 def coefficient(name: str, unit: str, meaning: str, typical: float, components: tuple[str, ...] = ()) -> Parameter:
     """Return the parameter of a coefficient; `typical` is the size of one that shows."""
     bounds = (-LARGEST * typical, LARGEST * typical)
-    return amplitude(name, unit, meaning, bounds, (typical,) * len(components) or typical, components)
+    return amplitude(name, unit, meaning, bounds, typical, components)
 
 
 def number(value: Value) -> str:

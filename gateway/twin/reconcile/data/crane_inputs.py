@@ -185,7 +185,7 @@ class MotionCorrection(CraneInput):
             "m/s",
             "correction of the load's velocity",
             (-LARGEST_CORRECTION_M_S, LARGEST_CORRECTION_M_S),
-            (0.0, 0.0),
+            0.0,
             ("x", "y"),
             refitted=True,
         )
