@@ -8,7 +8,7 @@ from devices.pendulum.equations import Scalar, Vector
 from gateway.twin.effects.effect import LOCK_SLEWING, MEASURE_CLAMP, MEASURE_HOUSING, MEASURE_LEVER_ARM, Effect
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext, RopeGeometry
 from gateway.twin.effects.guess_context import GuessContext, guess_yaw_rate
-from gateway.twin.effects.parameter import ParameterKind, Symbols, Values, amplitude, shape
+from gateway.twin.effects.parameter import Symbols, Values, amplitude, frequency
 from gateway.twin.effects.sensor import rotate_across
 
 Array = NDArray[np.float64]
@@ -54,13 +54,7 @@ class LeverArm(Effect):
     in_every_rig = True
     parameters = (
         amplitude(
-            "offset_m",
-            "m",
-            "d, from the rope's line to the accelerometer",
-            (-1.0, 1.0),
-            (0.03, 0.0),
-            ("x", "y"),
-            limit=0.1,
+            "offset_m", "m", "d, from the rope to the accelerometer", (-1.0, 1.0), (0.03, 0.0), ("x", "y"), limit=0.1
         ),
     )
 
@@ -167,7 +161,7 @@ class HousingTorsion(Effect):
     linear_at_neutral = False
     discriminating_experiment = LOCK_SLEWING
     parameters = (
-        shape("frequency_hz", "Hz", "f", (1e-3, 10.0), 0.1, kind=ParameterKind.FREQUENCY, step_limit=0.01),
+        frequency("f", (1e-3, 10.0), 0.1, step_limit=0.01),
         amplitude("damping_ratio", "1", "ζ", (0.0, 0.5), 0.01, step_limit=0.05),
         amplitude(
             "start_deg",

@@ -121,6 +121,11 @@ def shape(name: str, unit: str, meaning: str, bounds: tuple[float, float], neutr
     return Parameter(name, unit, meaning, *bounds, neutral, scale, typical, **further)
 
 
+def frequency(meaning: str, bounds: tuple[float, float], neutral: float, **further: Any) -> Parameter:
+    """Return the parameter `frequency_hz`."""
+    return shape("frequency_hz", "Hz", meaning, bounds, neutral, kind=ParameterKind.FREQUENCY, **further)
+
+
 def _small(typical: Value, bounds: tuple[float, float]) -> float:
     """Return a small part of what is typical, or of the range where that is 0."""
     return SMALL_SHARE * (float(np.max(np.abs(typical))) or bounds[1])

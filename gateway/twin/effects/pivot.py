@@ -134,14 +134,7 @@ class PivotFriction(Effect):
             "hold_rad", "rad", "ε, largest angle from its rest at which the friction holds the load", (0.0, 0.2), 5e-4
         ),
         # The limit is that of a pin of 10 mm that yields by 0.4 mm.
-        shape(
-            "presliding_rad",
-            "rad",
-            "δ, rotation by which the contact yields before it slides",
-            (1e-3, 0.1),
-            0.02,
-            limit=0.019,
-        ),
+        shape("presliding_rad", "rad", "δ, rotation of the contact before it slides", (1e-3, 0.1), 0.02, limit=0.019),
     )
 
     def initial_guesses(self, context: GuessContext) -> list[Values]:

@@ -21,7 +21,7 @@ from gateway.twin.effects.effect import (
 )
 from gateway.twin.effects.evaluation_context import EvaluationContext, Rigging, RopeGeometry
 from gateway.twin.effects.guess_context import GuessContext, guess_double_pendulum
-from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values, amplitude, shape
+from gateway.twin.effects.parameter import Parameter, Symbols, Values, amplitude, frequency, shape
 from gateway.twin.effects.pulse import PulseEffect, duration, ramp_fraction, start
 
 MAX_RIGGING_SHARE = 0.95
@@ -95,24 +95,10 @@ class RopeStretch(Effect):
     structure = ModelStructure.ELASTIC
     steady_frequency = True
     parameters = (
-        shape(
-            "frequency_hz",
-            "Hz",
-            "of the oscillation, ω/2π",
-            (0.3, 20.0),
-            2.0,
-            kind=ParameterKind.FREQUENCY,
-            step_limit=0.05,
-        ),
+        frequency("of the oscillation, ω/2π", (0.3, 20.0), 2.0, step_limit=0.05),
         shape("damping_ratio", "1", "ζ of the oscillation; no rope is without damping", (1e-3, 0.5), 0.01),
         shape("above_housing", "1", "h, fraction of the stretch above the housing", (0.0, 1.0), 1.0),
-        shape(
-            "sag_unknown",
-            "1",
-            "q, fraction of the elongation under the load that the nominal length lacks",
-            (0.0, 1.0),
-            1.0,
-        ),
+        shape("sag_unknown", "1", "q, share of the load's elongation that the nominal length lacks", (0.0, 1.0), 1.0),
     )
 
     def initial_guesses(self, context: GuessContext) -> list[Values]:
@@ -241,11 +227,7 @@ class LoadInertia(Effect):
     scales_period = True
     parameters = (
         amplitude(
-            "radius_of_gyration_m",
-            "m",
-            "k, radius of gyration about a horizontal axis through the load's centre",
-            (0.0, 100.0),
-            1.0,
+            "radius_of_gyration_m", "m", "k, about a horizontal axis through the load's centre", (0.0, 100.0), 1.0
         ),
     )
 

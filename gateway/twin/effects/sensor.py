@@ -10,7 +10,7 @@ from devices.pendulum.equations import Scalar, Vector, add
 from gateway.twin.effects.effect import MEASURE_HOUSING, MEASURE_ROPE, TURN_HOUSING, Array, Effect
 from gateway.twin.effects.evaluation_context import EvaluationContext
 from gateway.twin.effects.guess_context import GuessContext, guess_vibration, wrap_angle
-from gateway.twin.effects.parameter import ParameterKind, Symbols, Values, amplitude, shape
+from gateway.twin.effects.parameter import ParameterKind, Symbols, Values, amplitude, frequency, shape
 
 AXES = ("x", "y", "z")
 MIN_GUESSED_MOUNT_DEG = 5.0
@@ -139,17 +139,7 @@ class Vibration(Effect):
     found_before_search = True
     steady_frequency = True
     parameters = (
-        shape(
-            "frequency_hz",
-            "Hz",
-            "f",
-            (0.5, 2000.0),
-            10.0,
-            typical=12.0,
-            scale=1e-3,
-            kind=ParameterKind.FREQUENCY,
-            step_limit=0.05,
-        ),
+        frequency("f", (0.5, 2000.0), 10.0, typical=12.0, scale=1e-3, step_limit=0.05),
         amplitude("amplitude_g", "g", "A of each axis", (-1.0, 1.0), (3e-3, 3e-3, 3e-3), AXES),
         shape(
             "lag_rad",
@@ -201,14 +191,7 @@ class LowpassLag(Effect):
     default_guess = MappingProxyType({"cutoff_hz": 2.0})
     parameters = (
         shape(
-            "cutoff_hz",
-            "Hz",
-            "f_c, −3 dB",
-            (0.05, 1000.0),
-            20.0,
-            typical=1.0,
-            kind=ParameterKind.CUTOFF,
-            step_limit=1.0,
+            "cutoff_hz", "Hz", "f_c, −3 dB", (0.05, 1e3), 20.0, typical=1.0, kind=ParameterKind.CUTOFF, step_limit=1.0
         ),
         amplitude(
             "began_g",

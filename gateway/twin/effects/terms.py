@@ -20,11 +20,11 @@ from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import ZERO_VECTOR, BodyState, EvaluationContext, RopeGeometry
 from gateway.twin.effects.parameter import (
     Parameter,
-    ParameterKind,
     Symbols,
     Value,
     Values,
     amplitude,
+    frequency,
     shape,
     without_rounding,
 )
@@ -44,9 +44,7 @@ SMOOTHING_M = 1e-3
 SINE = "sin(2π f t + φ)"
 """What the formula of a periodic term begins with."""
 PHASORS = ("sine", "cosine")
-FREQUENCY = shape(
-    "frequency_hz", "Hz", "f", (0.005, HIGHEST_FREQUENCY_HZ), 0.4, kind=ParameterKind.FREQUENCY, step_limit=0.01
-)
+FREQUENCY = frequency("f", (0.005, HIGHEST_FREQUENCY_HZ), 0.4, step_limit=0.01)
 
 
 class Term(Effect):
@@ -451,13 +449,7 @@ TERMS: Mapping[str, Term] = {
             HORIZONTAL,
             says=("the pivot moves to and fro, as by a jib or a gantry that sways",),
         ),
-        PivotTerm(
-            "pivot_heave",
-            f"{SINE}, vertical",
-            "m/s²",
-            0.05,
-            says=("the pivot rises and falls, as of a floating crane",),
-        ),
+        PivotTerm("pivot_heave", f"{SINE}, vertical", "m/s²", 0.05, says=("the pivot heaves, as of a floating crane",)),
         LengthTerm(
             "periodic_length", SINE, "m", 0.005, says=("the rope becomes longer and shorter, as by a winch that hunts",)
         ),

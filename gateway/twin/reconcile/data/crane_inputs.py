@@ -119,12 +119,7 @@ class CraneMotion(CraneInput):
         self.changes_length = hoist_m_s is not None
         largest_m = LARGEST_LENGTH_CORRECTION * length_m
         correction = amplitude(
-            LENGTH_CORRECTION,
-            "m",
-            "ΔL, correction of the change of the rope's length",
-            (-largest_m, largest_m),
-            0.0,
-            refitted=True,
+            LENGTH_CORRECTION, "m", "ΔL, correction of the length's change", (-largest_m, largest_m), 0.0, refitted=True
         )
         self.parameters = (START, correction) if self.changes_length else (START,)
 
