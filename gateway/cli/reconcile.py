@@ -56,9 +56,8 @@ def run_plan(arguments: argparse.Namespace) -> int:
     from gateway.cli.output import show
     from gateway.cli.progress import Progress
     from gateway.measurement.rig_file import read_rig
-    from gateway.twin.experiment_design.plan import plan
+    from gateway.twin.experiment_design.plan import as_json, as_text, plan
     from gateway.twin.experiment_design.signatures import parse_hypotheses
-    from gateway.twin.experiment_design.text import as_json, as_text
     from gateway.twin.model import model_of
 
     load_user_effects(arguments)
@@ -156,7 +155,7 @@ def run_reconcile(arguments: argparse.Namespace) -> int:
     from gateway.twin.reconcile.data.sensor import with_measured_noise
     from gateway.twin.reconcile.output.serialisation import to_json, to_text
     from gateway.twin.reconcile.reconcile import reconcile
-    from gateway.twin.reconcile.search.budget import usable_processes
+    from gateway.twin.reconcile.search.context import usable_processes
 
     begin_s = time.monotonic()
     _check_files(arguments)

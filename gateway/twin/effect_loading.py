@@ -178,14 +178,11 @@ def _effect_classes(module: ModuleType, source: str) -> list[type[Effect]]:
         for each in vars(module).values()
         if inspect.isclass(each) and issubclass(each, Effect) and each.__module__ == module.__name__
     ]
-    found = [each for each in dict.fromkeys(own) if hasattr(each, "name") or not _is_base(each, own)]
+    bases = {base for each in own for base in each.__mro__[1:]}
+    found = [each for each in dict.fromkeys(own) if hasattr(each, "name") or each not in bases]
     if not found:
         raise InputError(f"{source}: defines no effect; write a subclass of gateway.twin.effects.Effect")
     return found
-
-
-def _is_base(found: type[Effect], classes: Sequence[type[Effect]]) -> bool:
-    return any(issubclass(each, found) for each in classes if each is not found)
 
 
 def _import_file(path: Path, source: str) -> ModuleType:

@@ -12,7 +12,7 @@ from gateway.errors import InputError
 from gateway.pipeline.rig import Rig
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Parameter, Value
-from gateway.twin.effects.term_library import register_terms
+from gateway.twin.effects.terms import register_terms
 
 EffectValues = Mapping[str, Mapping[str, Value]]
 """Effects by name, each with its parameters by name."""

@@ -12,9 +12,15 @@ from gateway.errors import InputError
 from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.effects.evaluation_context import Rigging
 from gateway.twin.model import EffectValues, Model, TwinRig
-from gateway.twin.simulator.parameter_vector import initial_state_specs
 from gateway.twin.simulator.simulator import Simulator
-from gateway.twin.simulator.state import RIGGING_RATES, RIGGING_TILTS, ROPE_RATES, ROPE_TILTS, STRETCH
+from gateway.twin.simulator.state import (
+    RIGGING_RATES,
+    RIGGING_TILTS,
+    ROPE_RATES,
+    ROPE_TILTS,
+    STRETCH,
+    initial_state_specs,
+)
 
 Array = NDArray[np.float64]
 DEFAULT_AMPLITUDE_RAD = math.radians(5.0)
@@ -66,7 +72,9 @@ def simulate(model: Model, duration_s: float, seed: int, initial: dict[str, floa
     time_s = np.arange(round(duration_s * rate_hz)) / rate_hz
     if len(time_s) < 2:
         raise InputError(f"{duration_s:g} s at {rate_hz:g} Hz holds no two samples; choose a longer duration")
-    time_s = _drop_samples(model, time_s, random)
+    for name, values in model.effects.items():
+        kept = EFFECTS[name].keep_samples(values, len(time_s), random)
+        time_s = time_s if kept is None else time_s[kept]
     temperature_c = model.rig.reference_temperature_c + TEMPERATURE_RISE_C * -np.expm1(-time_s / TEMPERATURE_TIME_S)
     force_g = _prediction(model, initial, random, time_s, temperature_c)
     sensor = Accelerometer(no_errors(), rate_hz, model.rig.full_scale_g or DEFAULT_RANGE_G)
@@ -74,8 +82,10 @@ def simulate(model: Model, duration_s: float, seed: int, initial: dict[str, floa
     samples_g = sensor.counts(noisy_g, temperature_c, random) / sensor.units_per_g
     recorded_s = np.arange(len(time_s)) / rate_hz  # stamps count samples, so lost samples leave no trace in them
     noise_g = float(np.sqrt(np.mean(np.square(model.rig.noise_g))))
-    output_g = _apply_sample_effects(model, samples_g)
-    return Simulated(recorded_s, output_g, temperature_c, sensor.full_scale_g, noise_g, rate_hz)
+    for name, effect in EFFECTS.items():  # in the order of the sensor's chain
+        if name in model.effects:
+            samples_g = effect.sample_output_g(model.effects[name], samples_g)
+    return Simulated(recorded_s, samples_g, temperature_c, sensor.full_scale_g, noise_g, rate_hz)
 
 
 def _prediction(
@@ -144,13 +154,6 @@ def _rigging(effects: EffectValues) -> Rigging | None:
     return next((rigging for rigging in found if rigging is not None), None)
 
 
-def _drop_samples(model: Model, time_s: Array, random: np.random.Generator) -> Array:
-    for name, values in model.effects.items():
-        kept = EFFECTS[name].keep_samples(values, len(time_s), random)
-        time_s = time_s if kept is None else time_s[kept]
-    return time_s
-
-
 def _excess_noise_g(model: Model, sensor: Accelerometer) -> Array:
     """Return the noise of the rig beyond that of the simulated accelerometer, shape (3,)."""
     squares = np.square(model.rig.noise_g) - sensor.noise_g**2
@@ -159,13 +162,4 @@ def _excess_noise_g(model: Model, sensor: Accelerometer) -> Array:
             f"sensor.noise_g {min(model.rig.noise_g):g} is below what the simulated part has at {sensor.odr_hz:g} Hz, "
             f"{sensor.noise_g:.2g} g; raise it, or lower sensor.sample_rate_hz"
         )
-    excess: Array = np.sqrt(squares)
-    return excess
-
-
-def _apply_sample_effects(model: Model, force_g: Array) -> Array:
-    """Apply the effects that act on noisy samples, in the order of the sensor's chain."""
-    for name, effect in EFFECTS.items():
-        if name in model.effects:
-            force_g = effect.sample_output_g(model.effects[name], force_g)
-    return force_g
+    return np.sqrt(squares)

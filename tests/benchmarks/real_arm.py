@@ -16,8 +16,7 @@ from gateway.twin.effects.parameter import Value
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.initial_conditions import segment_initial_conditions
-from gateway.twin.reconcile.fit.least_squares import FitProblem
-from gateway.twin.reconcile.fit.multiple_shooting import fit_model
+from gateway.twin.reconcile.fit.multiple_shooting import FitProblem, fit_model
 from gateway.twin.simulator.simulator import Simulator
 
 Array = NDArray[np.float64]

@@ -19,8 +19,7 @@ from gateway.measurement.source import read_source
 from gateway.measurement.swing import cut_to_free_swing
 from gateway.twin.model import TwinRig, model_of
 from gateway.twin.reconcile.data.data_checks import check_recording
-from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.data.recordings import Recordings, find_lack_of_test, split_recordings
+from gateway.twin.reconcile.data.observations import Observations, Recordings, find_lack_of_test, split_recordings
 from gateway.twin.reconcile.data.sensor import with_measured_noise
 from tests.blind.baselines.files import Measured, Method
 

@@ -3,7 +3,7 @@
 import importlib
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial, wraps
 from typing import Any, Protocol
 from unittest.mock import patch
@@ -11,10 +11,7 @@ from unittest.mock import patch
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.decision import verdict
 from gateway.twin.reconcile.decision.evidence import Evidence
-from gateway.twin.reconcile.search import search
 from gateway.twin.reconcile.search.candidates import CandidateTable
-from gateway.twin.reconcile.search.context import SearchContext
-from gateway.twin.reconcile.search.search import SearchStep
 
 RECONCILE = "gateway.twin.reconcile."
 Note = Callable[[], None]
@@ -91,33 +88,6 @@ class RuleOfVerdict:
 
         rules[self.index] = verdict.Rule(rule.applies, conclude)
         return patch.object(verdict, "RULES", tuple(rules))
-
-
-@dataclass(frozen=True, slots=True)
-class StepOfSearch:
-    """A named step of the search for single effects."""
-
-    name: str
-
-    def off(self) -> Any:
-        """Leave the step out."""
-        left = tuple(step for step in search.SINGLE_EFFECT_STEPS if step.name != self.name)
-        return patch.object(search, "SINGLE_EFFECT_STEPS", left)
-
-    def watched(self, note: Note) -> Any:
-        """Call `note` where the step returns another table."""
-
-        def run(step: SearchStep, table: CandidateTable, context: SearchContext) -> CandidateTable:
-            after = step.run(table, context)
-            if not _is_same(table, after):
-                note()
-            return after
-
-        steps = tuple(
-            replace(step, run=partial(run, step)) if step.name == self.name else step
-            for step in search.SINGLE_EFFECT_STEPS  # as it is now: other steps may be watched already
-        )
-        return patch.object(search, "SINGLE_EFFECT_STEPS", steps)
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,9 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from gateway.cli.main import main as plumbline
-from gateway.twin.reconcile.decision.evidence import RankedCandidate
+from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.decision.evidence import rivals_of
+from gateway.twin.reconcile.search.candidates import CandidateFit
 from gateway.twin.reconcile.search.validation import ValidationFit
-from tests.blind.ablation import Call, Instead, Part, RuleOfVerdict, StepOfSearch
+from tests.blind.ablation import Call, Instead, Part, RuleOfVerdict
 
 RULES = (
     "not explained",
@@ -56,17 +58,21 @@ def _by_bic(original: Instead, *arguments: Any) -> Any:
     return sorted(by_log, key=lambda each: each.bic), base
 
 
-def _on_log(
-    original: Instead, best: Any, base: Any, nominal: Any, rivals: Any, log: Any, *others: Any, **facts: Any
-) -> Any:
-    found = original(*map(_judged_on_log, (best, base, nominal)), rivals, log, log, *others[1:], **facts)
-    return replace(found, best=best, baseline=base)
+class _OnLog:
+    """A validator for which the log is the recording that validates."""
+
+    def __init__(self, log: Observations) -> None:
+        self.selection = log
+
+    def evaluate(self, candidate: CandidateFit) -> ValidationFit:
+        return ValidationFit(candidate.fit, candidate.reduced_chi2, ())
 
 
-def _judged_on_log(ranked: RankedCandidate) -> RankedCandidate:
-    """As if the log were the recording that validates."""
-    candidate = ranked.candidate
-    return replace(ranked, validation=ValidationFit(candidate.fit, candidate.reduced_chi2, ()))
+def _on_log(original: Instead, run: Any, ranked: Any, base: Any, **facts: Any) -> Any:
+    validator = _OnLog(run.recordings.log)
+    judged = [replace(each, validation=validator.evaluate(each.candidate)) for each in (*ranked, base)]
+    found = original(replace(run, validator=validator), judged[:-1], judged[-1], **facts)
+    return replace(found, best=ranked[0], baseline=base, rivals=rivals_of(ranked))
 
 
 def _differs(_original: Instead, _run: Any, best: Any, base: Any, _random: Any) -> Any:
@@ -112,7 +118,7 @@ GATES = {
     "isolability": Part(
         "effects of the same signature are fitted beside each other and stay rivals",
         (
-            Call("reconcile.rivals_of", _best_alone),
+            Call("decision.evidence.rivals_of", _best_alone),
             Call("reconcile.contributions", _constant(_NoSubstitutes())),
         ),
     ),
@@ -139,7 +145,7 @@ GATES = {
         "samples inside an event whose course is not modelled count for nothing",
         (
             Call("decision.evidence.exclude_unmodelled_profiles", _first),
-            Call("search.events.exclude_unmodelled_profiles", _first),
+            Call("search.steps.exclude_unmodelled_profiles", _first),
         ),
     ),
 } | {f"rule: {name}": Part("a rule of the verdict", (RuleOfVerdict(index),)) for index, name in enumerate(RULES)}
@@ -148,46 +154,40 @@ GATES = {
 STEPS = {
     "length of a large swing": Part(
         "a wrong length is found by the period at the amplitude",
-        (Call("search.persistent._add_rope_length", _unadded),),
+        (Call("search.steps._add_rope_length", _unadded),),
     ),
     "length of a small swing": Part(
-        "the fit of a length begins at that of the period", (_step("search.persistent._fit_length_by_period"),)
+        "the fit of a length begins at that of the period", (_step("search.steps._fit_length_by_period"),)
     ),
     "machine line": Part(
         "a machine's line is fitted before the search",
-        (Call("search.persistent._add_machine_line", _first_and_second),),
+        (Call("search.steps._add_machine_line", _first_and_second),),
     ),
     "bodies": Part(
         "a heavy rope and a pivot that yields or holds are fitted before pairs",
-        (StepOfSearch("fit a heavy rope and effects of the pivot"),),
+        (_step("search.search.fit_bodies"),),
     ),
     "pairs first": Part(
-        "pairs of persistent effects are fitted before events", (StepOfSearch("fit pairs of persistent effects"),)
+        "pairs of persistent effects are fitted before events", (_step("search.search.fit_persistent_pairs"),)
     ),
     "swap in a pair": Part(
-        "the effects of a pair that explains the log are swapped", (StepOfSearch("swap effects of an explaining pair"),)
-    ),
-    "guesses from the residual": Part(
-        "effects are fitted from guesses in the baseline's residual",
-        (StepOfSearch("fit effects guessed from the residual"),),
-    ),
-    "events in windows": Part(
-        "events are fitted in windows of a scan, beside the baseline", (StepOfSearch("fit events in scanned windows"),)
+        "the effects of a pair that explains the log are swapped", (_step("search.search._swap_in_explaining_pair"),)
     ),
     "refinement": Part(
         "fits in narrow valleys are continued, events tried shorter and longer",
         (_step("search.search.refine"),),
     ),
-    "stretched events": Part("events are tried shorter and longer", (Call("search.events._stretched", _constant(())),)),
+    "stretched events": Part("events are tried shorter and longer", (Call("search.steps._stretched", _constant(())),)),
     "growth": Part(
         "second and third effects are added to the best one",
         (Call("search.search._forward_step", _ungrown),),
     ),
-    "events in growth": Part(
-        "events are fitted beside the parents of growth", (_step("search.search.fit_events_in_windows"),)
+    "events in windows": Part(
+        "events are fitted in windows of a scan, beside the baseline and the parents of growth",
+        (_step("search.search.fit_events_in_windows"),),
     ),
-    "guesses in growth": Part(
-        "effects are guessed from the residual of the parents of growth",
+    "guesses from the residual": Part(
+        "effects are guessed from the residual of the baseline and of the parents of growth",
         (_step("search.search.fit_guessed_effects"),),
     ),
     "swaps": Part(

@@ -19,15 +19,13 @@ from typing import Any
 import numpy as np
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.term_library import TERMS, registered_library
+from gateway.twin.effects.terms import TERMS, registered_library
 from gateway.twin.model import Model, TwinRig
-from gateway.twin.reconcile.data.observations import make_observations
-from gateway.twin.reconcile.data.recordings import split_recordings
-from gateway.twin.reconcile.equation.selection import FoundLaw, find_law
+from gateway.twin.reconcile.data.observations import make_observations, split_recordings
+from gateway.twin.reconcile.equation import FoundLaw, find_law
 from gateway.twin.reconcile.output.result import Gap
-from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateTable
-from gateway.twin.reconcile.search.context import make_context
+from gateway.twin.reconcile.search.context import Budget, make_context
 from gateway.twin.reconcile.search.validation import Validator
 from tests.blind.cases import Case, generate
 from tests.blind.plan import CATALOGUE, Plan

@@ -14,11 +14,10 @@ from gateway.twin.model import Model, model_of
 from gateway.twin.reconcile import reconcile
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.data.observations import make_observations
-from gateway.twin.reconcile.decision.evidence import rivals_of
+from gateway.twin.reconcile.decision import evidence
 from gateway.twin.reconcile.search import search
-from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateTable
-from gateway.twin.reconcile.search.context import make_context
+from gateway.twin.reconcile.search.context import Budget, make_context
 from tests.blind import ablation_table, ablations
 from tests.blind.ablation_table import Worth, markdown, worth_of
 from tests.blind.ablations import PARTS
@@ -54,25 +53,16 @@ def verdict(model: Model, log: CheckedRecording, held_out: CheckedRecording) -> 
     return found.verdict, [effect.name for effect in found.effects]
 
 
-def test_steps_of_the_search_are_watched_beside_each_other() -> None:
-    before = {step.name: step.run for step in search.SINGLE_EFFECT_STEPS}
-    with PARTS["bodies"].watched(lambda: None), PARTS["pairs first"].watched(lambda: None):
-        watched = {step.name for step in search.SINGLE_EFFECT_STEPS if step.run is not before[step.name]}
-
-    assert watched == {"fit a heavy rope and effects of the pivot", "fit pairs of persistent effects"}
-
-
 def test_without_isolability_one_of_a_group_is_named(asked: Callable[..., Any]) -> None:
     model, recorded = asked("housing_spin", seed=8)
     assert verdict(model, recorded["log"], recorded["held_out"])[0] == "one_of"
 
     with PARTS["isolability"].off():
         said, names = verdict(model, recorded["log"], recorded["held_out"])
-        assert vars(reconcile)["rivals_of"](["best", "rival"]) == ["best"]
+        assert vars(evidence)["rivals_of"](["best", "rival"]) == ["best"]
 
     assert said == "named"
     assert len(names) == 1
-    assert vars(reconcile)["rivals_of"] is rivals_of
 
 
 def test_without_held_out_what_one_recording_holds_is_named(asked: Callable[..., Any]) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.twin.reconcile.equation.selection import FoundLaw
+from gateway.twin.reconcile.equation import FoundLaw
 from tests.blind import equations
 from tests.blind.cases import generate
 from tests.blind.plan import Plan

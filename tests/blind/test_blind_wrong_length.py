@@ -8,14 +8,12 @@ import pytest
 from devices.pendulum.small_swing import small_swing_period_s
 from gateway.twin.model import Model, TwinRig
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
-from gateway.twin.reconcile.data.observations import Observations, make_observations
-from gateway.twin.reconcile.data.recordings import split_recordings
+from gateway.twin.reconcile.data.observations import Observations, make_observations, split_recordings
 from gateway.twin.reconcile.output.result import Reconciliation
 from gateway.twin.reconcile.reconcile import reconcile
-from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateTable
-from gateway.twin.reconcile.search.context import make_context
-from gateway.twin.reconcile.search.persistent import fit_baseline
+from gateway.twin.reconcile.search.context import Budget, make_context
+from gateway.twin.reconcile.search.steps import fit_baseline
 from gateway.twin.reconcile.search.validation import Validator
 from tests.blind.rigid_pendulum import GRAVITY_M_S2, RigidPendulum, simulate
 

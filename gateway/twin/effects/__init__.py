@@ -20,10 +20,29 @@ from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Va
 from gateway.twin.effects.pivot import PivotCompliance, PivotFriction
 from gateway.twin.effects.pulse import Pulse, PulseEffect, duration, ramp_fraction, start
 from gateway.twin.effects.registry import EffectRegistry
-from gateway.twin.effects.rope import DoublePendulum, Hoisting, LoadChange, RopeLength, RopeStretch
-from gateway.twin.effects.rope_mass import LoadInertia, RopeMass
-from gateway.twin.effects.sensor import AxisOffset, CrossAxis, MountMisalignment, ScaleError, ThermalDrift, Vibration
-from gateway.twin.effects.sensor_output import Clipping, ClockDrift, LowpassLag, Quantization, SampleHold, SampleLoss
+from gateway.twin.effects.rope import (
+    DoublePendulum,
+    Hoisting,
+    LoadChange,
+    LoadInertia,
+    RopeLength,
+    RopeMass,
+    RopeStretch,
+)
+from gateway.twin.effects.sensor import (
+    AxisOffset,
+    Clipping,
+    ClockDrift,
+    CrossAxis,
+    LowpassLag,
+    MountMisalignment,
+    Quantization,
+    SampleHold,
+    SampleLoss,
+    ScaleError,
+    ThermalDrift,
+    Vibration,
+)
 
 __all__ = [
     "EFFECTS",

@@ -3,9 +3,8 @@
 import numpy as np
 
 from devices.pendulum.equations import Scalar, Vector, scale
-from gateway.twin.effects.effect import Effect
+from gateway.twin.effects.effect import LARGER_SWING, RECORD_DRIVES, TURN_HOUSING, Effect
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext
-from gateway.twin.effects.experiments import LARGER_SWING, RECORD_DRIVES, TURN_HOUSING
 from gateway.twin.effects.guess_context import SHARPEST, GuessContext, guess_trapezoid
 from gateway.twin.effects.parameter import Symbols, Values, amplitude
 from gateway.twin.effects.pulse import Pulse, PulseEffect, duration, ramp_fraction, start

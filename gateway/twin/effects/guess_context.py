@@ -191,8 +191,7 @@ def vibration_values(frequency_hz: float, phasors: NDArray[np.complex128]) -> Va
 
 def wrap_angle(angle_rad: Array) -> Array:
     """Return angles from -pi to pi."""
-    found: Array = (angle_rad + np.pi) % (2 * np.pi) - np.pi
-    return found
+    return (angle_rad + np.pi) % (2 * np.pi) - np.pi
 
 
 def guess_double_pendulum(context: GuessContext) -> list[Values]:

@@ -5,11 +5,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from devices.pendulum.equations import Scalar, Vector
-from gateway.twin.effects.effect import Effect
+from gateway.twin.effects.effect import LOCK_SLEWING, MEASURE_CLAMP, MEASURE_HOUSING, MEASURE_LEVER_ARM, Effect
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext, RopeGeometry
-from gateway.twin.effects.experiments import LOCK_SLEWING, MEASURE_CLAMP, MEASURE_HOUSING, MEASURE_LEVER_ARM
 from gateway.twin.effects.guess_context import GuessContext, guess_yaw_rate
-from gateway.twin.effects.parameter import ParameterKind, Symbols, Values, amplitude, shape
+from gateway.twin.effects.parameter import Symbols, Values, amplitude, frequency
 from gateway.twin.effects.sensor import rotate_across
 
 Array = NDArray[np.float64]
@@ -55,13 +54,7 @@ class LeverArm(Effect):
     in_every_rig = True
     parameters = (
         amplitude(
-            "offset_m",
-            "m",
-            "d, from the rope's line to the accelerometer",
-            (-1.0, 1.0),
-            (0.03, 0.0),
-            ("x", "y"),
-            limit=0.1,
+            "offset_m", "m", "d, from the rope to the accelerometer", (-1.0, 1.0), (0.03, 0.0), ("x", "y"), limit=0.1
         ),
     )
 
@@ -144,7 +137,7 @@ class HousingRocking(Effect):
             "°/g",
             "C, rotation per specific force across the rope, positive for a housing that hangs below its clamp",
             (-40.0, 40.0),
-            (3.0, 3.0),
+            3.0,
             ("x", "y"),
             limit=10.0,
         ),
@@ -168,7 +161,7 @@ class HousingTorsion(Effect):
     linear_at_neutral = False
     discriminating_experiment = LOCK_SLEWING
     parameters = (
-        shape("frequency_hz", "Hz", "f", (1e-3, 10.0), 0.1, kind=ParameterKind.FREQUENCY, step_limit=0.01),
+        frequency("f", (1e-3, 10.0), 0.1, step_limit=0.01),
         amplitude("damping_ratio", "1", "ζ", (0.0, 0.5), 0.01, step_limit=0.05),
         amplitude(
             "start_deg",
@@ -195,8 +188,7 @@ class HousingTorsion(Effect):
         basis = np.asarray(np.linalg.qr(drift)[0], dtype=np.float64)
 
         def without_drift(columns: Array) -> Array:
-            left: Array = columns - basis @ (basis.T @ columns)
-            return left
+            return columns - basis @ (basis.T @ columns)
 
         target = without_drift(np.sqrt(weight) * angle_rad)
         gains, fitted = np.zeros(count), np.zeros((count, 2))

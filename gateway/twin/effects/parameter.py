@@ -106,7 +106,11 @@ def amplitude(
     components: tuple[str, ...] = (),
     **further: Any,
 ) -> Parameter:
-    """Return the parameter of a strength: the effect vanishes where it is 0. `further` are other fields of `Parameter`."""
+    """Return the parameter of a strength: the effect vanishes where it is 0. `further` are other fields of `Parameter`.
+
+    A typical value that is one number is that of each component.
+    """
+    typical = typical if isinstance(typical, tuple) else (typical,) * len(components) or typical
     return Parameter(name, unit, meaning, *bounds, 0.0, _small(typical, bounds), typical, components, **further)
 
 
@@ -115,6 +119,11 @@ def shape(name: str, unit: str, meaning: str, bounds: tuple[float, float], neutr
     typical = further.pop("typical", neutral)
     scale = further.pop("scale", _small(typical, bounds))
     return Parameter(name, unit, meaning, *bounds, neutral, scale, typical, **further)
+
+
+def frequency(meaning: str, bounds: tuple[float, float], neutral: float, **further: Any) -> Parameter:
+    """Return the parameter `frequency_hz`."""
+    return shape("frequency_hz", "Hz", meaning, bounds, neutral, kind=ParameterKind.FREQUENCY, **further)
 
 
 def _small(typical: Value, bounds: tuple[float, float]) -> float:

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from devices.pendulum.equations import Vector, add, cross, dot, scale
 from devices.pendulum.small_swing import small_swing_rate_1_s
 from gateway.numerics.spectrum import find_strongest_line, fit_sine_phasors
-from gateway.twin.effects.effect import Effect, ModelStructure
+from gateway.twin.effects.effect import SWING_BOTH_WAYS, SWING_TO_REST, Effect, ModelStructure
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext
-from gateway.twin.effects.experiments import SWING_BOTH_WAYS, SWING_TO_REST
 from gateway.twin.effects.guess_context import GuessContext
 from gateway.twin.effects.parameter import Symbols, Values, amplitude, shape
 
@@ -39,14 +38,6 @@ MAX_REMAINING_AMPLITUDE = 0.95
 """Amplitude in the last fifth over that in the first. Basis: a choice; above it the swing hardly leaves the range of one
 amplitude."""
 PRESLIDING_GUESSES_RAD = (0.02, 0.1)
-
-
-def _swing_frequency_hz(context: GuessContext) -> float | None:
-    """Return the frequency of the strongest line across the rope near that of the nominal rope."""
-    nominal_hz = small_swing_rate_1_s(context.length_m, context.gravity_m_s2) / (2 * np.pi)
-    across = (context.force_g - context.force_g.mean(axis=0)) * [1.0, 1.0, 0.0] / context.noise_g
-    line = find_strongest_line(context.time_s, across, BAND[0] * nominal_hz, BAND[1] * nominal_hz)
-    return None if line is None else line.frequency_hz
 
 
 def _stokes_vectors(context: GuessContext, force_g: Array, frequency_hz: float, windows: int) -> tuple[Array, Array]:
@@ -93,14 +84,15 @@ class PivotCompliance(Effect):
 
         Nothing if the shape changes as the model says, or otherwise than by two constant periods.
         """
-        frequency_hz = _swing_frequency_hz(context)
-        if frequency_hz is None:
+        rate_1_s = small_swing_rate_1_s(context.length_m, context.gravity_m_s2)
+        from_hz, to_hz = (share * rate_1_s / (2 * np.pi) for share in BAND)
+        across = (context.force_g - context.force_g.mean(axis=0)) * [1.0, 1.0, 0.0] / context.noise_g
+        line = find_strongest_line(context.time_s, across, from_hz, to_hz)
+        windows = 0 if line is None else int(context.duration_s * line.frequency_hz / PERIODS_PER_WINDOW)
+        if line is None or windows < MIN_WINDOWS:
             return []
-        windows = int(context.duration_s * frequency_hz / PERIODS_PER_WINDOW)
-        if windows < MIN_WINDOWS:
-            return []
-        time_s, measured = _stokes_vectors(context, context.force_g, frequency_hz, windows)
-        _, modelled = _stokes_vectors(context, context.force_g - context.residual_g, frequency_hz, windows)
+        time_s, measured = _stokes_vectors(context, context.force_g, line.frequency_hz, windows)
+        _, modelled = _stokes_vectors(context, context.force_g - context.residual_g, line.frequency_hz, windows)
         departure = measured - modelled
         departure -= departure.mean(axis=0)
         turned = [np.cross(axis, np.cumsum(modelled, axis=0)) * (time_s[1] - time_s[0]) for axis in np.eye(3)[:2]]
@@ -110,7 +102,6 @@ class PivotCompliance(Effect):
         difference_rad_s = float(np.hypot(*rates))
         if not (difference_rad_s * context.duration_s > MIN_TURN_RAD and unexplained < MAX_UNEXPLAINED):
             return []
-        rate_1_s = small_swing_rate_1_s(context.length_m, context.gravity_m_s2)
         soft_m = 2 * context.length_m * difference_rad_s / rate_1_s  # ω² = g/(L + c)
         cos, sin = rates / difference_rad_s
         along_x_m, coupling_m, along_y_m = (float(soft_m * each / 2) for each in (1 + cos, sin, 1 - cos))
@@ -143,14 +134,7 @@ class PivotFriction(Effect):
             "hold_rad", "rad", "ε, largest angle from its rest at which the friction holds the load", (0.0, 0.2), 5e-4
         ),
         # The limit is that of a pin of 10 mm that yields by 0.4 mm.
-        shape(
-            "presliding_rad",
-            "rad",
-            "δ, rotation by which the contact yields before it slides",
-            (1e-3, 0.1),
-            0.02,
-            limit=0.019,
-        ),
+        shape("presliding_rad", "rad", "δ, rotation of the contact before it slides", (1e-3, 0.1), 0.02, limit=0.019),
     )
 
     def initial_guesses(self, context: GuessContext) -> list[Values]:

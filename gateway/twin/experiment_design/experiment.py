@@ -1,4 +1,4 @@
-"""An experiment as data: one or two recordings, each with what the operator does during it; and those that a plan compares."""
+"""An experiment as data and in words: one or two recordings, each with what the operator does; and those that a plan compares."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -91,6 +91,26 @@ class Run:
         }
         return {action for action, done in is_done.items() if done}
 
+    def describe(self, rig: TwinRig) -> str:
+        """Return what the operator does, in the order of the actions."""
+        clauses = []
+        if self.heading_deg:
+            clauses.append(f"clamp the housing again, turned by {self.heading_deg:.0f}° about the rope")
+        if self.position_share is not None:
+            below_m = self.position_share * rig.length_m
+            clauses.append(f"clamp the housing {below_m:.2f} m below the pivot, with the same side facing the same way")
+        shape = "nearly in a circle" if self.axis_ratio > ROUND_SWING_AXIS_RATIO else "freely"
+        swings = self.amplitude_deg > AT_REST_DEG
+        clauses.append(f"let it swing {shape} from {self.amplitude_deg:.0f}°" if swings else "let the load hang still")
+        if self.turn_deg_s:
+            turn_s = 360 / self.turn_deg_s
+            clauses.append(f"meanwhile turn the housing evenly about the rope, one turn in {turn_s:.0f} s")
+        if self.hoist_share:
+            verb, height_m = "hoist" if self.hoist_share > 0 else "lower", abs(self.hoist_share) * rig.length_m
+            drive_s, start_s = self.drive_s(rig), self.duration_s * DRIVE_START_SHARE
+            clauses.append(f"{verb} by {height_m:.1f} m within {drive_s:.0f} s, starting at {start_s:.0f} s")
+        return f"{', '.join(clauses)}; record {self.duration_s:.0f} s"
+
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
@@ -124,6 +144,16 @@ class Experiment:
     def inputs(self, rig: TwinRig) -> set[str]:
         """Return the names of the effects that the operator brings about."""
         return {name for run in self.runs for name in run.inputs(rig)}
+
+    def describe(self, rig: TwinRig) -> str:
+        """Return what to do in one recording, or in two."""
+        first, *others = (run.describe(rig) for run in self.runs)
+        return f"two recordings in succession, in the same wind: first {first}; then {others[0]}" if others else first
+
+    @property
+    def time_needed(self) -> str:
+        """The time of recording and the total time."""
+        return f"{self.duration_s / 60:.0f} min of recording, about {self.effort_s / 60:.0f} min in all"
 
 
 FREE_SWING = Experiment((Run(),))

@@ -1,18 +1,17 @@
-"""The plan: for each group of hypotheses the experiment that separates most of it with the least effort."""
+"""The plan: for each group of hypotheses the experiment that separates most of it with the least effort; as text and as JSON."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.effect import Effect
-from gateway.twin.effects.experiments import LARGER_SWING, TURN_HOUSING
+from gateway.twin.effects.effect import LARGER_SWING, TURN_HOUSING, Effect
 from gateway.twin.experiment_design.experiment import CANDIDATES, FREE_SWING, Experiment
 from gateway.twin.experiment_design.signatures import (
-    ExperimentSensitivities,
     Group,
     Hypothesis,
     Signature,
@@ -57,6 +56,12 @@ class Separation:
         """Whether the recordings separate them."""
         return self.sigma >= MIN_SEPARATION_SIGMA and self.cosine < MAX_COSINE
 
+    @property
+    def in_words(self) -> str:
+        """The same as a part of a table."""
+        verdict = "separated" if self.is_distinguishable else "not separated"
+        return f"{self.sigma:6.1f} sigma, cosine {self.cosine:.5f}, {verdict:<13}"
+
 
 def smallest_angle_cosine(first: Array, second: Array) -> float:
     """Return the cosine of the smallest principal angle between two column spaces (Björck and Golub 1973); 0 if one is empty."""
@@ -90,7 +95,8 @@ def ambiguity_groups(rig: TwinRig, model_effects: EffectValues) -> tuple[Group, 
         for part in amplitude_parts(EFFECTS[name])
     ]
     sensitivities = linearise_experiment(rig, model_effects, FREE_SWING, tuple(parts))
-    edges = [pair for pair in combinations(parts, 2) if _are_confusable(sensitivities, *pair)]
+    pairs = [pair for pair in combinations(parts, 2) if pair[0].effect != pair[1].effect]
+    edges = [pair for pair in pairs if _are_confusable(*sensitivities.signatures(*pair))]
     by_effects: dict[frozenset[str], set[Hypothesis]] = {}
     for nodes in _connected(parts, edges):
         by_effects.setdefault(frozenset(node.effect for node in nodes), set()).update(nodes)
@@ -99,13 +105,9 @@ def ambiguity_groups(rig: TwinRig, model_effects: EffectValues) -> tuple[Group, 
     return tuple(sorted(groups, key=lambda group: order[group[0].effect]))
 
 
-def _are_confusable(sensitivities: ExperimentSensitivities, first: Hypothesis, second: Hypothesis) -> bool:
-    if first.effect == second.effect:
-        return False
-    signatures = sensitivities.signatures(first, second)
-    are_visible = all(np.linalg.norm(each.typical) > MIN_SEPARATION_SIGMA for each in signatures)
-    one, other = signatures
-    return are_visible and smallest_angle_cosine(one.columns, other.columns) > CONFUSABLE_COSINE
+def _are_confusable(first: Signature, second: Signature) -> bool:
+    are_visible = all(np.linalg.norm(each.typical) > MIN_SEPARATION_SIGMA for each in (first, second))
+    return are_visible and smallest_angle_cosine(first.columns, second.columns) > CONFUSABLE_COSINE
 
 
 def _connected(
@@ -193,9 +195,12 @@ def plan(
     plans = []
     for i, group in enumerate(groups):
         forecasts = []
-        for experiment in _possible_experiments(rig, effects, group):
-            tick(f"group {i + 1} of {len(groups)}")
-            forecasts.append((experiment, forecast(rig, effects, experiment, group)))
+        # What the operator does is neither a hypothesis nor part of the model.
+        taken = {*effects, *(hypothesis.effect for hypothesis in group)}
+        for experiment in CANDIDATES:
+            if experiment.is_possible(rig) and not experiment.inputs(rig) & taken:
+                tick(f"group {i + 1} of {len(groups)}")
+                forecasts.append((experiment, forecast(rig, effects, experiment, group)))
         plans.append(_plan_group(group, forecasts))
     return Plan(rig, tuple(plans))
 
@@ -206,15 +211,11 @@ def forecast(rig: TwinRig, model_effects: EffectValues, experiment: Experiment, 
     return tuple(separation_of(*sensitivities.signatures(*pair)) for pair in combinations(group, 2))
 
 
-def _possible_experiments(rig: TwinRig, model_effects: EffectValues, group: Group) -> list[Experiment]:
-    """Return the candidates in which the operator's inputs are neither hypotheses nor part of the model."""
-    taken = {*model_effects, *(hypothesis.effect for hypothesis in group)}
-    return [each for each in CANDIDATES if each.is_possible(rig) and not each.inputs(rig) & taken]
-
-
 def _plan_group(group: Group, forecasts: Sequence[Forecast]) -> GroupPlan:
     before = dict(forecasts)[FREE_SWING]
-    ranked = sorted(forecasts, key=lambda each: _rank(each, _separable_pairs(forecasts)))
+    pairs = range(len(before))  # those that no candidate separates do not influence the ranking
+    separable = [i for i in pairs if any(separations[i].is_distinguishable for _, separations in forecasts)]
+    ranked = sorted(forecasts, key=lambda each: _rank(each, separable))
     best, after = ranked[0]
     separated = _count_distinguishable(after)
     alternatives = [
@@ -222,30 +223,24 @@ def _plan_group(group: Group, forecasts: Sequence[Forecast]) -> GroupPlan:
         for experiment, separations in ranked[1:]
         if _count_distinguishable(separations) == separated and not experiment.is_extension_of(best)
     ]
-    pairs = tuple(
+    compared = tuple(
         Pair(first, second, before[i], after[i] if separated else None)
         for i, (first, second) in enumerate(combinations(group, 2))
     )
     confused = {
         hypothesis.effect
-        for pair, separation in zip(pairs, after, strict=True)
+        for pair, separation in zip(compared, after, strict=True)
         if not separation.is_distinguishable
         for hypothesis in (pair.first, pair.second)
     }
     return GroupPlan(
         group,
         best if separated else None,
-        pairs,
+        compared,
         tuple(alternatives[:MAX_ALTERNATIVES]) if separated else (),
         _other_measurement(frozenset(confused)) if confused else None,
         len(forecasts),
     )
-
-
-def _separable_pairs(forecasts: Sequence[Forecast]) -> list[int]:
-    """Return the pairs that some candidate separates; the others do not influence the ranking."""
-    pairs = range(len(forecasts[0][1]))
-    return [i for i in pairs if any(separations[i].is_distinguishable for _, separations in forecasts)]
 
 
 def _rank(each: Forecast, separable: Sequence[int]) -> tuple[float, ...]:
@@ -267,3 +262,87 @@ def _other_measurement(names: frozenset[str]) -> str:
     if others:
         return "; ".join(others)
     return CALIBRATE if all(effect.enters == "sensor" for effect in effects) else OTHER_MEANS
+
+
+PREAMBLE = (
+    "The residual, in sigma, if one effect of typical size is replaced by the other; a cosine of 1 means the same signature.\n"
+    f"Separated: {MIN_SEPARATION_SIGMA:g} sigma or more, and a cosine below {MAX_COSINE:g}. "
+    f"Before: a free swing of {FREE_SWING.runs[0].amplitude_deg:g}°, {FREE_SWING.duration_s:.0f} s."
+)
+FREE_SWING_NOTE = {
+    True: " (an ordinary free swing is enough)",
+    False: " (an ordinary free swing: no other experiment separates more)",
+}
+"""By whether it separates all effects of the group."""
+
+
+def as_text(plan: Plan) -> str:
+    """Return the plan for a terminal."""
+    return "\n\n".join([PREAMBLE, *(_group_text(each, plan.rig) for each in plan.groups)])
+
+
+def _group_text(each: GroupPlan, rig: TwinRig) -> str:
+    lines = [" | ".join(hypothesis.in_words for hypothesis in each.group)]
+    if each.experiment is None:
+        lines.append(f"  none of the {each.tried} experiments tried separates these effects")
+    else:
+        note = FREE_SWING_NOTE[each.is_distinguishable] if each.experiment == FREE_SWING else ""
+        lines += [f"  do: {each.experiment.describe(rig)}{note}", f"  takes: {each.experiment.time_needed}"]
+        done = (name.replace("_", " ") for name in sorted(each.experiment.inputs(rig)))
+        lines += [f"  expect: {name} among the named effects, because you do it" for name in done]
+    names = [f"{pair.first.in_words} / {pair.second.in_words}" for pair in each.pairs]
+    for name, pair in zip(names, each.pairs, strict=True):
+        after = "" if pair.after is None else f"   after {pair.after.in_words}"
+        lines.append(f"  {name:<{max(map(len, names))}}  before {pair.before.in_words}{after}".rstrip())
+    if each.instead is not None:
+        lines.append(f"  {'instead' if each.experiment is None else 'for the others'}: {each.instead}")
+    lines += [f"  or: {other.describe(rig)} ({other.time_needed})" for other in each.alternatives]
+    return "\n".join(lines)
+
+
+def as_json(plan: Plan) -> dict[str, Any]:
+    """Return the plan for programs; angles in degrees, lengths in metres."""
+    return {"rig": asdict(plan.rig), "groups": [_group_json(each, plan.rig) for each in plan.groups]}
+
+
+def _group_json(each: GroupPlan, rig: TwinRig) -> dict[str, Any]:
+    return {
+        "effects": [hypothesis.label for hypothesis in each.group],
+        "told_apart": each.is_distinguishable,
+        "manoeuvre": None if each.experiment is None else _experiment_json(each.experiment, rig),
+        "pairs": [
+            {
+                "first": pair.first.label,
+                "second": pair.second.label,
+                "before": _separation_json(pair.before),
+                "after": None if pair.after is None else _separation_json(pair.after),
+            }
+            for pair in each.pairs
+        ],
+        "alternatives": [_experiment_json(other, rig) for other in each.alternatives],
+        "instead": each.instead,
+        "tried": each.tried,
+    }
+
+
+def _separation_json(separation: Separation) -> dict[str, Any]:
+    return {**asdict(separation), "told_apart": separation.is_distinguishable}
+
+
+def _experiment_json(experiment: Experiment, rig: TwinRig) -> dict[str, Any]:
+    return {
+        "do": experiment.describe(rig),
+        "duration_s": experiment.duration_s,
+        "effort_s": experiment.effort_s,
+        "recordings": [
+            {
+                "amplitude_deg": run.amplitude_deg,
+                "roundness": run.axis_ratio,
+                "duration_s": run.duration_s,
+                "heading_deg": run.heading_deg,
+                "housing_position_m": rig.position_m + run.position_change_m(rig),
+                "model": run.inputs(rig),
+            }
+            for run in experiment.runs
+        ],
+    }

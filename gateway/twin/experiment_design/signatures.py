@@ -20,9 +20,8 @@ from gateway.twin.experiment_design.experiment import INPUTS, Experiment, Run
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.search.signatures import orthonormal, project_out
 from gateway.twin.simulation import DEFAULT_RATE_HZ, released_state
-from gateway.twin.simulator.parameter_vector import ParameterSpec
 from gateway.twin.simulator.simulator import Simulator
-from gateway.twin.simulator.state import HEADING, RIGGING_RATES, RIGGING_TILTS, ROPE_RATES, ROPE_TILTS
+from gateway.twin.simulator.state import HEADING, RIGGING_RATES, RIGGING_TILTS, ROPE_RATES, ROPE_TILTS, ParameterSpec
 
 Array = NDArray[np.float64]
 MAX_RATE_HZ = 10.0
@@ -51,6 +50,12 @@ class Hypothesis:
     def label(self) -> str:
         """`axis_offset[x+y]`, as `parse_hypotheses` reads it."""
         return f"{self.effect}[{'+'.join(self.parts)}]" if self.parts else self.effect
+
+    @property
+    def in_words(self) -> str:
+        """`axis offset (x, y)`."""
+        name = self.effect.replace("_", " ")
+        return f"{name} ({', '.join(self.parts)})" if self.parts else name
 
     def has(self, spec: ParameterSpec) -> bool:
         """Return whether the hypothesis contains a number of a simulator's parameter vector."""

@@ -15,28 +15,26 @@ from typing import Protocol
 import numpy as np
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.sensor_output import SampleLoss
-from gateway.twin.effects.term_library import registered_library
+from gateway.twin.effects.terms import registered_library
 from gateway.twin.model import Model
 from gateway.twin.reconcile.data.crane_inputs import NO_INPUTS, CraneInputs, KnownModel, registered
 from gateway.twin.reconcile.data.data_checks import CheckedRecording, find_lack_of_rest
-from gateway.twin.reconcile.data.recordings import (
+from gateway.twin.reconcile.data.observations import (
     Recordings,
     find_lack_of_test,
     samples_per_mean,
     split_recordings,
     take_means,
 )
-from gateway.twin.reconcile.decision.evidence import RankedCandidate, gather_evidence, rank_candidates, rivals_of
+from gateway.twin.reconcile.decision.evidence import RankedCandidate, gather_evidence, rank_candidates
+from gateway.twin.reconcile.decision.identifiability import contributions, is_beyond_parts, replace_implausible
 from gateway.twin.reconcile.decision.verdict import as_best_so_far, decide
-from gateway.twin.reconcile.equation.selection import find_law
-from gateway.twin.reconcile.output.outcome import SearchOutcome
+from gateway.twin.reconcile.equation import find_law
 from gateway.twin.reconcile.output.result import AVERAGED, Reconciliation
-from gateway.twin.reconcile.output.result_builder import build_result, unusable_result
-from gateway.twin.reconcile.search.ambiguity import contributions, is_beyond_parts, replace_implausible
-from gateway.twin.reconcile.search.budget import Budget
-from gateway.twin.reconcile.search.persistent import detect_in_samples
+from gateway.twin.reconcile.output.result_builder import SearchOutcome, build_result, unusable_result
+from gateway.twin.reconcile.search.context import Budget
 from gateway.twin.reconcile.search.search import SearchRun, search
+from gateway.twin.reconcile.search.steps import detect_in_samples
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 
 
@@ -115,14 +113,9 @@ def _decide(run: SearchRun, random: np.random.Generator) -> SearchOutcome:
     ranked, base = rank_candidates(table, run.best, run.base.names, validator)
     best = ranked[0]
     evidence = gather_evidence(
-        best,
+        run,
+        ranked,
         base,
-        RankedCandidate(run.nominal, validator.evaluate(run.nominal), 0.0, 0.0),
-        rivals_of(ranked),
-        run.recordings.log,
-        validator.selection,
-        run.table.fits,
-        frozenset() if run.lost_fraction is None else frozenset({SampleLoss.name}),
         improves_selection=_is_supported_by_selection(run, best, base, random),
         beyond_parts=frozenset(name for name in best.names if is_beyond_parts(name, best.candidate, context)),
     )
@@ -152,13 +145,9 @@ def describe_result(found: SearchOutcome, counts: Mapping[str, int], random: np.
     with registered_library():
         described = _describe(found, random)
         result = build_result(described, counts, random)
-        return build_result(found, counts, random) if _is_refuted(result) else result
-
-
-def _is_refuted(result: Reconciliation) -> bool:
-    """Return whether the law makes the prediction of the test part worse: then it describes nothing."""
-    closed_percent = None if result.law is None else result.law.closed_test_percent
-    return closed_percent is not None and closed_percent < 0
+        closed_percent = None if result.law is None else result.law.closed_test_percent
+        is_refuted = closed_percent is not None and closed_percent < 0  # then it describes nothing
+        return build_result(found, counts, random) if is_refuted else result
 
 
 def _describe(found: SearchOutcome, random: np.random.Generator) -> SearchOutcome:

@@ -11,10 +11,10 @@ from scipy.special import chdtrc
 from gateway.numerics.spectrum import ZERO_PADDING, periodogram
 from gateway.numerics.stats import autocorrelations, true_runs
 from gateway.twin.model import TwinRig
+from gateway.twin.reconcile.data.data_checks import WRONG_FREQUENCY_RATIO
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.least_squares import Fit
-from gateway.twin.reconcile.output.estimates import DIRECTIONS, Remainder
-from gateway.twin.reconcile.output.result import Curves, Disagreement, Peak, Residual
+from gateway.twin.reconcile.fit.multiple_shooting import Fit
+from gateway.twin.reconcile.output.result import DIRECTIONS, Curves, Disagreement, Peak, Remainder, Residual
 
 Array = NDArray[np.float64]
 MAX_LAGS = 40
@@ -47,8 +47,6 @@ MIN_BLOCK_RMS_SIGMA = 1.25
 """Rms of a block above which it exceeds the noise; noise of 100 samples does so once in 3600 blocks."""
 BAND_POWER_SHARE = 0.8
 """Share of the power in the band that is reported."""
-NEAR_RIG = 1.6
-"""Factor within which the swing's frequency is that of the rig: beyond it a recording is refused."""
 MAX_MULTIPLE = 4
 """Largest multiple of the swing's frequency that is named."""
 SAME_LINE_CYCLES = 1.5
@@ -187,7 +185,9 @@ def describe_remainder(log: Curves, rig: TwinRig) -> Remainder:
     motion = log.measured_g[used] - log.measured_g[used].mean(axis=0)
     before, after = log.residual_before_g[used], log.residual_after_g[used]
     wide = _is_wide(log.time_s[used], motion, rig.small_swing_period_s)
-    turned = after @ _swing_axes(motion[:, :2])
+    axes = np.eye(3)  # along the swing, across it and along the rope, in those of the housing
+    axes[:2, :2] = np.linalg.eigh(motion[:, :2].T @ motion[:, :2])[1][:, ::-1]
+    turned = after @ axes
     swing_hz = swing_frequency_hz(log, rig)
     axis = int(np.argmax((turned**2).sum(axis=0)))
     direction, peak = DIRECTIONS[axis], _strongest_line(log, turned, axis)
@@ -215,7 +215,7 @@ def swing_frequency_hz(log: Curves, rig: TwinRig) -> float:
     """Return the frequency of the strongest line across the rope near that of the rig; at the load, where none is, the rig's."""
     rig_hz = 1 / rig.small_swing_period_s
     frequency_hz, power = periodogram(log.time_s, log.measured_g / log.noise_g)
-    near = (frequency_hz > rig_hz / NEAR_RIG) & (frequency_hz < rig_hz * NEAR_RIG)
+    near = np.abs(np.log(np.maximum(frequency_hz, 1e-12) / rig_hz)) < np.log(WRONG_FREQUENCY_RATIO)
     across = power[near, :2].sum(axis=1)
     is_seen = bool(across.size) and across.max() > len(log.time_s) ** 0.5
     return float(frequency_hz[near][np.argmax(across)]) if is_seen else rig_hz
@@ -226,21 +226,12 @@ def _share(residual: Array, motion: Array, noise_power: float) -> float:
     return math.sqrt(left / moved) if moved else 0.0
 
 
-def _swing_axes(across: Array) -> Array:
-    """Return the axes along the swing, across it and along the rope, shape (3, 3), as columns in those of the housing."""
-    _, vectors = np.linalg.eigh(across.T @ across)
-    axes = np.eye(3)
-    axes[:2, :2] = vectors[:, ::-1]
-    return axes
-
-
 def _is_wide(time_s: Array, motion: Array, period_s: float) -> NDArray[np.bool_]:
     """Return which samples are in blocks with a wider swing than the median of them."""
     block = ((time_s - time_s[0]) * BLOCKS_PER_PERIOD / period_s).astype(int)
     _, block = np.unique(block, return_inverse=True)
     power = np.bincount(block, (motion**2).sum(axis=1)) / np.bincount(block)
-    wide: NDArray[np.bool_] = (power > np.median(power))[block]
-    return wide
+    return (power > np.median(power))[block]
 
 
 def _strongest_line(log: Curves, turned_g: Array, axis: int) -> Peak | None:

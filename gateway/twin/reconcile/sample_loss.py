@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from gateway.numerics.spectrum import MIN_MACHINE_LINE_HZ, MachineLine, find_machine_line
 from gateway.twin.effects import EFFECTS, ModelStructure
-from gateway.twin.effects.sensor_output import ClockDrift
+from gateway.twin.effects.sensor import ClockDrift
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
-from gateway.twin.reconcile.fit.least_squares import Fit
+from gateway.twin.reconcile.fit.multiple_shooting import Fit
 from gateway.twin.reconcile.search.candidates import CandidateFit
 from gateway.twin.reconcile.search.validation import evaluate_on_validation
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
@@ -156,8 +156,7 @@ def _without_vibration(observations: Observations, fit: Fit) -> Array:
     o = observations
     transform = np.fft.rfft(o.force_g - fit.force_g, axis=0)
     transform[np.fft.rfftfreq(len(o.time_s), o.interval_s) > MIN_MACHINE_LINE_HZ] = 0
-    slow_g: Array = fit.force_g + np.fft.irfft(transform, len(o.time_s), axis=0)
-    return slow_g
+    return fit.force_g + np.fft.irfft(transform, len(o.time_s), axis=0)
 
 
 def _vibration_g(line: MachineLine | None, time_s: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Measured and simulated specific force, before and after: the whole of it, and the most informative window."""
+"""Figures of curves: measured and simulated specific force, and the residual in units of the noise and its spectrum."""
 
 from collections.abc import Iterator
 
@@ -7,14 +7,22 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 
-from gateway.documents.figures import AFTER, BEFORE, CURVE_POINTS, EVENT, INK, LINE, MEASURED, Figure
-from gateway.documents.format import format_time_span, human_name, join_names
-from gateway.documents.plots import add_legend, add_panels, plot_curve, render_svg
+from gateway.documents.figures import AFTER, BEFORE, CURVE_POINTS, EVENT, INK, LINE, MEASURED, SHADE, Figure
+from gateway.documents.format import format_number, format_time_span, human_name, join_names
+from gateway.documents.plots import add_legend, add_panels, label_decades, plot_curve, render_svg
+from gateway.numerics.spectrum import periodogram
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
-from gateway.twin.reconcile.output.estimates import NamedEffect
-from gateway.twin.reconcile.output.result import Comparison, Curves, Disagreement, Reconciliation
+from gateway.twin.reconcile.output.result import Comparison, Curves, Disagreement, NamedEffect, Reconciliation
 from gateway.twin.report.gap import fitted_part_name, held_out_name
-from gateway.twin.report.text import AXES, NOMINAL, caution, final_model_name, is_same_model, single_model_name
+from gateway.twin.report.text import (
+    AXES,
+    AXIS_NAMES,
+    NOMINAL,
+    caution,
+    final_model_name,
+    is_same_model,
+    single_model_name,
+)
 
 Array = NDArray[np.float64]
 PERIODS = 3.0
@@ -202,3 +210,126 @@ def _mark_effects(axes: Axes, acting: tuple[NamedEffect, ...], window_s: tuple[f
         if to_s - from_s > INSTANT * (window_s[1] - window_s[0]):
             axes.axvline(to_s, color=EVENT, linewidth=0.9, linestyle="--")
             axes.axvspan(from_s, to_s, facecolor=EVENT, alpha=0.12, linewidth=0)
+
+
+def disagreement_figures(result: Reconciliation, compared: Comparison) -> dict[str, object]:
+    """Return the residual over time with the localised disagreements, and that of held-out data."""
+    held_out = residual_svg("held-out-residual", result, compared.held_out)
+    return {
+        "figure": Figure(residual_svg("log-residual", result, compared.log, compared.disagreement)),
+        "held_out": Figure(held_out, f"The same for the {held_out_name(compared)}."),
+        "axis_names": AXIS_NAMES,
+    }
+
+
+def _residuals(result: Reconciliation, curves: Curves) -> list[tuple[str, Array, str]]:
+    """Return name, residual (n, 3) in sigma and colour of each model; of one where before and after are the same."""
+    before, after = curves.residuals_sigma
+    if is_same_model(curves):
+        return [(single_model_name(result), after, AFTER)]
+    return [("before", before, BEFORE), ("after", after, AFTER)]
+
+
+def residual_svg(name: str, result: Reconciliation, curves: Curves, places: tuple[Disagreement, ...] = ()) -> str:
+    """Return the residuals of both models on three axes, with the places of disagreements."""
+    label = "Residual on three axes over time, in units of the noise"
+    models = _residuals(result, curves)
+    return render_svg(name, label, 4.6, lambda canvas: _draw_residuals(canvas, curves, models, places))
+
+
+def _draw_residuals(
+    canvas: Canvas,
+    curves: Curves,
+    models: list[tuple[str, Array, str]],
+    places: tuple[Disagreement, ...] = (),
+) -> None:
+    column = add_panels(canvas, gap=0.32)[:, 0]
+    used, time_s = curves.used, curves.recording_time_s[curves.used]
+    for row, axis in enumerate(AXES):
+        axes = column[row]
+        for i, each in enumerate(places, start=1):
+            if each.axis == axis:
+                axes.axvspan(each.from_s, each.to_s, facecolor=SHADE, alpha=0.35, edgecolor=SHADE, linewidth=0.8)
+                axes.text(each.from_s, 0.97, f" {i}", transform=axes.get_xaxis_transform(), va="top", fontweight="bold")
+        for label, residual, color in models:
+            plot_curve(axes, time_s, residual[used, row], color, label if row == 0 else "", 0.7)
+        axes.set_ylabel(f"{axis} (σ)")
+        rms = " → ".join(format_number(float(np.sqrt(np.mean(each[used, row] ** 2)))) for _, each, _ in models)
+        axes.set_title(f"{AXIS_NAMES[axis]}: rms {rms} σ", fontsize=8.5)
+        for level in (-2, 2):
+            axes.axhline(level, color=INK, linewidth=0.7, linestyle=":")
+    column[2].set_xlabel("time (s)")
+    column[2].set_xlim(float(time_s[0]), float(time_s[-1]))
+    add_legend(canvas)
+
+
+BANDS = 240
+LOWEST = 1e-2
+"""Power below this share of white noise is not drawn. Basis: a choice; 20 dB below the noise."""
+LOWEST_CYCLES = 0.99
+"""Cycles in the recording of the lowest frequency that is drawn. Definition: one, but for rounding."""
+
+
+def residual_figures(result: Reconciliation, compared: Comparison) -> dict[str, object]:
+    """Return the residual of the final model over time, and its spectrum."""
+    log, of_final = compared.log, [("after", compared.log.residuals_sigma[1], AFTER)]
+    after = render_svg(
+        "after-residual",
+        "Residual of the final model over time",
+        4.6,
+        lambda canvas: _draw_residuals(canvas, log, of_final),
+    )
+    spectrum = render_svg(
+        "spectrum",
+        "Power spectrum of the residual on three axes",
+        5.0,
+        lambda canvas: _draw_spectrum(canvas, result, compared),
+    )
+    return {
+        "residual": Figure(
+            after, "Residual of the final model on its own scale. Dotted: ±2 σ, which contains 95 % of the noise."
+        ),
+        "spectrum": Figure(
+            spectrum,
+            "Power spectrum of the residual over that of the noise, which lies around the line at 1. Dotted: the swing "
+            "frequency and its double. Averaged over narrow bands; triangles mark spectral peaks.",
+        ),
+        "axis_names": AXIS_NAMES,
+    }
+
+
+def _draw_spectrum(canvas: Canvas, result: Reconciliation, compared: Comparison) -> None:
+    column = add_panels(canvas, share="all", gap=0.2)[:, 0]
+    log, swing_hz = compared.log, 1 / result.rig.small_swing_period_s
+    models = [(label, periodogram(log.time_s, each), color) for label, each, color in _residuals(result, log)]
+    for row, axis in enumerate(AXES):
+        axes = column[row]
+        for label, (frequency_hz, power), color in models:
+            # Lower ones are longer than the recording.
+            resolved = frequency_hz * (log.time_s[-1] - log.time_s[0]) > LOWEST_CYCLES
+            bands_hz, mean = decimate_spectrum(frequency_hz[resolved], power[resolved, row])
+            axes.plot(bands_hz, np.maximum(mean, LOWEST), color=color, label=label if row == 0 else None)
+        for peak in compared.residual.peaks:
+            if peak.axis == axis:
+                above = axes.get_xaxis_transform()
+                axes.plot(peak.hz, 1.05, "v", color=INK, markersize=5, transform=above, clip_on=False)
+        axes.axhline(1.0, color=INK, linewidth=0.9)
+        for line_hz in (swing_hz, 2 * swing_hz):
+            axes.axvline(line_hz, color=INK, linewidth=0.7, linestyle=":")
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        label_decades(axes.xaxis)
+        label_decades(axes.yaxis)
+        axes.set_ylabel(f"{axis} (power/noise)")
+    column[2].set_xlabel("frequency (Hz)")
+    add_legend(canvas)
+
+
+def decimate_spectrum(frequency_hz: Array, power: Array) -> tuple[Array, Array]:
+    """Return means over bands of equal width on a logarithmic scale, of frequencies above zero; (m,) in, fewer out."""
+    edges = np.geomspace(frequency_hz[0], frequency_hz[-1] * (1 + 1e-9), BANDS + 1)
+    band = np.clip(np.searchsorted(edges, frequency_hz, side="right") - 1, 0, BANDS - 1)
+    count = np.bincount(band, minlength=BANDS)
+    filled = count > 0
+    mean_hz = np.bincount(band, frequency_hz, BANDS)[filled] / count[filled]
+    return mean_hz, np.bincount(band, power, BANDS)[filled] / count[filled]

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from gateway.documents.environment import render
 from gateway.twin.reconcile.output.result import Comparison, Reconciliation
 from gateway.twin.report.gap import gap_content
-from gateway.twin.report.motion import motion_content
-from gateway.twin.report.residual import disagreement_figures, residual_figures
+from gateway.twin.report.motion import disagreement_figures, motion_content, residual_figures
 from gateway.twin.report.text import COUNTED, REFITTED, caution, final_model_name, is_same_model, model_value, rig_facts
 from gateway.twin.report.verdict import (
     assessment,
@@ -15,7 +14,6 @@ from gateway.twin.report.verdict import (
     is_transient,
     ranked_candidates,
     relative_deficit,
-    unit_text,
     verdict_content,
 )
 
@@ -38,23 +36,16 @@ def _ranking_content(result: Reconciliation, _compared: Comparison) -> Content:
 
 
 def _parameters_content(_result: Reconciliation, compared: Comparison) -> Content:
-    return {
-        "component_texts": component_texts,
-        "unit_text": unit_text,
-        "is_transient": is_transient,
-        "is_same_model": is_same_model(compared.log),
-    }
+    is_same = is_same_model(compared.log)
+    return {"component_texts": component_texts, "is_transient": is_transient, "is_same_model": is_same}
 
 
 def _model_content(result: Reconciliation, _compared: Comparison) -> Content:
     return {"caution": caution(result), "after_name": final_model_name(result), "model_value": model_value}
 
 
-def data_content(_result: Reconciliation) -> Content:
-    """Return the words for the counts of samples and for parameters that were fitted again."""
-    return {"counted": COUNTED, "refitted": REFITTED}
-
-
+DATA_CONTENT: Content = {"counted": COUNTED, "refitted": REFITTED}
+"""The words for the counts of samples and for parameters that were fitted again."""
 MODEL_SECTIONS: tuple[tuple[str, str, Callable[[Reconciliation, Comparison], Content]], ...] = (
     ("gap", "The gap, step by step", gap_content),
     ("motion", "Measured and simulated", motion_content),
@@ -83,7 +74,7 @@ def render_report(
     facts = (("software", software), *(computed or {}).items())
     sections = [
         *found,
-        ReportSection("data", "The data", data_content(result)),
+        ReportSection("data", "The data", DATA_CONTENT),
         ReportSection("computed", "How this was computed", {"facts": facts, "rig": rig_facts(result.rig)}),
     ]
     return render("report.html.j2", title=title, result=result, verdict=verdict_content(result), sections=sections)

@@ -19,9 +19,15 @@ from gateway.documents.format import (
     join_names,
 )
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.parameter import Value
-from gateway.twin.reconcile.output.estimates import Estimate, Law, NamedEffect
-from gateway.twin.reconcile.output.result import Candidate, Comparison, Equivalent, Reconciliation
+from gateway.twin.reconcile.output.result import (
+    Candidate,
+    Comparison,
+    Equivalent,
+    Estimate,
+    Law,
+    NamedEffect,
+    Reconciliation,
+)
 from gateway.twin.report.gap import part_rows
 from gateway.twin.report.text import format_noise_ratio
 
@@ -60,46 +66,21 @@ class Size:
 
 def effect_sizes(effect: NamedEffect) -> tuple[Size, ...]:
     """Return the estimated parameters that say how large an effect is, not when it acted or with which phase."""
-    known = EFFECTS.get(effect.name)
-    refitted = {parameter.name for parameter in known.parameters if parameter.refitted} if known else set()
-    return tuple(
-        size
-        for name, estimate in effect.parameters.items()
-        if name not in refitted and not (estimate.unit == "s" and effect.when_s is not None)
-        for size in _sizes(effect.name, name, estimate)
-    )
+    sizes = []
+    for name, estimate in effect.parameters.items():
+        if not estimate.refitted and (estimate.unit != "s" or effect.when_s is None):
+            short_name = human_name(UNIT_SUFFIX.sub("", name))
+            for component, value, interval in component_texts(estimate):
+                label = " ".join(filter(None, (short_name, component)))
+                sizes.append(Size(label, value, interval, estimate.unit_text))
+    return tuple(sizes)
 
 
-def _components(effect: str, parameter: str, value: Value) -> tuple[str, ...]:
-    """Return the names of a parameter's components; one empty name where it has none."""
-    if not isinstance(value, tuple):
-        return ("",)
-    known = (
-        next((p.components for p in EFFECTS[effect].parameters if p.name == parameter), ()) if effect in EFFECTS else ()
-    )
-    return known if len(known) == len(value) else tuple(str(i) for i in range(1, len(value) + 1))
-
-
-def unit_text(estimate: Estimate) -> str:
-    """Return a unit; empty for a pure number."""
-    return "" if estimate.unit == "1" else estimate.unit
-
-
-def component_texts(effect: str, name: str, estimate: Estimate) -> Iterator[tuple[str, str, str]]:
-    """Yield the name, value and 95 % interval of each component of a parameter."""
-    numbers = zip(_each(estimate.value), _each(estimate.ci95[0]), _each(estimate.ci95[1]), strict=True)
-    for component, each in zip(_components(effect, name, estimate.value), numbers, strict=True):
-        yield component, *format_with_interval(*each)
-
-
-def _sizes(effect: str, name: str, estimate: Estimate) -> Iterator[Size]:
-    short_name = human_name(UNIT_SUFFIX.sub("", name))
-    for component, value, interval in component_texts(effect, name, estimate):
-        yield Size(" ".join(filter(None, (short_name, component))), value, interval, unit_text(estimate))
-
-
-def _each(value: Value) -> tuple[float, ...]:
-    return value if isinstance(value, tuple) else (value,)
+def component_texts(estimate: Estimate) -> Iterator[tuple[str, str, str]]:
+    """Yield the name, value and 95 % interval of each component of a parameter; an empty name where there are none."""
+    values, low, high = (np.atleast_1d(np.asarray(each)).tolist() for each in (estimate.value, *estimate.ci95))
+    for component, *numbers in zip(estimate.components or ("",), values, low, high, strict=True):
+        yield component, *format_with_interval(*numbers)
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,47 +141,41 @@ def _sentence(result: Reconciliation) -> str:
             them = "it" if len(effects) == 1 else "them"
             return f"The nominal model lacks {names}. With {them}, the simulation agrees with the measurement."
         case "one_of":
-            return _group_sentence(result.alternatives, with_remainder=result.leaves_remainder)
+            does = "acts" if result.leaves_remainder else "explains the difference"
+            beside = " A further effect is not known." if result.leaves_remainder else ""
+            known = result.alternatives
+            of, names = (
+                ("these", f": {join_names(known, 'or')}") if known else ("several", "; their names were not recorded")
+            )
+            return f"One of {of} effects {does}{INDISTINGUISHABLE}{names}.{beside}"
         case "named_with_remainder":
             return f"The nominal model lacks {names}, and a further effect that is not known."
         case "unmodelled":
             return UNKNOWN_CAUSE[result.ended_early]
 
 
-def _group_sentence(candidates: tuple[str, ...], *, with_remainder: bool) -> str:
-    does = "acts" if with_remainder else "explains the difference"
-    beside = " A further effect is not known." if with_remainder else ""
-    if not candidates:
-        return f"One of several effects {does}{INDISTINGUISHABLE}; their names were not recorded.{beside}"
-    return f"One of these effects {does}{INDISTINGUISHABLE}: {join_names(candidates, 'or')}.{beside}"
-
-
 def _findings(result: Reconciliation) -> tuple[Finding, ...]:
-    group = tuple(_candidate(name) for name in result.candidates) if result.verdict == "one_of" else ()
     if result.verdict in ("data_unusable", "unmodelled"):
         return ()
-    return group + tuple(_finding(effect, is_addition=bool(group)) for effect in confirmed_effects(result))
-
-
-def _finding(effect: NamedEffect, *, is_addition: bool) -> Finding:
-    meaning, acted = as_sentence(effect.explains), _acted(effect.when_s)
-    if effect.is_stated:
-        meaning += f" The rig’s description states {_stated(effect)}."
-    return Finding(human_name(effect.name), meaning, is_addition, acted, effect_sizes(effect))
+    group = result.candidates if result.verdict == "one_of" else ()
+    meanings = {name: as_sentence(EFFECTS[name].explains) if name in EFFECTS else "" for name in group}
+    found = [Finding(human_name(name), meaning, False, "", ()) for name, meaning in meanings.items()]
+    for effect in confirmed_effects(result):
+        meaning = as_sentence(effect.explains)
+        if effect.is_stated:
+            meaning += f" The rig’s description states {_stated(effect)}."
+        acted, sizes = _acted(effect.when_s), effect_sizes(effect)
+        found.append(Finding(human_name(effect.name), meaning, bool(group), acted, sizes))
+    return tuple(found)
 
 
 def _stated(effect: NamedEffect) -> str:
     return ", ".join(
-        f"{format_number(float(each))} {unit_text(estimate)}".strip()
+        f"{format_number(float(each))} {estimate.unit_text}".strip()
         for estimate in effect.parameters.values()
         if estimate.stated is not None
         for each in np.atleast_1d(np.asarray(estimate.stated, dtype=np.float64))
     )
-
-
-def _candidate(name: str) -> Finding:
-    known = EFFECTS.get(name)
-    return Finding(human_name(name), as_sentence(known.explains) if known else "", False, "", ())
 
 
 def _acted(when_s: tuple[float, float] | None) -> str:

@@ -14,8 +14,14 @@ from numpy.typing import NDArray
 
 from devices.pendulum.small_swing import small_swing_rate_1_s
 from gateway.twin.effects.effect import Effect
-from gateway.twin.simulator.parameter_vector import initial_state_specs
-from gateway.twin.simulator.state import Expression, initial_from_state, on_constraints, state_from_initial, state_size
+from gateway.twin.simulator.state import (
+    Expression,
+    initial_from_state,
+    initial_state_specs,
+    on_constraints,
+    state_from_initial,
+    state_size,
+)
 from gateway.twin.simulator.symbolic_model import NominalRig, SymbolicModel
 from gateway.twin.simulator.vectorised_function import VectorisedFunction, VectorisedJacobian
 
@@ -128,22 +134,17 @@ class CompiledModel:
     @cached_property
     def impulses(self) -> dict[int, Any]:
         """By the index of its discontinuity: the state after an impulse, as a function of (x, time, p), with its derivatives."""
-        return {index: self._impulse(effect) for index, effect in self.symbolic.discontinuities()[1].items()}
-
-    def _impulse(self, effect: Effect) -> Any:
-        after = self.symbolic.apply_impulse(self._x, self._t, effect)
-        by = [ca.jacobian(after, each) for each in (self._x, self._p, self._t)]
-        return ca.Function(f"impulse_{effect.name}", [self._x, self._t, self._p], [after, *by])
+        found = {}
+        for index, effect in self.symbolic.discontinuities()[1].items():
+            after = self.symbolic.apply_impulse(self._x, self._t, effect)
+            by = [ca.jacobian(after, each) for each in (self._x, self._p, self._t)]
+            found[index] = ca.Function(f"impulse_{effect.name}", [self._x, self._t, self._p], [after, *by])
+        return found
 
     @cached_property
     def true_time(self) -> VectorisedFunction:
-        """The true time of a recorded time, both since the first sample."""
-        return VectorisedFunction([self._recorded], self._p, self.symbolic.true_time(self._recorded))
-
-    @cached_property
-    def true_time_by_p(self) -> VectorisedJacobian:
-        """The derivatives of the true time by p."""
-        return VectorisedJacobian([self._recorded], self._p, self.symbolic.true_time(self._recorded), self._p)
+        """The true time of a recorded time, both since the first sample; its derivatives are those by p alone."""
+        return VectorisedFunction([self._recorded], self._p, self.symbolic.true_time(self._recorded), self._p)
 
     def steps(self, state: Array, time_s: Array, step_s: Array, p: Array) -> Array:
         """Return the states at the ends of n steps, shape (n, states)."""
@@ -164,11 +165,6 @@ class CompiledModel:
     def rate(self) -> VectorisedFunction:
         """The derivative of the state by time, a function of (x, time, middle of the step)."""
         return VectorisedFunction(self._rate_inputs, self._p, self._rate)
-
-    @cached_property
-    def rate_jacobian(self) -> VectorisedJacobian:
-        """Its derivatives by x and p."""
-        return VectorisedJacobian(self._rate_inputs, self._p, self._rate, ca.vertcat(self._x, self._p))
 
     @property
     def _rate_inputs(self) -> Sequence[Expression]:
@@ -202,30 +198,12 @@ class CompiledModel:
     @cached_property
     def reading(self) -> VectorisedFunction:
         """The reading before the low-pass, a function of x, the recorded time, the middle of the step and the temperature."""
-        return VectorisedFunction(self._reading_inputs, self._p, self._reading_of_state)
-
-    @cached_property
-    def reading_jacobian(self) -> VectorisedJacobian:
-        """The derivatives of the reading by x and p."""
-        return VectorisedJacobian(self._reading_inputs, self._p, self._reading_of_state, ca.vertcat(self._x, self._p))
-
-    @property
-    def _reading_inputs(self) -> Sequence[Expression]:
-        return [self._x, self._recorded, self._middle, self._temperature_c]
-
-    @cached_property
-    def _reading_of_state(self) -> Expression:
         true = self.symbolic.true_time(self._recorded)
         temperature_rise_c = self._temperature_c - self.symbolic.rig.reference_temperature_c
-        return self.symbolic.reading(self._x, self.symbolic.context(true, self._middle, temperature_rise_c))
+        reading = self.symbolic.reading(self._x, self.symbolic.context(true, self._middle, temperature_rise_c))
+        return VectorisedFunction([self._x, self._recorded, self._middle, self._temperature_c], self._p, reading)
 
     @cached_property
     def output(self) -> VectorisedFunction:
         """The sensor's output for a reading after the low-pass."""
         return VectorisedFunction([self._reading], self._p, self.symbolic.output(self._reading))
-
-    @cached_property
-    def output_jacobian(self) -> VectorisedJacobian:
-        """The derivatives of the sensor's output by the reading and p."""
-        by = ca.vertcat(self._reading, self._p)
-        return VectorisedJacobian([self._reading], self._p, self.symbolic.output(self._reading), by)

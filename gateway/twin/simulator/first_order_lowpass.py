@@ -69,8 +69,7 @@ def _recursion(first: Array, decay: Array, driven: Array) -> Array:
 
 def _powers_of_lag(cutoff_hz: float) -> Array:
     """Return the powers 0 to DEGREE of -T."""
-    powers: Array = (-1 / (2 * np.pi * cutoff_hz)) ** np.arange(DEGREE + 1.0)
-    return powers
+    return (-1 / (2 * np.pi * cutoff_hz)) ** np.arange(DEGREE + 1.0)
 
 
 def _derivatives_at_start(columns: Array, time_s: Array) -> Array:

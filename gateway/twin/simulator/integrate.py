@@ -140,7 +140,11 @@ def integrate(
     compiled: CompiledModel, initials: Array, p: Array, bounds_s: Sequence[tuple[float, float]]
 ) -> Trajectory:
     """Integrate from initial states (segments, z), each between two recorded times since the first sample."""
-    grids = [_grid(compiled, p, *bounds) for bounds in bounds_s]
+    times, times_by = (each.full() for each in compiled.discontinuities(p))
+    discontinuities, step_s, grids = Times(times[:, 0], times_by), compiled.step_s(p), []
+    for recorded_s in map(np.array, bounds_s):
+        bounds = Times(compiled.true_time([recorded_s], p)[:, 0], compiled.true_time.jacobian([recorded_s], p)[:, 0])
+        grids.append(make_grid(bounds, discontinuities, compiled.impulses, step_s))
     pieces = [_integrate_segment(compiled, initial, p, grid) for initial, grid in zip(initials, grids, strict=True)]
     first_steps = np.cumsum([0, *(len(grid.steps_s) for grid in grids)])
     begins_s = np.concatenate([grid.nodes_s[:-1] for grid in grids])
@@ -174,11 +178,3 @@ def _integrate_segment(compiled: CompiledModel, initial: Array, p: Array, grid: 
         starts[first], starts[first + 1 : last] = state, ends[first : last - 1]
         state = ends[last - 1]
     return starts, ends
-
-
-def _grid(compiled: CompiledModel, p: Array, from_s: float, until_s: float) -> IntegrationGrid:
-    recorded = [np.array([from_s, until_s])]
-    bounds = Times(compiled.true_time(recorded, p)[:, 0], compiled.true_time_by_p(recorded, p)[:, 0])
-    times, times_by = (each.full() for each in compiled.discontinuities(p))
-    step_s = compiled.step_s(p)
-    return make_grid(bounds, Times(times[:, 0], times_by), compiled.impulses, step_s)

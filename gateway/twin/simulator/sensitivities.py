@@ -41,7 +41,7 @@ def transition_matrices(compiled: CompiledModel, trajectory: Trajectory, steps: 
     middles = (trajectory.polynomials(steps) * 0.5 ** np.arange(4)[:, None]).sum(axis=1)
     states = np.concatenate([trajectory.starts[steps], middles, ends])
     times_s = np.concatenate([middles_s - lengths_s / 2, middles_s, middles_s + lengths_s / 2])
-    linear = compiled.rate_jacobian([states.T, times_s, np.tile(middles_s, 3)], p)
+    linear = compiled.rate.jacobian([states.T, times_s, np.tile(middles_s, 3)], p)
     linear *= np.tile(lengths_s, 3)[:, None, None]
     start, middle, end = np.split(linear, 3)
     return TransitionMatrices(compiled.constraint_jacobian([ends.T], p) @ _solve(start, middle, end), start, end)

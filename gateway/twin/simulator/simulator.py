@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Effect, ModelStructure
 from gateway.twin.effects.parameter import Value
-from gateway.twin.effects.sensor_output import LowpassLag
+from gateway.twin.effects.sensor import LowpassLag
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.simulator.compiled_model import compile_model
 from gateway.twin.simulator.first_order_lowpass import first_order_lowpass, initial_transient, lowpass_sensitivity
 from gateway.twin.simulator.integrate import Trajectory, integrate
-from gateway.twin.simulator.parameter_vector import ParameterSpec, effect_parameter_specs, initial_state_specs
 from gateway.twin.simulator.sensitivities import evaluate_inside, visit_sensitivities
-from gateway.twin.simulator.state import state_size
+from gateway.twin.simulator.state import ParameterSpec, effect_parameter_specs, initial_state_specs, state_size
 from gateway.twin.simulator.symbolic_model import NominalRig
 
 Array = NDArray[np.float64]
@@ -206,7 +205,7 @@ class Simulator:
         self, trajectory: Trajectory, starts: Array, inputs: list[Array], samples: "_Samples", p: Array
     ) -> tuple[Array, Array, Array]:
         """Return the readings before the low-pass, their total derivatives, and those of the states at the segments' ends."""
-        jacobian = self._compiled.reading_jacobian(inputs, p)
+        jacobian = self._compiled.reading.jacobian(inputs, p)
         states, n = trajectory.starts.shape[1], self.n_initial_states
         by = np.empty((*jacobian.shape[:2], n + len(p)))
 
@@ -219,7 +218,7 @@ class Simulator:
 
         ends_by = visit_sensitivities(self._compiled, trajectory, starts, p, visit)
         by[..., n:] += jacobian[..., states:]
-        true_by = self._compiled.true_time_by_p([samples.recorded_s], p)[:, 0]
+        true_by = self._compiled.true_time.jacobian([samples.recorded_s], p)[:, 0]
         if true_by.any():
             rate = _evaluated(_differentiated(trajectory.polynomials()[samples.step]), samples.share)
             rate /= trajectory.lengths_s[samples.step, None]
@@ -239,7 +238,7 @@ class Simulator:
             by[..., index + 1 : index + 4] += transient[:, :, None] * np.eye(3)
             reading = filtered + transient * initial_g
         if self._has_output_stage:
-            jacobian = self._compiled.output_jacobian([reading.T], p)
+            jacobian = self._compiled.output.jacobian([reading.T], p)
             by = jacobian[..., :3] @ by
             by[..., self.n_initial_states :] += jacobian[..., 3:]
             reading = self._compiled.output([reading.T], p)
@@ -266,8 +265,7 @@ def _evaluated(polynomials: Array, at: Array) -> Array:
 
 def _differentiated(polynomials: Array) -> Array:
     exponents = np.arange(1, polynomials.shape[1])
-    derivative: Array = polynomials[:, 1:] * exponents[:, None]
-    return derivative
+    return polynomials[:, 1:] * exponents[:, None]
 
 
 def _recorded_time(time_s: Array) -> Array:

@@ -6,11 +6,11 @@ that holds also the rotation of the pivot's contact before it slides, with a hea
 right angles to n.
 Initial state z: the tilts of the rope toward the world's x and y, their rates, and the heading of the housing; then the tilts
 and rates of the rigging, the stretch and its rate, the rotation of the contact about the world's x and y, or
-the bow and its rate toward the world's x and y.
+the bow and its rate toward the world's x and y. The parameter vector of a simulator is z, then the numbers of the effects.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Any
 
@@ -21,7 +21,82 @@ from devices.pendulum.equations import Scalar, Vector, WithDerivatives
 from devices.pendulum.heavy_rope import BentRope, HeavyRope
 from gateway.twin.effects.effect import Effect, ModelStructure
 from gateway.twin.effects.evaluation_context import ZERO_VECTOR, RopeGeometry
-from gateway.twin.simulator.parameter_vector import initial_state_specs
+from gateway.twin.effects.parameter import EVENT_TIME_KINDS, Parameter, ParameterKind
+
+TILTS = (
+    ("tilt_x_rad", "rad", 3.1),
+    ("tilt_y_rad", "rad", 1.5),
+    ("rate_x_rad_s", "rad/s", 50.0),
+    ("rate_y_rad_s", "rad/s", 50.0),
+)
+"""Name, unit and limit of each coordinate. Basis: the tilt toward y is an arc sine, so it must stay below 90 degrees."""
+ADDED: Mapping[ModelStructure, tuple[tuple[str, str, float], ...]] = {
+    ModelStructure.RIGGING: tuple((f"rigging_{name}", unit, limit) for name, unit, limit in TILTS),
+    ModelStructure.ELASTIC: (("stretch_m", "m", 0.5), ("stretch_rate_m_s", "m/s", 5.0)),
+    ModelStructure.PRESLIDING: (("contact_x_rad", "rad", 0.2), ("contact_y_rad", "rad", 0.2)),
+    ModelStructure.HEAVY_ROPE: (
+        ("bow_x_m", "m", 5.0),
+        ("bow_y_m", "m", 5.0),
+        ("bow_rate_x_m_s", "m/s", 50.0),
+        ("bow_rate_y_m_s", "m/s", 50.0),
+    ),
+}
+"""The same for what a structure adds. Basis: a choice; far beyond what a fit should reach."""
+INITIAL_STATE_SCALE = 1e-3
+"""A change of an initial state that an operator would call small. Basis: a choice; a milliradian or millimetre."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterSpec(Parameter):
+    """One number of the parameter vector: a component of a parameter, with its bounds on this rope."""
+
+    effect: str = ""
+    """Name of the effect; empty for an initial state."""
+    component: int = 0
+
+    @property
+    def part(self) -> str:
+        """Name of the component, or of the parameter where it has none."""
+        return self.components[self.component] if self.components else self.name
+
+    @property
+    def label(self) -> str:
+        """`steady_wind.accel_m_s2[x]`, `initial.tilt_x_rad`."""
+        return f"{self.effect or 'initial'}.{self.name}" + (f"[{self.part}]" if self.components else "")
+
+    @property
+    def is_event_time(self) -> bool:
+        """Whether the number determines when an event acts, and not how strongly."""
+        return self.kind in EVENT_TIME_KINDS
+
+    def convert(self, number: float) -> float:
+        """Return the number of the vector for one of the parameter, or the other way round: a cutoff stands by its inverse."""
+        return 1 / number if self.kind is ParameterKind.CUTOFF else number
+
+
+@lru_cache
+def initial_state_specs(structure: ModelStructure) -> tuple[ParameterSpec, ...]:
+    """Return the coordinates of the initial state."""
+    kinds = (*TILTS, ("heading_rad", "rad", 7.0), *ADDED.get(structure, ()))
+    return tuple(
+        ParameterSpec(name, unit, "", -limit, limit, 0.0, INITIAL_STATE_SCALE, 0.0, refitted=True)
+        for name, unit, limit in kinds
+    )
+
+
+@lru_cache
+def effect_parameter_specs(effect: Effect, length_m: float) -> tuple[ParameterSpec, ...]:
+    """Return the numbers of an effect on a rope of this nominal length."""
+    bounded = [_in_vector(p, effect.upper_bound(p, length_m)) for p in effect.parameters]
+    known = [({each.name: getattr(p, each.name) for each in fields(Parameter)}, p.size) for p in bounded]
+    return tuple(ParameterSpec(**own, effect=effect.name, component=i) for own, size in known for i in range(size))
+
+
+def _in_vector(p: Parameter, upper: float) -> Parameter:
+    if p.kind is ParameterKind.CUTOFF:
+        return replace(p, lower=1 / upper, upper=1 / p.lower, neutral=1 / min(p.neutral, upper))
+    return replace(p, upper=upper, neutral=min(p.neutral, upper))
+
 
 Expression = Any
 ROPE_TILTS, ROPE_RATES = slice(0, 2), slice(2, 4)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
-from typing import Any
+from typing import Any, TypeVar
 
 import casadi as ca
 
@@ -23,6 +23,8 @@ from gateway.twin.simulator.state import (
     structure_of,
     vector,
 )
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,12 +174,10 @@ class SymbolicModel:
         return geometry
 
     def _rigging(self) -> Rigging | None:
-        found = (effect.rigging(p) for effect, p in self.active_effects())
-        return next((rigging for rigging in found if rigging is not None), None)
+        return self._first(lambda effect, p: effect.rigging(p))
 
     def _heavy_rope(self, geometry: RopeGeometry) -> HeavyRope | None:
-        found = (effect.heavy_rope(p, self.rig.gravity_m_s2, geometry) for effect, p in self.active_effects())
-        return next((rope for rope in found if rope is not None), None)
+        return self._first(lambda effect, p: effect.heavy_rope(p, self.rig.gravity_m_s2, geometry))
 
     def _housing_on_bent_rope(self, state: State, kinematics: Kinematics) -> HousingOnBentRope:
         rope = self._heavy_rope(kinematics.geometry)
@@ -186,8 +186,12 @@ class SymbolicModel:
         return HousingOnBentRope.of(rope, state, kinematics)
 
     def _pivot_compliance(self) -> Vector | None:
-        found = (effect.pivot_compliance_m(p) for effect, p in self.active_effects())
-        return next((compliance for compliance in found if compliance is not None), None)
+        return self._first(lambda effect, p: effect.pivot_compliance_m(p))
+
+    def _first(self, of: Callable[[Effect, Symbols], T | None]) -> T | None:
+        """Return what the only effect of a structure gives; None where no effect does."""
+        found = (of(effect, p) for effect, p in self.active_effects())
+        return next((each for each in found if each is not None), None)
 
     def _sum(self, of: Callable[[Effect, Symbols], Vector]) -> Vector:
         return reduce(eq.add, (of(effect, p) for effect, p in self.active_effects()), ZERO_VECTOR)
@@ -204,10 +208,6 @@ class SymbolicModel:
     def _small_swing_rate_1_s(self) -> Scalar:
         length = self._rope_geometry(self.context(0.0, 0.0), errors_alone=True).oscillation_length[0]
         return ca.sqrt(self.rig.gravity_m_s2 / length)
-
-    def _fictitious_acceleration(self, state: State, context: EvaluationContext, geometry: RopeGeometry) -> Vector:
-        housing = BodyState(*on_straight_rope(state, geometry.position), self._small_swing_rate_1_s)
-        return self._sum(lambda effect, p: effect.fictitious_acceleration_m_s2(p, context, housing))
 
     # the sensor's chain
 
@@ -234,17 +234,19 @@ class SymbolicModel:
         kinematics = self._kinematics(state, context)
         gravity, motion = self.rig.gravity_m_s2, (state.n, state.n_rate, kinematics.n_acceleration)
         force = eq.specific_force(*motion, kinematics.pivot_acceleration, gravity, *kinematics.geometry.position)
-        force = eq.add(force, self._fictitious_acceleration(state, context, kinematics.geometry))
+        housing = BodyState(*on_straight_rope(state, kinematics.geometry.position), self._small_swing_rate_1_s)
+        force = eq.add(force, self._sum(lambda effect, p: effect.fictitious_acceleration_m_s2(p, context, housing)))
         rotation = self._housing_rotation(context)
         along_x, along_y = self._lever_arm(rotation)
         force = eq.add(force, eq.lever_arm_acceleration(*motion, state.x_axis, along_x, along_y))
         n, x_axis = state.n, state.x_axis
         if self.structure is ModelStructure.HEAVY_ROPE:
-            housing = self._housing_on_bent_rope(state, kinematics)
-            force = eq.add(force, housing.acceleration_m_s2)
-            n, x_axis = housing.axes(x_axis)
-        in_housing = _in_housing_axes(eq.in_housing(n, x_axis, force), rotation[0])
-        return eq.scale(1 / gravity, in_housing)
+            on_bent_rope = self._housing_on_bent_rope(state, kinematics)
+            force = eq.add(force, on_bent_rope.acceleration_m_s2)
+            n, x_axis = on_bent_rope.axes(x_axis)
+        x, y, z = eq.in_housing(n, x_axis, force)
+        cos, sin = ca.cos(rotation[0]), ca.sin(rotation[0])
+        return eq.scale(1 / gravity, (cos * x + sin * y, cos * y - sin * x, z))
 
     def _quadrature(self, x: Expression, context: EvaluationContext) -> Vector:
         """Return the derivative of the ideal reading along the motion over √(g/L)."""
@@ -280,9 +282,3 @@ class SymbolicModel:
         for effect, p in self.active_effects():
             output = effect.output_stage_g(p, output)
         return ca.vertcat(*output)
-
-
-def _in_housing_axes(force: Vector, angle: Scalar) -> Vector:
-    """Return components along the housing's axes, which are rotated by an angle about z."""
-    x, y, z = force
-    return ca.cos(angle) * x + ca.sin(angle) * y, ca.cos(angle) * y - ca.sin(angle) * x, z

@@ -6,6 +6,7 @@ CasADi's own loop over columns takes some 10 ns for each instruction and column,
 import operator
 from collections.abc import Callable, Sequence
 from enum import Enum, auto
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -84,10 +85,14 @@ class _Kind(Enum):
 
 
 class VectorisedFunction:
-    """A column `output` as a function of columns of inputs and of parameters that all samples share."""
+    """A column `output` as a function of columns of inputs and of parameters that all samples share, and its derivatives."""
 
-    def __init__(self, inputs: Sequence[Any], p: Any, output: Any) -> None:
-        """Take the instructions of the expression. Raises `UnsupportedOperationError`."""
+    def __init__(self, inputs: Sequence[Any], p: Any, output: Any, by: Any = None) -> None:
+        """Take the instructions of the expression; derivatives are `by` the first input and p by default.
+
+        Raises `UnsupportedOperationError`.
+        """
+        self._jacobian_of = inputs, p, output, ca.vertcat(inputs[0], p) if by is None else by
         function = ca.Function("output", [*inputs, p], [ca.densify(output)])
         self.rows = output.numel()
         self._n_registers = function.sz_w()
@@ -105,6 +110,11 @@ class VectorisedFunction:
             with np.errstate(all="ignore"):  # parameters that diverge give numbers that are not finite
                 self._run([each[:, part] for each in columns], p, output[:, part])
         return output.T
+
+    @cached_property
+    def jacobian(self) -> "VectorisedJacobian":
+        """The derivatives, for the same arguments. Raises `UnsupportedOperationError`."""
+        return VectorisedJacobian(*self._jacobian_of)
 
     def _run(self, columns: list[Array], p: Array, output: Array) -> None:
         registers: list[Any] = [0.0] * self._n_registers

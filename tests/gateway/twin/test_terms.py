@@ -5,8 +5,7 @@ import pytest
 
 from gateway.twin.effect_loading import check_equations
 from gateway.twin.effects import EFFECTS, BodyState, EvaluationContext, Values
-from gateway.twin.effects.term import Term
-from gateway.twin.effects.term_library import TERMS, registered_library
+from gateway.twin.effects.terms import TERMS, Term, registered_library
 from gateway.twin.model import EffectValues
 from gateway.twin.simulator.simulator import Simulator
 from tests.gateway.twin.swings import LENGTH_M, PERIOD_S, POSITION_M, RIG, SWING_RATE, G
@@ -51,35 +50,10 @@ def test_library_leaves_the_vocabulary_as_it_was() -> None:
     assert tuple(EFFECTS) == before
 
 
-@pytest.mark.parametrize(
-    ("name", "unit"),
-    [
-        ("force_by_velocity", "1/s"),
-        ("force_by_speed_squared", "1/m"),
-        ("force_along_motion", "m/s²"),
-        ("force_by_displacement", "1/s²"),
-        ("force_across_velocity", "1/s"),
-        ("constant_force", "m/s²"),
-        ("periodic_force", "m/s²"),
-        ("periodic_rotation", "rad"),
-        ("quadratic_reading", "1/g"),
-        ("force_with_dead_zone", "1/s²"),
-        ("steady_rotation", "rad/s"),
-        ("delayed_reading", "s"),
-    ],
-)
-def test_coefficient_has_the_unit_of_its_type(name: str, unit: str) -> None:
-    assert TERMS[name].coefficients[0].unit == unit
-
-
 @pytest.mark.parametrize("name", [name for name, term in TERMS.items() if term.steady_frequency])
 def test_periodic_term_is_integrated_in_sixteen_steps_a_period(name: str) -> None:
     values = {**typical(TERMS[name]), "frequency_hz": 2.5}
     assert TERMS[name].longest_step_s(values, LENGTH_M, G) == pytest.approx(1 / 40)
-
-
-def test_six_terms_are_periodic() -> None:
-    assert sum(term.steady_frequency for term in TERMS.values()) == 6
 
 
 @pytest.mark.parametrize("name", CHANGING)

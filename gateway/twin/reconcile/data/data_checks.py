@@ -12,6 +12,7 @@ from gateway.numerics.stats import robust_sigma, true_runs
 from gateway.swing.data.input_checks import WITHOUT_GRAVITY, lacks_gravity
 from gateway.twin.model import DEFAULT_NOISE_G, Model, TwinRig
 from gateway.twin.reconcile.data.observations import (
+    MIN_LINE_SHARE,
     NEIGHBOUR_RATIO,
     SAME_FREQUENCY_RATIO,
     Observations,
@@ -42,8 +43,6 @@ MAX_FREE_FALL_RHO = 0.7
 """Position over rope length up to which free fall is checked: nearer the load, the top of a large swing reads as little."""
 WRONG_FREQUENCY_RATIO = 1.25
 """Ratio of the swing's frequency to the rig's from which the rig is wrong; the rope length is then wrong by 1.6."""
-MIN_POWER_SHARE = 0.01
-"""Power at the rig's frequency, relative to the strongest line, from which the rig is right: a second mode may be stronger."""
 MIN_LINE_TO_NEIGHBOURS = 10.0
 """Power ratio to these neighbours from which the weaker line is the swing."""
 
@@ -132,7 +131,8 @@ def find_fault(time_s: Array, force_g: Array, twin: TwinRig) -> str | None:
         return f"wrong units: the norm of the readings is {norm_g:.3g}{unit}, at rest it is 1 g; give them in g"
     if lacks_gravity(force_g):
         return WITHOUT_GRAVITY
-    falling_s = _longest_free_fall_s(time_s, force_g)
+    falling = true_runs(np.linalg.norm(force_g, axis=1) < FREE_FALL_G)
+    falling_s = max((float(time_s[stop - 1] - time_s[start]) for start, stop in falling), default=0.0)
     if falling_s > SHORT_PERIODS * period_s and twin.position_m < MAX_FREE_FALL_RHO * twin.length_m:
         return (
             f"in free fall: the readings stay below {FREE_FALL_G:g} g for {falling_s:.2g} s, no rope was taut; "
@@ -144,12 +144,6 @@ def find_fault(time_s: Array, force_g: Array, twin: TwinRig) -> str | None:
             f"record at least {3 * period_s:.0f} s"
         )
     return _find_constant_axis(force_g, twin) or _find_swing_fault(time_s, force_g, twin)
-
-
-def _longest_free_fall_s(time_s: Array, force_g: Array) -> float:
-    """Return the longest time for which the norm of (n, 3) stays below `FREE_FALL_G`."""
-    falling = true_runs(np.linalg.norm(force_g, axis=1) < FREE_FALL_G)
-    return max((float(time_s[stop - 1] - time_s[start]) for start, stop in falling), default=0.0)
 
 
 def _find_constant_axis(force_g: Array, twin: TwinRig) -> str | None:
@@ -239,7 +233,7 @@ def _has_line_of_rig(frequency_hz: Array, power: Array, period_s: float) -> bool
     log_ratio = np.log(frequency_hz * period_s)
     at_rig = np.abs(log_ratio) < np.log(SAME_FREQUENCY_RATIO)
     rig_power = power[at_rig].max(initial=0.0)
-    if rig_power >= MIN_POWER_SHARE * power.max():
+    if rig_power >= MIN_LINE_SHARE * power.max():
         return True
     neighbours = power[~at_rig & (np.abs(log_ratio) < np.log(NEIGHBOUR_RATIO))]
     is_second_mode = log_ratio[np.argmax(power)] > np.log(WRONG_FREQUENCY_RATIO)

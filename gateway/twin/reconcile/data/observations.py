@@ -1,6 +1,12 @@
-"""The samples that a model is fitted to: times, specific forces, their noise, which count, and how wide they show the swing."""
+"""The samples that a model is fitted to: times, specific forces, their noise, which count, how wide they show the swing; and the
+three parts of the data: what models are fitted to, what they are selected by, and what they are tested on.
 
-from dataclasses import dataclass
+Of long recordings several samples become their mean, as far as a search can afford them: a swing and the modes of a crane are
+slow against the rate of a sensor. The mean of k samples lies x'' T² (k² - 1)/24 beside the middle one (T: sample interval); the
+second difference of the means tells x'', so that the swing keeps its size.
+"""
+
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -34,7 +40,7 @@ NEIGHBOUR_RATIO = 2.0
 MIN_LINE_TO_NEIGHBOURS = 30.0
 """Power over the median around it from which an axial line is a swing: noise alone gets there once in 10^9 frequencies."""
 MIN_LINE_SHARE = 0.01
-"""Power relative to the strongest axial line: a bounce may be stronger."""
+"""Power relative to the strongest line from which one may be the swing's: a bounce or a second mode may be stronger."""
 MIN_RELATIVE_FREQUENCY = 0.2
 """Lowest frequency that counts, relative to the line's: slower is a drift."""
 MIN_RISE_TO_FALL = 1.5
@@ -60,16 +66,6 @@ def make_upright(force_g: Array) -> Array:
     return upright
 
 
-def estimate_amplitude_rad(time_s: Array, force_g: Array, used: NDArray[np.bool_]) -> float:
-    """Return the amplitude at the start of a recording: at a turning point the rope carries cos(amplitude) of the weight.
-
-    This holds wherever the housing is on the rope. Of the samples (n, 3) only those in `used` (n,) count; where none of the first
-    ones does, because the crane works, all others tell.
-    """
-    initial = used & _is_initial(time_s)
-    return local_amplitude_rad(force_g[initial if initial.any() else used])
-
-
 def local_amplitude_rad(force_g: Array) -> float:
     """Return the amplitude of a swing in samples (n, 3) of about a period or more."""
     return float(np.arccos(np.clip(float(np.quantile(force_g[:, 2], AXIAL_QUANTILE)), -1.0, 1.0)))
@@ -81,7 +77,8 @@ def has_axial_reading_of_swing(time_s: Array, force_g: Array) -> bool:
     The rope force of a swing has two minima per period, so the lateral readings have a line at half its frequency. Near the load,
     where they show no swing, the rope force rises twice as far above 1 g as it falls below, whereas a bounce is symmetric.
     """
-    return _has_lateral_line(time_s, force_g) or _rises_further_than_it_falls(force_g[_is_initial(time_s), 2])
+    low_g, high_g = np.quantile(force_g[_is_initial(time_s), 2], [AXIAL_QUANTILE, 1 - AXIAL_QUANTILE])
+    return _has_lateral_line(time_s, force_g) or bool(high_g - 1 > MIN_RISE_TO_FALL * (1 - low_g) > 0)
 
 
 def has_axial_swing(time_s: Array, force_g: Array, small_swing_period_s: float) -> bool:
@@ -103,11 +100,6 @@ def has_axial_swing(time_s: Array, force_g: Array, small_swing_period_s: float) 
     )
 
 
-def _rises_further_than_it_falls(axial_g: Array) -> bool:
-    low_g, high_g = np.quantile(axial_g, [AXIAL_QUANTILE, 1 - AXIAL_QUANTILE])
-    return bool(high_g - 1 > MIN_RISE_TO_FALL * (1 - low_g) > 0)
-
-
 def _has_lateral_line(time_s: Array, force_g: Array) -> bool:
     initial, initial_s = force_g[_is_initial(time_s)], time_s[_is_initial(time_s)]
     # The axial reading of a swing that decays has a trend that may exceed its line.
@@ -121,8 +113,7 @@ def _has_lateral_line(time_s: Array, force_g: Array) -> bool:
 
 
 def _is_initial(time_s: Array) -> NDArray[np.bool_]:
-    initial: NDArray[np.bool_] = time_s <= INITIAL_SHARE * float(time_s[-1] - time_s[0])
-    return initial
+    return time_s <= INITIAL_SHARE * float(time_s[-1] - time_s[0])
 
 
 @dataclass(frozen=True)
@@ -159,8 +150,12 @@ class Observations:
 
     @cached_property
     def amplitude_rad(self) -> float:
-        """Amplitude of the swing at the start of the recording."""
-        return estimate_amplitude_rad(self.time_s, make_upright(self.force_g), self.used)
+        """Amplitude at the start of the recording: at a turning point the rope carries cos(amplitude) of the weight.
+
+        This holds wherever the housing is on the rope. Where no first sample counts, because the crane works, all others tell.
+        """
+        initial = self.used & _is_initial(self.time_s)
+        return local_amplitude_rad(make_upright(self.force_g)[initial if initial.any() else self.used])
 
     @cached_property
     def has_large_amplitude(self) -> bool:
@@ -172,13 +167,11 @@ class Observations:
     @property
     def per_sigma(self) -> Array:
         """One over the noise, 0 where a sample does not count, shape (n, 3)."""
-        weight: Array = self.used[:, None] / self.noise_g
-        return weight
+        return self.used[:, None] / self.noise_g
 
     def residual_sigma(self, simulated_g: Array) -> Array:
         """Return (measured - simulated)/noise, 0 where a sample does not count, shape (n, 3)."""
-        residual: Array = (self.force_g - simulated_g) / self.noise_g * self.used[:, None]
-        return residual
+        return (self.force_g - simulated_g) / self.noise_g * self.used[:, None]
 
     def chi2(self, simulated_g: Array) -> float:
         """Return the sum of the squared residual in sigma."""
@@ -240,3 +233,125 @@ def detect_spikes(force_g: Array) -> NDArray[np.bool_]:
     spikes: NDArray[np.bool_] = np.any(distance > limit, axis=1)
     spikes[0] = True  # the first sample after a start is often a stale one
     return spikes
+
+
+HELD_OUT_SHARE = 1 / 3
+"""Share at the end of the log that is held out where there is no second recording."""
+LONGEST_BLOCK_S = 4.0
+"""Longest block of the held-out recording: a good part of a crane's swing, within which residuals are correlated. Of a short
+pendulum a block is one swing."""
+TEST_EVERY = 3
+"""Every third block serves the test, the others the selection: two thirds still show effects of a few per cent of the noise."""
+AFFORDABLE_SAMPLES = 12_000
+"""Samples of both parts that are used as they are: four minutes at 50 Hz, which a search takes some ten seconds for."""
+LOWEST_RATE_HZ = 10.0
+"""Rate of the means, which is not undercut: second modes and bounces of cranes reach 4 Hz."""
+MIN_USED_SHARE = 0.75
+"""Share of the samples of a mean that must count."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recordings:
+    """The log, to which models are fitted, and the held-out recording, of which every third block is the test part.
+
+    The initial motion on the held-out recording is fitted to the selection blocks alone. The test blocks are predicted;
+    no choice rests on them.
+    """
+
+    log: Observations
+    held_out: Observations
+    """At true times, where samples were lost."""
+    held_out_as_stamped: Observations
+    last_third: bool
+    """The held-out recording is the end of the log, not a recording of its own."""
+    block_s: float
+    """Length of the blocks of the held-out recording."""
+
+    @property
+    def selection(self) -> Observations:
+        """The held-out recording with the selection blocks in use."""
+        return part_of(self.held_out, self.block_s, is_test=False)
+
+    @property
+    def test(self) -> Observations:
+        """The held-out recording with the test blocks in use."""
+        return part_of(self.held_out, self.block_s, is_test=True)
+
+
+def split_recordings(log: Observations, held_out: Observations | None, period_s: float) -> Recordings:
+    """Split the data: the second recording is held out, or the end of the log; `period_s` of a small swing."""
+    block_s = min(LONGEST_BLOCK_S, period_s)
+    if held_out is not None:
+        return Recordings(log, held_out, held_out, last_third=False, block_s=block_s)
+    cut = int(len(log.time_s) * (1 - HELD_OUT_SHARE))
+    end = slice_samples(log, cut, len(log.time_s))
+    return Recordings(slice_samples(log, 0, cut), end, end, last_third=True, block_s=block_s)
+
+
+def find_lack_of_test(recordings: Recordings) -> str | None:
+    """Return why there is nothing to test a model on; None where there is."""
+    if recordings.test.used.any():
+        return None
+    needed_s = (TEST_EVERY - 1) * recordings.block_s
+    part = "the last third of the log" if recordings.last_third else "the held-out recording"
+    return f"{part} lasts {recordings.held_out.duration_s:.3g} s, and more than {needed_s:.3g} s are needed to test a model on"
+
+
+def part_of(held_out: Observations, block_s: float, *, is_test: bool) -> Observations:
+    """Use the blocks of a held-out recording on which the selected model is tested, or the others, by which it is selected."""
+    block = np.floor((held_out.time_s - held_out.time_s[0]) / block_s).astype(np.int64)
+    return replace(held_out, used=held_out.used & ((block % TEST_EVERY == TEST_EVERY - 1) == is_test))
+
+
+def samples_per_mean(recordings: Recordings) -> int:
+    """Return how many samples one mean is made of, an odd number; 1 where the recordings are short enough as they are."""
+    log = recordings.log
+    wanted = (len(log.time_s) + len(recordings.held_out.time_s)) / AFFORDABLE_SAMPLES
+    allowed = 1 / (LOWEST_RATE_HZ * log.interval_s)
+    half = max(0, min(int(np.ceil((wanted - 1) / 2)), int((allowed - 1) / 2)))
+    return 2 * half + 1
+
+
+def take_means(recordings: Recordings, count: int) -> Recordings:
+    """Return the recordings by means of an odd number of samples."""
+    if count == 1:
+        return recordings
+    return replace(
+        recordings,
+        log=_means(recordings.log, count),
+        held_out=_means(recordings.held_out, count),
+        held_out_as_stamped=_means(recordings.held_out_as_stamped, count),
+    )
+
+
+def _means(observations: Observations, count: int) -> Observations:
+    """Return means about every `count`-th sample. One counts where its neighbours are complete as well.
+
+    The first is not: half of its samples are missing.
+    """
+    half = count // 2
+    centres = np.arange(0, len(observations.time_s) - half, count)
+    around = np.maximum(centres[:, None] + np.arange(-half, half + 1), 0)
+    weight = observations.used[around].astype(np.float64)
+    share = weight.mean(axis=1)
+    weight[share == 0] = 1.0  # such a mean counts nowhere
+    weight /= weight.sum(axis=1, keepdims=True)
+    force_g = np.einsum("ij,ijk->ik", weight, observations.force_g[around])
+    curvature_g = np.zeros_like(force_g)
+    curvature_g[1:-1] = force_g[:-2] - 2 * force_g[1:-1] + force_g[2:]
+    lost = (1 - 1 / count**2) / 24  # of the curvature; giving it back adds a little noise
+    time_s = (weight * observations.time_s[around]).sum(axis=1)
+    time_s[0] = observations.time_s[0]
+    complete = share >= MIN_USED_SHARE
+    complete[0] = False
+    used = np.zeros_like(complete)
+    used[1:-1] = complete[:-2] & complete[1:-1] & complete[2:]
+    temperature_c = observations.temperature_c
+    return Observations(
+        time_s,
+        force_g - lost * curvature_g,
+        None if temperature_c is None else temperature_c[centres],
+        observations.noise_g * float(np.sqrt(((1 + 2 * lost) ** 2 + 2 * lost**2) / count)),
+        used,
+        observations.offset_s,
+    )

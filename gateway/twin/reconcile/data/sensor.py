@@ -8,7 +8,7 @@ from scipy.special import erf
 
 from gateway.measurement.source import Source
 from gateway.numerics.stats import robust_sigma
-from gateway.twin.effects.sensor_output import SAME_READING_G
+from gateway.twin.effects.sensor import SAME_READING_G
 from gateway.twin.model import DEFAULT_NOISE_G, Model
 from gateway.twin.reconcile.data.observations import Observations, unmeasured_axes
 
@@ -150,8 +150,7 @@ def constant_share(step_g: float, noise_g: Array) -> float:
 
 def noise_with_quantisation_g(observations: Observations, step_g: float) -> Array:
     """Return the standard deviation of noise and quantisation error together, shape (3,)."""
-    noise_g: Array = np.sqrt(observations.noise_g**2 + step_g**2 / 12)
-    return noise_g
+    return np.sqrt(observations.noise_g**2 + step_g**2 / 12)
 
 
 def quantised_mean_g(force_g: Array, step_g: float, noise_g: Array) -> Array:
@@ -163,5 +162,4 @@ def quantised_mean_g(force_g: Array, step_g: float, noise_g: Array) -> Array:
     mean = np.full_like(force_g, 2.0)
     for edge in (-1.5, -0.5, 0.5, 1.5):
         mean -= 0.5 * (1 + erf(((nearest + edge) * step_g - force_g) / (noise_g * np.sqrt(2))))
-    mean_g: Array = (nearest + mean) * step_g
-    return mean_g
+    return (nearest + mean) * step_g

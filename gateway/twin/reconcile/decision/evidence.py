@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import rests_at_edge
-from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.least_squares import Fit
+from gateway.twin.effects.sensor import SampleLoss
 from gateway.twin.reconcile.residual import EXCESS_LINES, has_excess
-from gateway.twin.reconcile.search.candidates import LITTLE_OF_GAP, CandidateFit, CandidateTable
+from gateway.twin.reconcile.search.candidates import LITTLE_OF_GAP, VALIDATED_MARGIN, CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.changepoints import exclude_unmodelled_profiles
+from gateway.twin.reconcile.search.search import SearchRun
 from gateway.twin.reconcile.search.validation import ValidationFit, Validator
 
 MAX_VALIDATED = 4
@@ -18,8 +18,6 @@ MIN_EVIDENCE_MARGIN = 12.0
 """Chi-square over the noise inflation below which one set is no better than another: odds of 400 to 1."""
 MIN_EVIDENCE_AGAINST = 20.0
 """Evidence against a value that no part has, or of a difference that noise hides, from which it is no alternative."""
-VALIDATED_MARGIN = 60.0
-"""BIC behind the best set on the log up to which a set is evaluated on the selection part."""
 MIN_NECESSARY_RATIO = 7.0
 """Factor by which the absence of a necessary effect multiplies the excess that the set leaves. Basis: of 204 engine-made cases
 two more have a wrong name at 5, and one is right less at 10."""
@@ -95,44 +93,36 @@ class Evidence:
     at_edge: frozenset[str]
     """Effects of the best set with a value at a bound, where the fit would go further."""
 
-    @property
-    def baseline_names(self) -> frozenset[str]:
-        """Effects found without a search."""
-        return self.baseline.names
-
 
 def gather_evidence(
-    best: RankedCandidate,
+    run: SearchRun,
+    ranked: list[RankedCandidate],
     baseline: RankedCandidate,
-    nominal: RankedCandidate,
-    rivals: list[RankedCandidate],
-    log: Observations,
-    selection: Observations,
-    fits: Mapping[frozenset[str], CandidateFit],
-    detected: frozenset[str],
     *,
     improves_selection: bool,
     beyond_parts: frozenset[str],
 ) -> Evidence:
     """Compute the facts. Samples in events whose exact course is not modelled count for no residual."""
-    seen_log, seen_selection = (exclude_unmodelled_profiles(each, best.candidate.values) for each in (log, selection))
-    on_both: tuple[tuple[Observations, Fit], ...] = (
-        (seen_log, best.candidate.fit),
-        (seen_selection, best.validation.fit),
-    )
+    best, fits = ranked[0], run.table.fits
+    recordings = (run.recordings.log, run.validator.selection)
+    seen_log, seen_selection = (exclude_unmodelled_profiles(each, best.candidate.values) for each in recordings)
     return Evidence(
         best=best,
         baseline=baseline,
-        rivals=rivals,
-        detected=detected,
+        rivals=rivals_of(ranked),
+        detected=frozenset() if run.lost_fraction is None else frozenset({SampleLoss.name}),
         improves_selection=improves_selection,
-        best_leaves_excess=any(has_excess(*each) for each in on_both),
+        best_leaves_excess=has_excess(seen_log, best.candidate.fit) or has_excess(seen_selection, best.validation.fit),
         baseline_leaves_excess=has_excess(seen_log, baseline.candidate.fit),
         necessary=_necessary_effects(best, baseline, fits),
         baseline_closes_gap=_baseline_closes_gap(baseline.candidate, fits),
-        share_closed=_share_closed(best, baseline, nominal),
+        share_closed=_share_closed(run, best, baseline),
         beyond_parts=beyond_parts,
-        at_edge=_effects_at_edge(best),
+        at_edge=frozenset(
+            name
+            for name, values in best.candidate.values.items()
+            if any(rests_at_edge(p, values[p.name]) for p in EFFECTS[name].parameters if p.name in values)
+        ),
     )
 
 
@@ -149,14 +139,6 @@ def _necessary_effects(
     return frozenset(found)
 
 
-def _effects_at_edge(best: RankedCandidate) -> frozenset[str]:
-    return frozenset(
-        name
-        for name, values in best.candidate.values.items()
-        if any(rests_at_edge(each, values[each.name]) for each in EFFECTS[name].parameters if each.name in values)
-    )
-
-
 def _baseline_closes_gap(baseline: CandidateFit, fits: Mapping[frozenset[str], CandidateFit]) -> bool:
     nominal = fits.get(frozenset())
     if nominal is None or not baseline.names:
@@ -165,11 +147,10 @@ def _baseline_closes_gap(baseline: CandidateFit, fits: Mapping[frozenset[str], C
     return closed > LITTLE_OF_GAP * max(nominal.reduced_chi2 - 1, EXCESS_LINES)
 
 
-def _share_closed(best: RankedCandidate, baseline: RankedCandidate, nominal: RankedCandidate) -> float:
+def _share_closed(run: SearchRun, best: RankedCandidate, baseline: RankedCandidate) -> float:
     """Return the share of the baseline's gap that is closed, or of the nominal model's where the baseline has a length."""
-    start = nominal if baseline.names & set(EFFECTS.choose(is_usual=True)) else baseline
-    gaps = (
-        (start.candidate.reduced_chi2, best.candidate.reduced_chi2),
-        (start.validation.reduced_chi2, best.validation.reduced_chi2),
-    )
+    start, validation = baseline.candidate, baseline.validation
+    if baseline.names & set(EFFECTS.choose(is_usual=True)):
+        start, validation = run.nominal, run.validator.evaluate(run.nominal)
+    gaps = (start.reduced_chi2, best.candidate.reduced_chi2), (validation.reduced_chi2, best.validation.reduced_chi2)
     return min((before - after) / max(before - 1, EXCESS_LINES) for before, after in gaps)

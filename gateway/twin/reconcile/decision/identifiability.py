@@ -8,7 +8,7 @@ is possible and what parts have: an effect that would have to is no alternative.
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Protocol
 
@@ -21,11 +21,14 @@ from gateway.twin.effects.parameter import TAIL_SHARE, limit_of
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_AGAINST
-from gateway.twin.reconcile.fit.fit_context import sensitivities_sigma
-from gateway.twin.reconcile.search.signatures import orthonormal, project_out
-from gateway.twin.simulator.parameter_vector import ParameterSpec
+from gateway.twin.reconcile.fit.fit_context import is_world_directed, sensitivities_sigma
+from gateway.twin.reconcile.residual import EXCESS_SIGNIFICANT, excess_chi2
+from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable, implausibility
+from gateway.twin.reconcile.search.context import SearchContext
+from gateway.twin.reconcile.search.signatures import orthonormal, project_out, scorable_effects
+from gateway.twin.reconcile.search.validation import Validator
 from gateway.twin.simulator.simulator import Simulator
-from gateway.twin.simulator.state import HEADING
+from gateway.twin.simulator.state import HEADING, ParameterSpec
 
 Array = NDArray[np.float64]
 
@@ -116,7 +119,8 @@ class Contributions:
     def _angle_rad(self, name: str, others: Sequence[str], contribution: Array, size: float) -> float:
         """Return the angle between an effect's contribution and the nearest one of others, where the set may change as well."""
         used = [*_places(self.specs, others), *self._beside(name)]
-        if size_left(contribution, self.triangle[:, used]) > DISTINCT_ANGLE_RAD * size:
+        left = project_out(orthonormal(self.triangle[:, used]), contribution)
+        if np.linalg.norm(left) > DISTINCT_ANGLE_RAD * size:
             return math.pi / 2  # not even without bounds
         beyond = distance_within(contribution, self.triangle[:, used], self.lower[used], self.upper[used])
         return math.asin(min(1.0, beyond / size))
@@ -172,11 +176,6 @@ def possible_changes(simulator: Simulator, model: EffectValues, rig: TwinRig) ->
     return lower, upper
 
 
-def size_left(target: Array, columns: Array) -> float:
-    """Distance of a target (m,) from the space that columns (m, k) span."""
-    return float(np.linalg.norm(project_out(orthonormal(columns), target)))
-
-
 def distance_within(target: Array, columns: Array, lower: Array, upper: Array) -> float:
     """Distance of a target (m,) from what columns (m, k) reach with coefficients between lower and upper (k,)."""
     norms = np.linalg.norm(columns, axis=0)
@@ -213,3 +212,73 @@ def _project_recording(simulator: Simulator, rig: TwinRig, model: EffectValues, 
 def _places(specs: Sequence[ParameterSpec], names: Iterable[str]) -> list[int]:
     chosen = set(names)
     return [i for i, spec in enumerate(specs) if spec.effect in chosen]
+
+
+MAX_EXCESS_RATIO = 1.25
+"""Excess over that of the best set up to which another one, whose values parts can have, is the better answer."""
+
+
+def leaves_no_more(found: float, best: float) -> bool:
+    """Whether a reduced chi-square leaves as little as the best, or so little more that what parts can have is better."""
+    return found - 1 < MAX_EXCESS_RATIO * max(best - 1, EXCESS_SIGNIFICANT)
+
+
+def contributions(context: SearchContext, validator: Validator, best: CandidateFit) -> Contributions:
+    """What the effects of a fitted set contribute to the log and to the selection part together."""
+    setting, n = context.setting, context.setting.simulator(best.names).n_initial_states
+    validation = validator.evaluate(best)
+    recordings = (
+        FittedRecording(
+            setting.log,
+            {**setting.model_effects, **best.crane_inputs},
+            best.fit.values[:n],
+            heading_is_fitted=False,
+            excess_chi2=excess_chi2(setting.log, best.fit),
+        ),
+        FittedRecording(
+            validator.selection,
+            validator.effects_of(best),
+            validation.fit.values[:n],
+            heading_is_fitted=is_world_directed({*best.names, *setting.model_effects}),
+            excess_chi2=excess_chi2(validator.selection, validation.fit),
+        ),
+    )
+    return find_contributions(setting.rig, setting.stated_effects, best.values, scorable_effects(setting), recordings)
+
+
+def replace_implausible(
+    table: CandidateTable, context: SearchContext, validator: Validator, best: CandidateFit
+) -> tuple[CandidateTable, CandidateFit]:
+    """Return the set with effects of the same signature in place of those that need a value no part has.
+
+    Where a remainder makes two effects alike, what their fits leave decides nothing between them, and the prior does. The sets
+    with such a value are then no rivals.
+    """
+    for name in sorted(best.names - set(context.baseline_effects)):
+        if not is_beyond_parts(name, best, context):
+            continue
+        rest = best.without(name)
+        starts = context.segment_starts(best)
+        partners = sorted(contributions(context, validator, best).alike(name))
+        for other in partners:
+            requests = context.requests(table, rest, other, context.guesses(other, best), starts)
+            table = context.fit_in_turn(table, requests)
+        fits = (table.get({*rest, other}) for other in partners)
+        alike = [fit for fit in fits if fit is not None and leaves_no_more(fit.reduced_chi2, best.reduced_chi2)]
+        if alike:
+            kept = {
+                names: fit
+                for names, fit in table.fits.items()
+                if name not in names or not is_beyond_parts(name, fit, context)
+            }
+            moves = tuple(move for move in table.moves if move.names in kept)
+            table, replaced = replace(table, fits=kept, moves=moves), best
+            best = min(alike, key=table.bic)
+            table = table.record_move(replaced, best)
+    return table, best
+
+
+def is_beyond_parts(name: str, fit: CandidateFit, context: SearchContext) -> bool:
+    """Return whether an effect needs a value that no part has."""
+    doubt = implausibility({name: fit.values[name]}, context.setting.rig)
+    return doubt > MIN_EVIDENCE_AGAINST

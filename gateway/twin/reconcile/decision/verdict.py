@@ -14,7 +14,7 @@ from gateway.twin.reconcile.decision.evidence import Evidence, RankedCandidate
 from gateway.twin.reconcile.decision.identifiability import Substitutes
 from gateway.twin.reconcile.output.result import Verdict
 from gateway.twin.reconcile.residual import SAME_LINE_CYCLES, has_lines, residual_lines
-from gateway.twin.reconcile.search.candidates import LITTLE_OF_GAP, MOST_OF_GAP, CandidateFit
+from gateway.twin.reconcile.search.candidates import LITTLE_OF_GAP, MOST_OF_GAP
 
 PARTIAL = ("named_with_remainder", "unmodelled")
 """Verdicts that leave something unexplained."""
@@ -90,18 +90,18 @@ def _make(
 
 
 def _baseline_wins(evidence: Evidence) -> bool:
-    return evidence.best.names == evidence.baseline_names or not evidence.improves_selection
+    return evidence.best.names == evidence.baseline.names or not evidence.improves_selection
 
 
 def _baseline_unexplained(evidence: Evidence) -> bool:
-    if evidence.best.names == evidence.baseline_names:
+    if evidence.best.names == evidence.baseline.names:
         return evidence.best_leaves_excess
     return not evidence.improves_selection and evidence.baseline_leaves_excess
 
 
 def _conclude_unexplained(evidence: Evidence) -> Decision:
     verdict: Verdict = "named_with_remainder" if evidence.baseline_closes_gap else "unmodelled"
-    return _make(verdict, VerdictReason.NOT_EXPLAINED, evidence.baseline, evidence.baseline_names)
+    return _make(verdict, VerdictReason.NOT_EXPLAINED, evidence.baseline, evidence.baseline.names)
 
 
 def _certain_beside_remainder(evidence: Evidence) -> frozenset[str]:
@@ -111,7 +111,7 @@ def _certain_beside_remainder(evidence: Evidence) -> frozenset[str]:
     """
     found = (
         (evidence.necessary & _everywhere(evidence))
-        - evidence.baseline_names
+        - evidence.baseline.names
         - evidence.beyond_parts
         - evidence.at_edge
     )
@@ -134,8 +134,8 @@ def _conclude_partly(evidence: Evidence) -> Decision:
     differ = _rivals_differ_in_one_place(evidence) and is_necessary and evidence.share_closed > MOST_OF_GAP
     group = _contested(evidence) if differ else ()
     if not certain and not group:
-        return _make("unmodelled", VerdictReason.NO_SET_EXPLAINS, evidence.best, evidence.baseline_names)
-    named = certain | (evidence.baseline_names & evidence.necessary)
+        return _make("unmodelled", VerdictReason.NO_SET_EXPLAINS, evidence.best, evidence.baseline.names)
+    named = certain | (evidence.baseline.names & evidence.necessary)
     decision = _make("named_with_remainder", VerdictReason.PARTLY, evidence.best, named, group)
     text = VerdictReason.PARTLY.value.format(share=f"{100 * evidence.share_closed:.3g} %")
     return replace(decision, verdict="named_with_remainder" if named else "one_of", text=text)
@@ -143,8 +143,8 @@ def _conclude_partly(evidence: Evidence) -> Decision:
 
 def _conclude_doubtful(evidence: Evidence) -> Decision:
     """Name all but the effects at an edge: what the fit looks for lies beyond it, and is something else."""
-    named = evidence.best.names - evidence.at_edge | evidence.baseline_names
-    verdict: Verdict = "named_with_remainder" if named - evidence.baseline_names else "unmodelled"
+    named = evidence.best.names - evidence.at_edge | evidence.baseline.names
+    verdict: Verdict = "named_with_remainder" if named - evidence.baseline.names else "unmodelled"
     return _make(verdict, VerdictReason.DOUBTFUL, evidence.best, named)
 
 
@@ -170,7 +170,7 @@ def _conclude_rivals(evidence: Evidence) -> Decision:
     one_place = _rivals_differ_in_one_place(evidence)
     reason = VerdictReason.RIVALS_IN_ONE_PLACE if one_place else VerdictReason.SEVERAL_SETS
     everywhere, candidates = _everywhere(evidence), _contested(evidence)[:MAX_AMBIGUOUS]
-    decision = _make("one_of", reason, evidence.best, everywhere | evidence.baseline_names, candidates)
+    decision = _make("one_of", reason, evidence.best, everywhere | evidence.baseline.names, candidates)
     sets = tuple(
         tuple(sorted(each.names - everywhere)) for each in evidence.rivals if each.names <= {*everywhere, *candidates}
     )
@@ -180,13 +180,13 @@ def _conclude_rivals(evidence: Evidence) -> Decision:
 RULES = (
     Rule(lambda e: _baseline_wins(e) and _baseline_unexplained(e), _conclude_unexplained),
     Rule(
-        lambda e: _baseline_wins(e) and bool(e.baseline_names or e.detected),
-        lambda e: _make("named", VerdictReason.FOUND_BEFORE_SEARCH, e.baseline, e.baseline_names),
+        lambda e: _baseline_wins(e) and bool(e.baseline.names or e.detected),
+        lambda e: _make("named", VerdictReason.FOUND_BEFORE_SEARCH, e.baseline, e.baseline.names),
     ),
     Rule(_baseline_wins, lambda e: _make("none_missing", VerdictReason.NOTHING_MISSING, e.baseline, frozenset())),
     Rule(lambda e: e.best_leaves_excess, _conclude_partly),
     Rule(lambda e: len(e.rivals) > 1, _conclude_rivals),
-    Rule(lambda e: bool((e.beyond_parts | e.at_edge) - e.baseline_names), _conclude_doubtful),
+    Rule(lambda e: bool((e.beyond_parts | e.at_edge) - e.baseline.names), _conclude_doubtful),
     Rule(lambda _: True, lambda e: _make("named", VerdictReason.UNIQUE, e.best, e.best.names)),
 )
 """The first rule that applies gives the verdict."""
@@ -199,7 +199,7 @@ def decide(evidence: Evidence, log: Observations, linearise: Callable[[], Substi
     """
     decision = next(rule.conclude(evidence) for rule in RULES if rule.applies(evidence))
     decision = _drop_nonstationary_lines(decision, log)
-    decision = _group_indistinguishable(decision, evidence.baseline_names, linearise)
+    decision = _group_indistinguishable(decision, evidence.baseline.names, linearise)
     if decision.verdict not in ("named", "one_of"):
         return decision  # where a residual remains, it may be what was detected in the time stamps
     if decision.reason is VerdictReason.UNIQUE:
@@ -227,7 +227,9 @@ def _drop_nonstationary_lines(decision: Decision, log: Observations) -> Decision
     if not has_lines(log, candidate.fit):
         return decision
     left_hz = np.array([line.hz for line in residual_lines(log, candidate.fit)])
-    unsteady = {name for name in candidate.names if _has_line_near(name, candidate, left_hz, log.duration_s)}
+    near_hz = 2 * SAME_LINE_CYCLES / log.duration_s  # an amplitude that changes widens both lines
+    lines_hz = {n: each["frequency_hz"] for n, each in candidate.values.items() if EFFECTS[n].steady_frequency}
+    unsteady = {name for name, hz in lines_hz.items() if (np.abs(left_hz - np.asarray(hz)) < near_hz).any()}
     named = tuple(name for name in decision.named if name not in unsteady)
     if named == decision.named:
         return decision
@@ -235,14 +237,6 @@ def _drop_nonstationary_lines(decision: Decision, log: Observations) -> Decision
     verdict: Verdict = "named_with_remainder" if named else "unmodelled"
     reason = VerdictReason.NONSTATIONARY_LINE
     return replace(decision, verdict=verdict, reason=reason, text=text, named=named, leaves_remainder=True)
-
-
-def _has_line_near(name: str, candidate: CandidateFit, lines_hz: np.ndarray, duration_s: float) -> bool:
-    if not EFFECTS[name].steady_frequency:
-        return False
-    # An amplitude that changes widens both lines.
-    frequency_hz = np.asarray(candidate.values[name]["frequency_hz"])
-    return bool((np.abs(lines_hz - frequency_hz) < 2 * SAME_LINE_CYCLES / duration_s).any())
 
 
 def _group_indistinguishable(

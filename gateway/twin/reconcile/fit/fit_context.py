@@ -2,20 +2,28 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.crane_input import CraneInput
 from gateway.twin.effects.guess_context import SHARPEST, EventWindow, GuessContext
 from gateway.twin.effects.parameter import ParameterKind
 from gateway.twin.model import EffectValues, TwinRig
+from gateway.twin.reconcile.data.crane_inputs import CraneInput
 from gateway.twin.reconcile.data.observations import Observations, slice_samples
 from gateway.twin.reconcile.fit.initial_conditions import hides_sign_of_swing, reverse_swing, segment_initial_conditions
 from gateway.twin.reconcile.fit.initial_states import window_bounds
-from gateway.twin.reconcile.fit.least_squares import FIT_ITERATIONS, SCREENING_ITERATIONS, Fit, FitProblem
-from gateway.twin.reconcile.fit.multiple_shooting import SEGMENT_S, fit_model, uniform_segments
+from gateway.twin.reconcile.fit.multiple_shooting import (
+    FIT_ITERATIONS,
+    SCREENING_ITERATIONS,
+    SEGMENT_S,
+    Fit,
+    FitProblem,
+    fit_model,
+    uniform_segments,
+)
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
@@ -23,6 +31,7 @@ from gateway.twin.simulator.state import HEADING
 Array = NDArray[np.float64]
 SEGMENT_PERIODS = 6.5
 """Longest segment of a short rope, in periods: a rope that is wrong by 3 % shifts the phase by a tenth of a turn over it."""
+NO_SHAPES: EffectValues = MappingProxyType({})
 FIRST_PART_S = 40.0
 """Length of the first part of the log, on which guesses are compared: it contains several beats of two modes."""
 
@@ -43,8 +52,7 @@ def segment_bounds(rig: TwinRig, values: EffectValues, observations: Observation
 def sensitivities_sigma(simulator: Simulator, values: Array, observations: Observations) -> Array:
     """Return the derivatives of a model's readings by its values (k,), in sigma of a recording, shape (n, 3, k)."""
     found = simulator.linearise(values, observations.time_s, observations.temperature_c)
-    sensitivities: Array = found.jacobian * observations.per_sigma[:, :, None]
-    return sensitivities
+    return found.jacobian * observations.per_sigma[:, :, None]
 
 
 def is_world_directed(names: Iterable[str]) -> bool:
@@ -72,11 +80,6 @@ class FitContext:
     model_effects: EffectValues
     log: Observations
     tick: Callable[[], None]
-
-    @property
-    def large_amplitude(self) -> bool:
-        """Whether only the right model follows the recording as one trajectory."""
-        return self.log.has_large_amplitude
 
     @property
     def crane_inputs(self) -> tuple[str, ...]:
@@ -131,6 +134,13 @@ class FitContext:
         simulator = self.simulator(tuple(values))
         free, first_samples = self.free_parameters(simulator, values), segment_bounds(self.rig, values, self.log)
         return FitProblem(simulator, self.log, free, first_samples, self.tick)
+
+    def at_rest_beside(
+        self, fit: Fit, values: EffectValues, tried: Iterable[str], shapes: EffectValues = NO_SHAPES
+    ) -> tuple[Simulator, Array]:
+        """Return the simulator of a fitted set with effects at rest beside it, and its values; those have these `shapes`."""
+        simulator, fitted = self.simulator((*values, *tried)), self.simulator(tuple(values)).effects(fit.values)
+        return simulator, simulator.values(fit.values[: simulator.n_initial_states], {**shapes, **fitted})
 
     def segment_starts(self, values: EffectValues) -> Array:
         """Return the initial states of the segments under a model, as initial guesses for similar models."""

@@ -11,7 +11,7 @@ from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.initial_states import harmonic_initial_states, initial_state_from_samples
-from gateway.twin.reconcile.fit.least_squares import LARGE_SWING_ITERATIONS, REFINEMENT_ITERATIONS, NormalEquations
+from gateway.twin.reconcile.fit.multiple_shooting import LARGE_SWING_ITERATIONS, REFINEMENT_ITERATIONS, NormalEquations
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING, ROPE_RATES, ROPE_TILTS, rotation_about_vertical
 

@@ -121,10 +121,14 @@ def _tilts_and_rates(upward: Array, rates: Array) -> tuple[Array, Array]:
     side = np.where(cosine < 0, -1.0, 1.0)
     root = np.maximum(np.sqrt(1 - np.minimum(across_y**2, 1.0)), 1e-9)
     n = np.column_stack([side * across_x / root, across_y * np.abs(cosine) / root, -cosine])
-    tilt_x, tilt_y = np.arctan2(n[:, 0], -n[:, 2]), np.arcsin(np.clip(n[:, 1], -1.0, 1.0))
     length = np.maximum(np.sqrt(1 - np.minimum(n[:, 0] ** 2, 1.0)), 1e-9)
     x_axis = np.column_stack([length, -n[:, 0] * n[:, 1] / length, -n[:, 0] * n[:, 2] / length])
-    velocity = rates[:, :1] * x_axis + rates[:, 1:] * np.cross(x_axis, n)
+    return _tilts(n, rates[:, :1] * x_axis + rates[:, 1:] * np.cross(x_axis, n))
+
+
+def _tilts(n: Array, velocity: Array) -> tuple[Array, Array]:
+    """Return the tilts of ropes with directions n (k, 3) that change at this velocity (k, 3), and their rates, (k, 2) each."""
+    tilt_x, tilt_y = np.arctan2(n[:, 0], -n[:, 2]), np.arcsin(np.clip(n[:, 1], -1.0, 1.0))
     sin_x, cos_x, sin_y, cos_y = np.sin(tilt_x), np.cos(tilt_x), np.sin(tilt_y), np.cos(tilt_y)
     rate_x = (velocity[:, 0] * cos_x + velocity[:, 2] * sin_x) / np.maximum(cos_y, 1e-9)
     rate_y = -velocity[:, 0] * sin_x * sin_y + velocity[:, 1] * cos_y + velocity[:, 2] * cos_x * sin_y
@@ -163,14 +167,19 @@ def harmonic_initial_states(
         start_s = float(observations.time_s[first])
         if swing.azimuth_rad is not None:
             azimuth_rad = swing.azimuth_rad
-        elif before is not None and _is_reversed(before, swing, start_s - before_s):
-            azimuth_rad += np.pi
+        elif before is not None:
+            turned_rad = (before.rate_1_s + swing.rate_1_s) / 2 * (start_s - before_s)
+            if np.cos(before.phase_rad + turned_rad - swing.phase_rad) < 0:  # it continues with the opposite sign
+                azimuth_rad += np.pi
         before, before_s = swing, start_s
         across, across_rate = _horizontal(swing, rig.small_swing_rate_1_s)
         direction = np.exp(1j * azimuth_rad)
-        initial_states[i, ROPE_TILTS], initial_states[i, ROPE_RATES] = _tilts(
-            across * direction, across_rate * direction
-        )
+        horizontal = np.array([across * direction, across_rate * direction])
+        (x, x_rate), (y, y_rate) = horizontal.real, horizontal.imag
+        down = np.sqrt(1 - x**2 - y**2)
+        n, velocity = np.array([[x, y, -down]]), np.array([[x_rate, y_rate, (x * x_rate + y * y_rate) / down]])
+        tilts, rates = _tilts(n, velocity)
+        initial_states[i, ROPE_TILTS], initial_states[i, ROPE_RATES] = tilts[0], rates[0]
     return initial_states
 
 
@@ -230,12 +239,6 @@ def _axis_ratio(across: Complex, sideways: complex) -> float:
     return ratio if abs(ratio) > MIN_AXIS_RATIO else MIN_AXIS_RATIO
 
 
-def _is_reversed(before: _Swing, after: _Swing, elapsed_s: float) -> bool:
-    """Return whether a swing continues an earlier one with the opposite sign."""
-    rate_1_s = (before.rate_1_s + after.rate_1_s) / 2
-    return bool(np.cos(before.phase_rad + rate_1_s * elapsed_s - after.phase_rad) < 0)
-
-
 def _horizontal(swing: _Swing, small_swing_rate_1_s: float) -> tuple[complex, complex]:
     """Return the horizontal part of the rope's direction and its rate, along the azimuth and across it.
 
@@ -248,13 +251,3 @@ def _horizontal(swing: _Swing, small_swing_rate_1_s: float) -> tuple[complex, co
     horizontal = complex(np.sin(tilt), minor * np.sin(phase))
     horizontal *= min(1.0, LARGEST_HORIZONTAL / max(abs(horizontal), 1e-12))
     return horizontal, complex(np.cos(tilt) * rate, minor * swing.rate_1_s * np.cos(phase))
-
-
-def _tilts(horizontal: complex, rate: complex) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the tilts of a rope with this horizontal part x + iy of its direction, and their rates."""
-    x, y, x_rate, y_rate = horizontal.real, horizontal.imag, rate.real, rate.imag
-    down = np.sqrt(1 - x**2 - y**2)
-    down_rate = -(x * x_rate + y * y_rate) / down
-    cos_y_squared = 1 - y**2
-    rates = (x_rate * down - x * down_rate) / cos_y_squared, y_rate / np.sqrt(cos_y_squared)
-    return (float(np.arctan2(x, down)), float(np.arcsin(y))), (float(rates[0]), float(rates[1]))

@@ -23,7 +23,7 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext, sensitivities_sigma
-from gateway.twin.reconcile.fit.least_squares import Fit
+from gateway.twin.reconcile.fit.multiple_shooting import Fit
 from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
@@ -89,8 +89,7 @@ def noise_density(power: Array, left: Array, bins: NDArray[np.intp]) -> Array:
 
     def around(values: Array) -> Array:
         sums = np.cumsum(np.pad(values, ((0, 0), (1, 0))), axis=1)
-        found: Array = sums[:, first + window] - sums[:, first]
-        return found
+        return sums[:, first + window] - sums[:, first]
 
     here = log_shape[:, bins]
     freedom = around(left[None])
@@ -143,9 +142,8 @@ def intervals(
     tried = [name for name in companions if name not in values and name not in setting.model_effects]
     if not tried:
         return below, above
-    simulator = setting.simulator((*values, *tried))
+    simulator, at = setting.at_rest_beside(fit, values, tried)
     fitted = setting.simulator(tuple(values))
-    at = simulator.values(fit.values[: simulator.n_initial_states], fitted.effects(fit.values))
     flat = sensitivities_sigma(simulator, at, setting.log).reshape(-1, len(simulator.parameters))
     place_of = {spec.label: i for i, spec in enumerate(simulator.parameters)}
     free = np.flatnonzero(fit.free & (np.arange(len(fit.free)) != HEADING))

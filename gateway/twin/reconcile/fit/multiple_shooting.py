@@ -7,26 +7,137 @@ small as in single shooting. Each step is a Levenberg-Marquardt step of this con
 step limits.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.least_squares import (
-    FIT_ITERATIONS,
-    LARGE_SWING_ITERATIONS,
-    Fit,
-    FitProblem,
-    NormalEquations,
-)
 from gateway.twin.simulator.compiled_model import IntegrationError
-from gateway.twin.simulator.simulator import SegmentBatch
+from gateway.twin.simulator.simulator import SegmentBatch, Simulator
 from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
+FIT_ITERATIONS = 8
+"""Iterations of most fits; nearly all converge earlier."""
+REFINEMENT_ITERATIONS = 3
+"""Iterations of a fit that starts near its minimum, or in which the samples are nearly linear."""
+REFINE_ITERATIONS = 20
+"""Iterations of a fit that continues along a narrow valley of chi-square."""
+SCREENING_ITERATIONS = 6
+"""Iterations of a fit that decides only whether a model is consistent with the data, or which guess is the best."""
+LARGE_SWING_ITERATIONS = 30
+"""Iterations of a fit of a large swing, or of one seen along the rope: its period depends on every parameter, its readings are
+not nearly linear in the initial state, and its segments join slowly."""
+Limits = Mapping[str, tuple[float, float]]
+"""Lower and upper bounds of effect values by label, where a recording sets narrower ones than the effect."""
+NO_LIMITS: Limits = {}
+MIN_SCALE = 1e-12
+"""Added to the scale of each parameter, so that one without any sensitivity gives no division by zero."""
+
+
+def solve_damped(normal: Array, gradient: Array, damping: float) -> Array:
+    """Return the solution of normal equations (k, k) and (k,); `damping` is added to the diagonal after scaling it to 1."""
+    scale = np.sqrt(np.diag(normal)) + MIN_SCALE
+    matrix = normal / np.outer(scale, scale) + damping * np.eye(len(scale))
+    return np.linalg.solve(matrix, gradient / scale) / scale
+
+
+@dataclass(frozen=True, slots=True)
+class NormalEquations:
+    """A linearised least-squares problem in k values."""
+
+    normal: Array
+    """J^T J, shape (k, k)."""
+    gradient: Array
+    """J^T r, shape (k,)."""
+
+    @classmethod
+    def from_jacobian(cls, jacobian: Array, residual: Array) -> "NormalEquations":
+        """Return the equations of a Jacobian (..., k) and a residual (...)."""
+        flat = jacobian.reshape(-1, jacobian.shape[-1])
+        return cls(flat.T @ flat, flat.T @ residual.ravel())
+
+    def step(self, free: NDArray[np.bool_], damping: float, held: Array | None = None) -> Array:
+        """Return a damped step of the free values, shape (k,); the others take the step `held` (k,), zero by default."""
+        step = np.zeros(len(free)) if held is None else held.copy()
+        moving, fixed = np.flatnonzero(free), np.flatnonzero(~free)
+        gradient = self.gradient[moving] - self.normal[np.ix_(moving, fixed)] @ step[fixed]
+        step[moving] = solve_damped(self.normal[np.ix_(moving, moving)], gradient, damping)
+        return step
+
+    def bounded_step(self, free: NDArray[np.bool_], smallest_step: Array, largest_step: Array, damping: float) -> Array:
+        """Return a damped step of the free values between two limits, shape (k,).
+
+        A value that would exceed a limit is set to it, and the others are solved again (active set).
+        """
+        step, moving = np.zeros(len(free)), free.copy()
+        while moving.any():
+            step = self.step(moving, damping, step)
+            exceeding = moving & ((step < smallest_step) | (step > largest_step))
+            if not exceeding.any():
+                break
+            step[exceeding] = np.clip(step, smallest_step, largest_step)[exceeding]
+            moving &= ~exceeding
+        return step
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A model fitted to observations."""
+
+    names: tuple[str, ...]
+    """The effects of the model."""
+    values: Array
+    """Initial state and effect values, in the simulator's order."""
+    free: NDArray[np.bool_]
+    """Which values were fitted."""
+    force_g: Array
+    """Simulated, shape (n, 3)."""
+    chi2: float
+    """Sum over the samples that count."""
+    normal: Array
+    """Normal matrix of the free values, J^T J."""
+    jacobian: Array
+    """Derivatives of the simulation by all values, in sigma, shape (n, 3, values); of the last linearisation."""
+
+    def covariance(self) -> Array:
+        """Return the covariance of the free values under white noise; by the pseudo-inverse where some are not determined."""
+        diagonal = np.diag(self.normal)
+        scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+        covariance: Array = np.linalg.pinv(self.normal / np.outer(scale, scale), rcond=1e-12) / np.outer(scale, scale)
+        return covariance
+
+
+@dataclass(frozen=True, slots=True)
+class FitProblem:
+    """What stays the same during a fit: a model, a recording in segments, what is fitted, and who is told of it."""
+
+    simulator: Simulator
+    observations: Observations
+    free: NDArray[np.bool_]
+    """Which of the values of initial state and effects are fitted, shape (values,)."""
+    first_samples: Sequence[int] = (0,)
+    """Of the segments, or of the windows of a large swing."""
+    tick: Callable[[], None] = lambda: None
+    """Called before each simulation."""
+    limits: Limits = field(default_factory=dict)
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds of all values, shape (values,) each."""
+        bounds = [self.limits.get(each.label, (each.lower, each.upper)) for each in self.simulator.parameters]
+        lower, upper = np.array(bounds, dtype=np.float64).T
+        return lower, upper
+
+    @property
+    def as_one_segment(self) -> "FitProblem":
+        """The same without segments."""
+        return replace(self, first_samples=(0,))
+
+
 SEGMENT_S = 30.0
 CONTINUITY_TOLERANCE = 1e-3
 """Discontinuities, rad and rad/s, below which one segment replaces several: it is as linear, and quicker to simulate."""
@@ -62,16 +173,6 @@ class CondensedSystem:
     """Derivatives of the initial states by the values, shape (segments, states, values)."""
     largest_discontinuity: float
     """Largest difference between the end of a segment and the initial state of the next, rad or rad/s."""
-
-    @property
-    def chi2(self) -> float:
-        """Sum of the squared residual."""
-        return float((self.residual**2).sum())
-
-    def states_after(self, initial_states: Array, step: Array) -> Array:
-        """Return the initial states (segments, states) after a step of the values."""
-        moved: Array = initial_states + self.closing_step + self.states_by_values @ step
-        return moved
 
 
 def condense(
@@ -156,7 +257,11 @@ class _Iterate:
     """Shape (k,)."""
     first_samples: Sequence[int]
     system: CondensedSystem
-    chi2: float
+
+    @property
+    def chi2(self) -> float:
+        """Chi-square after the discontinuities are closed to first order."""
+        return float((self.system.residual**2).sum())
 
     @property
     def values(self) -> Array:
@@ -217,7 +322,7 @@ def _linearise(
     if not batch.is_finite:
         raise IntegrationError("the trajectory diverges from these values")
     system = condense(batch, o, initial_states, first_samples)
-    return _Iterate(initial_states, effect_values, first_samples, system, system.chi2)
+    return _Iterate(initial_states, effect_values, first_samples, system)
 
 
 def _take_step(problem: FitProblem, current: _Iterate, free: NDArray[np.bool_], damping_level: int) -> _Step | None:
@@ -237,7 +342,7 @@ def _take_step(problem: FitProblem, current: _Iterate, free: NDArray[np.bool_], 
 
 def _after(problem: FitProblem, current: _Iterate, step: Array) -> _Iterate | None:
     """Return the iterate after a step; None where it cannot be simulated, or where one segment fits no better."""
-    initial_states = current.system.states_after(current.initial_states, step)
+    initial_states = current.initial_states + current.system.closing_step + current.system.states_by_values @ step
     effect_values = current.effect_values + step[initial_states.shape[1] :]
     try:
         # With one segment a prediction, several times quicker than a linearisation, already shows chi-square.

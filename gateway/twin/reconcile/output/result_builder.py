@@ -1,24 +1,42 @@
-"""The result of a reconciliation in full, from its outcome: intervals, the law of a remainder, ranking, equations."""
+"""The result in full, from a search and its decision: curves, gaps, intervals, the law of a remainder, ranking, equations."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.numerics.stats import NORMAL_975
+from gateway.numerics.stats import NORMAL_975, true_runs
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Parameter, ParameterKind, Value, excess, limit_of, rests_at_edge
-from gateway.twin.effects.sensor_output import SampleLoss
-from gateway.twin.effects.term_library import TERMS
-from gateway.twin.model import Model, TwinRig
+from gateway.twin.effects.sensor import Quantization, SampleLoss
+from gateway.twin.effects.terms import TERMS
+from gateway.twin.model import EffectValues, Model, TwinRig
+from gateway.twin.reconcile.data.crane_inputs import merge_spans
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
-from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_MARGIN
-from gateway.twin.reconcile.equation.selection import FoundLaw
+from gateway.twin.reconcile.data.observations import Observations, Recordings, part_of
+from gateway.twin.reconcile.data.sensor import quantised_mean_g
+from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_MARGIN, RankedCandidate
+from gateway.twin.reconcile.decision.verdict import Decision
+from gateway.twin.reconcile.equation import FoundLaw
 from gateway.twin.reconcile.fit.intervals import intervals
-from gateway.twin.reconcile.output.estimates import Estimate, Law, LawTerm, NamedEffect, Resemblance
-from gateway.twin.reconcile.output.outcome import SearchOutcome, list_data_parts, measure_gap
-from gateway.twin.reconcile.output.result import Candidate, Comparison, Equivalent, Gap, Reconciliation, Step, Verdict
+from gateway.twin.reconcile.output.result import (
+    Candidate,
+    Comparison,
+    Curves,
+    DataPart,
+    Equivalent,
+    Estimate,
+    Gap,
+    Law,
+    LawTerm,
+    NamedEffect,
+    Reconciliation,
+    Resemblance,
+    Step,
+    Verdict,
+)
 from gateway.twin.reconcile.residual import analyse_residual, describe_remainder, localise_residual
 from gateway.twin.reconcile.search.search import SearchRun
 from gateway.twin.reconcile.search.signatures import (
@@ -27,8 +45,95 @@ from gateway.twin.reconcile.search.signatures import (
     orthonormal,
     scorable_effects,
 )
+from gateway.twin.reconcile.search.validation import block_bootstrap_gain, evaluate_on_validation
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class SearchOutcome:
+    """A search, what was decided of its sets of effects, and the law of what they leave."""
+
+    run: SearchRun
+    ranked: list[RankedCandidate]
+    decision: Decision
+    ended_early: bool
+    """The search was ended before it had tried all that it would have."""
+    law: FoundLaw | None = None
+    """The law of what no effect explains; part of the decision's model."""
+
+    @property
+    def rig(self) -> TwinRig:
+        """The nominal rig."""
+        return self.run.known.model.rig
+
+    @property
+    def model(self) -> EffectValues:
+        """All effects of the final model."""
+        lost = self.run.lost_fraction
+        sample_loss: EffectValues = {} if lost is None else {SampleLoss.name: {"fraction": lost}}
+        return {**self.run.known.model.effects, **self.decision.model.candidate.values, **sample_loss}
+
+    def log_curves(self) -> Curves:
+        """The log at its true times, simulated by the nominal and the final model."""
+        final = self.decision.model.candidate
+        return self._curves(self.run.recordings.log, self.run.nominal.fit.force_g, final.fit.force_g)
+
+    def held_out_curves(self) -> Curves:
+        """The held-out recording as stamped: which samples are lost there cannot be predicted."""
+        run, as_stamped = self.run, self.run.recordings.held_out_as_stamped
+        before, after = run.validator.evaluate(run.nominal), self.decision.model.validation
+        if run.lost_fraction is not None:
+            selection = part_of(as_stamped, run.recordings.block_s, is_test=False)
+            nominal, limits = run.validator.effects_of(run.nominal), run.validator.limits_of(run.nominal)
+            before = evaluate_on_validation(self.rig, nominal, selection, limits=limits)
+            after = evaluate_on_validation(self.rig, self.model, selection)
+        return self._curves(as_stamped, before.fit.force_g, after.fit.force_g)
+
+    def _curves(self, observations: Observations, before_g: Array, after_g: Array) -> Curves:
+        """Of the final model with the steps of the readings, where it has them."""
+        noise_g, values = np.array(self.rig.noise_g), self.decision.model.candidate.values
+        if Quantization.name in values:
+            step_g = float(np.asarray(values[Quantization.name]["lsb_g"]))
+            after_g = quantised_mean_g(after_g, step_g, noise_g)
+        time_s, measured_g = observations.time_s, observations.force_g
+        return Curves(time_s, measured_g, before_g, after_g, observations.used, noise_g, observations.offset_s)
+
+
+def measure_gap(log: Curves, held_out: Curves, recordings: Recordings, random: np.random.Generator) -> Gap:
+    """Return reduced chi-square on the log, on the whole held-out recording and on its test part, before and after."""
+    in_test = part_of(recordings.held_out_as_stamped, recordings.block_s, is_test=True).used
+    log_before, log_after = _reduced_chi2(log, log.used)
+    held_before, held_after = _reduced_chi2(held_out, held_out.used)
+    test_before, test_after = _reduced_chi2(held_out, in_test)
+    before, after = (each[in_test] for each in held_out.residuals_sigma)
+    interval = block_bootstrap_gain(before, after, float(np.median(np.diff(held_out.time_s))), random)
+    return Gap(log_before, held_before, test_before, log_after, held_after, test_after, interval)
+
+
+def _reduced_chi2(curves: Curves, used: NDArray[np.bool_]) -> tuple[float, float]:
+    before, after = (float(np.mean(each[used] ** 2)) for each in curves.residuals_sigma)
+    return before, after
+
+
+def list_data_parts(recordings: Recordings) -> tuple[DataPart, ...]:
+    """Return what each part of the data served; times count from the first sample of the recording as given."""
+    log, held_out, block_s = recordings.log, recordings.held_out_as_stamped, recordings.block_s
+    recording: Literal["log", "held_out"] = "log" if recordings.last_third else "held_out"
+    selection, test = (part_of(held_out, block_s, is_test=each) for each in (False, True))
+    return (
+        DataPart("fit", "log", ((0.0, log.duration_s),), int(log.used.sum())),
+        DataPart("selection", recording, _blocks_s(selection, block_s), int(selection.used.sum())),
+        DataPart("test", recording, _blocks_s(test, block_s), int(test.used.sum())),
+    )
+
+
+def _blocks_s(part: Observations, block_s: float) -> tuple[tuple[float, float], ...]:
+    ends_s = part.time_s + part.offset_s
+    spans_s = [(float(ends_s[first]), float(ends_s[stop - 1])) for first, stop in true_runs(part.used)]
+    return tuple(merge_spans(spans_s, block_s / 2))  # a spike left out does not end a block
+
+
 MAX_RANKED = 12
 MAX_RESEMBLANCES = 3
 MIN_RESEMBLANCE = 0.5
@@ -43,7 +148,10 @@ def build_result(found: SearchOutcome, counts: Mapping[str, int], random: np.ran
     """Put everything into one record."""
     decision, recordings, run = found.decision, found.run.recordings, found.run
     log_curves, held_curves = found.log_curves(), found.held_out_curves()
-    reaches = _reaches(found)
+    setting, final = run.context.setting, decision.model.candidate
+    # Beside a remainder there are no companions: each of them would take a part of it.
+    companions = () if decision.leaves_remainder or not decision.named else scorable_effects(setting)
+    reaches = intervals(setting, final.fit, final.values, companions, run.table.noise_inflation)
     groups = (decision.candidates, *decision.also_one_of)
     splitting = dict.fromkeys(EFFECTS[name].discriminating_experiment for group in groups for name in group)
     return Reconciliation(
@@ -95,13 +203,6 @@ Reaches = tuple[Array, Array]
 """How far the interval of each value of the final model reaches below and above it, (values,) each."""
 
 
-def _reaches(found: SearchOutcome) -> Reaches:
-    """Allow for companions, but beside a remainder: each of them would take a part of it."""
-    setting, final = found.run.context.setting, found.decision.model.candidate
-    companions = () if found.decision.leaves_remainder or not found.decision.named else scorable_effects(setting)
-    return intervals(setting, final.fit, final.values, companions, found.run.table.noise_inflation)
-
-
 def _named_effect(name: str, found: SearchOutcome, reaches: Reaches) -> NamedEffect:
     """Return an effect of the final model with its parameters and their intervals."""
     effect, final = EFFECTS[name], found.decision.model.candidate
@@ -134,11 +235,20 @@ def _estimate(parameter: Parameter, value: Value, below: Array, above: Array, ri
     low, high = np.maximum(numbers - below, parameter.lower), np.minimum(numbers + above, parameter.upper)
     doubtful = rests_at_edge(parameter, value) or bool(excess(parameter, value, rig).any())
     plausible, limit = not doubtful, limit_of(parameter, rig)
-    if parameter.components:
-        ci95: tuple[Value, Value] = (tuple(map(float, low)), tuple(map(float, high)))
-        return Estimate(tuple(map(float, numbers)), ci95, parameter.unit, parameter.meaning, plausible, limit)
-    interval = (float(low[0]), float(high[0]))
-    return Estimate(float(numbers[0]), interval, parameter.unit, parameter.meaning, plausible, limit)
+
+    def as_value(each: Array) -> Value:
+        return tuple(each.tolist()) if parameter.components else float(each[0])
+
+    return Estimate(
+        as_value(numbers),
+        (as_value(low), as_value(high)),
+        parameter.unit,
+        parameter.meaning,
+        plausible,
+        limit,
+        components=parameter.components,
+        refitted=parameter.refitted,
+    )
 
 
 def _law(law: FoundLaw, found: SearchOutcome, reaches: Reaches) -> Law:

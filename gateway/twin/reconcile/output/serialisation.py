@@ -14,13 +14,20 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Value, without_rounding
 from gateway.twin.model import EffectValues, as_tables
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
-from gateway.twin.reconcile.output.estimates import Estimate, Law, Resemblance
-from gateway.twin.reconcile.output.result import AVERAGED, Comparison, Curves, Gap, Reconciliation
+from gateway.twin.reconcile.output.result import (
+    AVERAGED,
+    Comparison,
+    Curves,
+    Estimate,
+    Gap,
+    Law,
+    Reconciliation,
+)
 
 SCHEMA_VERSION = 2
 """Definition: raised when a field changes its meaning; fields are added without."""
 Array = NDArray[np.float64]
-ONLY_FOR_READERS = frozenset({"explains", "equation"})
+ONLY_FOR_READERS = frozenset({"explains", "equation", "components", "refitted"})
 """Fields of the result that are words of its own kind, and no part of the JSON."""
 VERDICT_SENTENCES = {
     "data_unusable": "the data cannot be used",
@@ -159,16 +166,13 @@ def to_text(result: Reconciliation) -> str:
     if compared is None:
         return "\n".join(lines)
     if AVERAGED in result.counts:
-        lines.append(f"samples      {_averaged(result.counts[AVERAGED], compared.log)}")
+        highest_hz = 1 / (2 * float(np.median(np.diff(compared.log.time_s))))
+        why = f"for the recording is long: nothing faster than {highest_hz:.2g} Hz was judged"
+        lines.append(f"samples      {result.counts[AVERAGED]} to a mean, {why}")
     lines.append(f"gap          {_gap(compared.gap)}")
     if result.leaves_remainder:
         lines.append(f"left         {compared.remainder.sentence}")
     return "\n".join(lines)
-
-
-def _averaged(count: int, log: Curves) -> str:
-    rate_hz = 1 / float(np.median(np.diff(log.time_s)))
-    return f"{count} to a mean, for the recording is long: nothing faster than {rate_hz / 2:.2g} Hz was judged"
 
 
 def _verdict(result: Reconciliation, names: Sequence[str]) -> str:
@@ -190,14 +194,14 @@ def _law(law: Law | None) -> list[str]:
         if term.alternatives:
             lines.append(f"    nearly as good: {', '.join(term.alternatives)}")
         if term.closest_effects:
-            lines.append(f"    resembles {', '.join(_resemblance(each) for each in term.closest_effects)}")
+            alike = (
+                f"{each.name}{' of the opposite sign' if each.reversed else ''} ({each.cosine:.3f})"
+                for each in term.closest_effects
+            )
+            lines.append(f"    resembles {', '.join(alike)}")
     if law.closed_test_percent is not None:
         lines.append(f"    closes {law.closed_test_percent:.1f} % of the gap on the test part")
     return lines
-
-
-def _resemblance(found: Resemblance) -> str:
-    return f"{found.name}{' of the opposite sign' if found.reversed else ''} ({found.cosine:.3f})"
 
 
 def _inputs(found: Sequence[EstimatedInput]) -> str:
@@ -228,12 +232,14 @@ def _value(effect: str, parameter: str, value: Value) -> str:
 
 def _estimate(estimate: Estimate) -> str:
     low, high = (np.atleast_1d(end) for end in estimate.ci95)
-    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
-    values = [
-        f"{_number(value)}{unit} ({_number(least)} to {_number(most)})"
+    return ", ".join(
+        f"{_with_unit(_number(value), estimate)} ({_number(least)} to {_number(most)})"
         for value, least, most in zip(np.atleast_1d(estimate.value), low, high, strict=True)
-    ]
-    return ", ".join(values)
+    )
+
+
+def _with_unit(text: str, estimate: Estimate) -> str:
+    return f"{text} {estimate.unit_text}".rstrip()
 
 
 def _against_stated(estimate: Estimate) -> str:
@@ -244,9 +250,8 @@ def _against_stated(estimate: Estimate) -> str:
     differs = dict.fromkeys(
         "larger" if a > s else "smaller" for s, a, b in zip(stated, low, high, strict=True) if not a <= s <= b
     )
-    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
     than = f"{' or '.join(differs)} than stated: " if differs else "as stated: "
-    return f"; {than}{', '.join(_number(each) for each in stated)}{unit}"
+    return f"; {than}{_with_unit(', '.join(map(_number, stated)), estimate)}"
 
 
 def _number(value: float) -> str:
@@ -259,8 +264,7 @@ def _doubt(estimate: Estimate) -> str:
         return ""
     if estimate.limit is None:
         return "; doubtful: at the edge of what is possible"
-    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
-    return f"; implausible: beyond {estimate.limit:.3g}{unit}, the most that is usual"
+    return f"; implausible: beyond {_with_unit(f'{estimate.limit:.3g}', estimate)}, the most that is usual"
 
 
 def _gap(gap: Gap) -> str:

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.crane_input import LENGTH_CORRECTION
 from gateway.twin.effects.parameter import TAIL_SHARE, StatedLimits, Value, Values, excess
 from gateway.twin.model import EffectValues
+from gateway.twin.reconcile.data.crane_inputs import LENGTH_CORRECTION
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.intervals import standard_uncertainties
-from gateway.twin.reconcile.fit.least_squares import NO_LIMITS, Fit, Limits
+from gateway.twin.reconcile.fit.multiple_shooting import NO_LIMITS, Fit, Limits
 from gateway.twin.reconcile.residual import noise_inflation_factor, warrants_another_effect
 from gateway.twin.simulator.simulator import Simulator
 
@@ -26,6 +26,8 @@ MOST_OF_GAP = 0.5
 of one."""
 LITTLE_OF_GAP = 0.1
 """Share of the gap that the best set may leave for no other to be tried, and the least that a part of an answer closes."""
+VALIDATED_MARGIN = 60.0
+"""BIC behind the best set on the log up to which a set is evaluated on the selection part."""
 MAX_EFFECTS = 3
 """Effects, or terms, of one answer: recordings of ordinary length do not separate more."""
 MIN_SCORE_STATISTIC = 25.0

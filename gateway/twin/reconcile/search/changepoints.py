@@ -16,7 +16,7 @@ from gateway.twin.effects.guess_context import EventWindow
 from gateway.twin.model import EffectValues, shift_start
 from gateway.twin.reconcile.data.observations import Observations, slice_samples
 from gateway.twin.reconcile.fit.fit_context import FitContext
-from gateway.twin.reconcile.fit.least_squares import SCREENING_ITERATIONS, Fit, solve_damped
+from gateway.twin.reconcile.fit.multiple_shooting import SCREENING_ITERATIONS, Fit, solve_damped
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 
 Array = NDArray[np.float64]

@@ -11,34 +11,36 @@ from dataclasses import dataclass, replace
 from gateway.twin.effects import EFFECTS
 from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.crane_inputs import KnownModel
-from gateway.twin.reconcile.data.recordings import Recordings
-from gateway.twin.reconcile.decision.evidence import VALIDATED_MARGIN
-from gateway.twin.reconcile.fit.least_squares import REFINE_ITERATIONS
+from gateway.twin.reconcile.data.observations import Recordings
+from gateway.twin.reconcile.fit.multiple_shooting import REFINE_ITERATIONS
 from gateway.twin.reconcile.sample_loss import find_sample_loss, retime_validation
-from gateway.twin.reconcile.search.budget import Budget, FitRequest
 from gateway.twin.reconcile.search.candidates import (
     LITTLE_OF_GAP,
     MAX_EFFECTS,
     MOST_OF_GAP,
+    VALIDATED_MARGIN,
     CandidateFit,
     CandidateTable,
 )
-from gateway.twin.reconcile.search.context import SearchContext, make_context
-from gateway.twin.reconcile.search.events import fit_events_in_windows, has_event, needs_more, refine
-from gateway.twin.reconcile.search.persistent import (
+from gateway.twin.reconcile.search.context import Budget, FitRequest, SearchContext, make_context
+from gateway.twin.reconcile.search.signatures import any_length_changes, coincident_effects
+from gateway.twin.reconcile.search.steps import (
     MAX_SCORED,
     baseline_of,
     fit_baseline,
     fit_bodies,
     fit_by_score,
     fit_clock_hypotheses,
+    fit_events_in_windows,
     fit_guessed_effects,
     fit_persistent_effects,
     fit_persistent_pairs,
+    has_event,
+    needs_more,
     parents,
+    refine,
     requests_beside,
 )
-from gateway.twin.reconcile.search.signatures import any_length_changes, coincident_effects
 from gateway.twin.reconcile.search.validation import Validator
 
 MAX_SINGLE_REMAINDER = 0.8
@@ -132,7 +134,7 @@ def _settled_chi2(table: CandidateTable, context: SearchContext, best: Candidate
     """
     if not best.has_unexplained_residual:
         return 0.0
-    if not context.setting.large_amplitude:
+    if not context.setting.log.has_large_amplitude:
         return math.inf
     return best.fit.chi2 + MOST_OF_GAP * (baseline_of(table, context).fit.chi2 - best.fit.chi2)
 
@@ -143,14 +145,20 @@ def _forward_step(table: CandidateTable, context: SearchContext, size: int) -> t
     for parent in parents(table, context, size):
         if context.budget.is_exhausted:
             break
-        table = fit_by_score(table, context, parent, at_most=MAX_SCORED).start_round()
-        if not context.setting.large_amplitude:
-            table = fit_guessed_effects(table, context, parent).start_round()
-            if not (table.is_explained and table.best is not parent):
-                table = fit_events_in_windows(table, context, parent)
+        table = fit_by_score(table, context, parent, at_most=MAX_SCORED)
+        table = _fit_guesses_and_events(table.start_round(), context, parent)
     table = refine(table, context, size + 1).start_round()
     after = table.best
     return table, after if table.is_significant(before, after) else before
+
+
+def _fit_guesses_and_events(table: CandidateTable, context: SearchContext, parent: CandidateFit) -> CandidateTable:
+    """Fit what is guessed from a parent's residual, and events in windows; a large swing leaves nothing to be found in it."""
+    if context.setting.log.has_large_amplitude:
+        return table
+    table = fit_guessed_effects(table, context, parent).start_round()
+    is_found = table.is_explained and table.best is not parent
+    return table if is_found else fit_events_in_windows(table, context, parent)
 
 
 def _eliminate_and_record(
@@ -181,49 +189,10 @@ class SearchRun:
         return baseline_of(self.table, self.context)
 
 
-@dataclass(frozen=True, slots=True)
-class SearchStep:
-    """A named step of the search."""
-
-    name: str
-    run: Callable[[CandidateTable, SearchContext], CandidateTable]
-
-
 def _swap_in_explaining_pair(table: CandidateTable, context: SearchContext) -> CandidateTable:
     """Try other effects in place of those of a pair that explains the log."""
     is_pair = len(table.best.values) > len(context.baseline_effects) + 1
     return try_swaps(table, context, table.best)[0] if is_pair and table.is_explained else table
-
-
-def _fit_residual_guesses(table: CandidateTable, context: SearchContext) -> CandidateTable:
-    """Fit effects that are guessed from the baseline's residual; a large swing leaves nothing to be found in it."""
-    if context.setting.large_amplitude:
-        return table
-    return fit_guessed_effects(table, context, baseline_of(table, context))
-
-
-def _fit_windowed_events(table: CandidateTable, context: SearchContext) -> CandidateTable:
-    """Fit events beside the baseline where the scan finds windows."""
-    base = baseline_of(table, context)
-    if context.setting.large_amplitude or (table.is_explained and table.best is not base):
-        return table
-    return fit_events_in_windows(table, context, base)
-
-
-def _refine_single_effects(table: CandidateTable, context: SearchContext) -> CandidateTable:
-    """Continue the best fits of single effects."""
-    return refine(table, context, len(context.baseline_effects) + 1)
-
-
-SINGLE_EFFECT_STEPS = (
-    SearchStep("fit a heavy rope and effects of the pivot", fit_bodies),
-    SearchStep("fit pairs of persistent effects", fit_persistent_pairs),
-    SearchStep("swap effects of an explaining pair", _swap_in_explaining_pair),
-    SearchStep("fit effects guessed from the residual", _fit_residual_guesses),
-    SearchStep("fit events in scanned windows", _fit_windowed_events),
-    SearchStep("refine single effects", _refine_single_effects),
-)
-"""Steps that fit single effects, and pairs that are quicker to fit than events; growth adds further effects to the best."""
 
 
 def search(
@@ -269,11 +238,13 @@ def _begin_at_true_times(run: SearchRun, detected: EffectValues, on_evaluation: 
 
 
 def _finish(run: SearchRun) -> SearchRun:
-    """Fit single effects and pairs, then add effects to the best if it is significant, else to the baseline."""
-    table, context = run.table, run.context
-    for step in SINGLE_EFFECT_STEPS:  # the noise inflation is fixed at the beginning of each step
-        table = step.run(table.start_round(), context)
-    table = table.start_round()
+    """Fit single effects, and pairs that are quicker to fit than events; then add effects to the best, if it is significant."""
+    context = run.context
+    table = fit_bodies(run.table.start_round(), context)
+    table = fit_persistent_pairs(table.start_round(), context)
+    table = _swap_in_explaining_pair(table.start_round(), context)
+    table = _fit_guesses_and_events(table.start_round(), context, baseline_of(table, context))
+    table = refine(table, context, len(context.baseline_effects) + 1).start_round()
     base, best = baseline_of(table, context), table.best
     best = best if table.is_significant(base, best) else base
     table, best = grow(table.record_move(base, best), context, best)

@@ -7,7 +7,6 @@ effect is absent, projected off what is fitted anyway, over its own covariance. 
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,16 +15,15 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Values
 from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.fit_context import FitContext, sensitivities_sigma
+from gateway.twin.reconcile.fit.fit_context import NO_SHAPES, FitContext, sensitivities_sigma
 from gateway.twin.reconcile.fit.initial_states import window_bounds
-from gateway.twin.reconcile.fit.least_squares import Fit
+from gateway.twin.reconcile.fit.multiple_shooting import Fit
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
 RANK_TOLERANCE = 1e-7
 """Singular value, relative to the largest, below which columns are linearly dependent up to rounding."""
-NO_SHAPES: EffectValues = MappingProxyType({})
 
 
 def orthonormal(columns: Array) -> Array:
@@ -35,14 +33,12 @@ def orthonormal(columns: Array) -> Array:
     if not scaled.shape[1]:
         return scaled
     left, singular, _ = np.linalg.svd(scaled, full_matrices=False)
-    basis: Array = left[:, singular > RANK_TOLERANCE * singular[0]]
-    return basis
+    return left[:, singular > RANK_TOLERANCE * singular[0]]
 
 
 def project_out(basis: Array, columns: Array) -> Array:
     """Return what of columns (m,) or (m, k) is orthogonal to an orthonormal basis (m, rank)."""
-    projected: Array = columns - basis @ (basis.T @ columns)
-    return projected
+    return columns - basis @ (basis.T @ columns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,12 +78,10 @@ def compute_signatures(
     """
     own = frozenset(values)
     tried = [n for n in names if n not in own]
-    simulator = setting.simulator((*own, *tried))
-    fitted = setting.simulator(tuple(own)).effects(fit.values)
-    model = {**shapes, **fitted}
-    at = simulator.values(fit.values[: simulator.n_initial_states], model)
+    simulator, at = setting.at_rest_beside(fit, values, tried, shapes)
     o = setting.log
     if o.has_large_amplitude:
+        fitted = {name: each for name, each in simulator.effects(at).items() if name not in tried}
         starts = setting.segment_starts(fitted) if segment_starts is None else segment_starts
         found = _signatures_by_window(simulator, o, starts, at[simulator.n_initial_states :], own, tried)
         return replace(found, stated=frozenset(setting.stated_effects))

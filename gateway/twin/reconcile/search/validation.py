@@ -18,10 +18,16 @@ from gateway.twin.model import EffectValues, TwinRig, shift_start
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import is_world_directed, refitted_parameters, segment_bounds
 from gateway.twin.reconcile.fit.initial_conditions import rotate_about_vertical, segment_initial_conditions
-from gateway.twin.reconcile.fit.least_squares import NO_LIMITS, REFINE_ITERATIONS, Fit, FitProblem, Limits
-from gateway.twin.reconcile.fit.multiple_shooting import fit_model
-from gateway.twin.reconcile.search.budget import run_in_processes, values_key
+from gateway.twin.reconcile.fit.multiple_shooting import (
+    NO_LIMITS,
+    REFINE_ITERATIONS,
+    Fit,
+    FitProblem,
+    Limits,
+    fit_model,
+)
 from gateway.twin.reconcile.search.candidates import MIN_VARIANCE_SHARE, CandidateFit
+from gateway.twin.reconcile.search.context import run_in_processes, values_key
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
 

@@ -13,11 +13,12 @@ from gateway.twin.experiment_design.plan import (
     Plan,
     Separation,
     ambiguity_groups,
+    as_json,
+    as_text,
     forecast,
     plan,
 )
 from gateway.twin.experiment_design.signatures import Hypothesis, parse_hypotheses
-from gateway.twin.experiment_design.text import as_json, as_text
 from gateway.twin.model import TwinRig
 
 RIG = TwinRig(length_m=12.0, position_m=5.0, sample_rate_hz=50.0)

@@ -14,15 +14,15 @@ from gateway.twin.reconcile.decision.identifiability import (
     FittedRecording,
     distance_within,
     find_contributions,
+    leaves_no_more,
     possible_changes,
+    replace_implausible,
 )
 from gateway.twin.reconcile.output.result import Reconciliation
 from gateway.twin.reconcile.output.serialisation import to_text
 from gateway.twin.reconcile.reconcile import reconcile
-from gateway.twin.reconcile.search.ambiguity import leaves_no_more, replace_implausible
-from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateTable
-from gateway.twin.reconcile.search.context import make_context
+from gateway.twin.reconcile.search.context import Budget, make_context
 from gateway.twin.reconcile.search.validation import Validator
 from gateway.twin.simulator.simulator import Simulator
 from tests.gateway.twin.reconcile.conftest import RATE_HZ, RIG, swing

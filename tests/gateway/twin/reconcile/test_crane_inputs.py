@@ -22,12 +22,14 @@ from gateway.motion.history import MotionHistory
 from gateway.motion.hypotheses import IS_DRIVEN, IS_GUST, IS_HOISTING, N_HYPOTHESES
 from gateway.recording.reading.interval import RecordingExtent
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.crane_input import CraneMotion, MotionCorrection, SineSeries
 from gateway.twin.model import Model, TwinRig
 from gateway.twin.reconcile.data.crane_inputs import (
     MARGIN_S,
     NO_INPUTS,
     CraneInputs,
+    CraneMotion,
+    MotionCorrection,
+    SineSeries,
     estimate_inputs,
     find_inputs,
     registered,

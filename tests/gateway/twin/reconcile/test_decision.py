@@ -10,7 +10,7 @@ import pytest
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.decision.evidence import Evidence, RankedCandidate, rivals_of
 from gateway.twin.reconcile.decision.verdict import Decision, decide
-from gateway.twin.reconcile.fit.least_squares import Fit
+from gateway.twin.reconcile.fit.multiple_shooting import Fit
 from gateway.twin.reconcile.search.candidates import CandidateFit
 from gateway.twin.reconcile.search.validation import ValidationFit
 

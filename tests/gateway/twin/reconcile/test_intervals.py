@@ -21,7 +21,7 @@ from gateway.twin.reconcile.fit.intervals import (
     noise_density,
     standard_uncertainties,
 )
-from gateway.twin.reconcile.fit.least_squares import Fit
+from gateway.twin.reconcile.fit.multiple_shooting import Fit
 
 Array = NDArray[np.float64]
 TIME_S = np.arange(0, 60, 0.05)

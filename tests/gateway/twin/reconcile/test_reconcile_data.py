@@ -12,8 +12,7 @@ from devices.pendulum.small_swing import period_ratio
 from gateway.measurement.source import HeldRows, read_source
 from gateway.twin.model import Model, TwinRig
 from gateway.twin.reconcile.data.data_checks import find_fault
-from gateway.twin.reconcile.data.observations import Observations, detect_spikes, make_observations
-from gateway.twin.reconcile.data.recordings import split_recordings
+from gateway.twin.reconcile.data.observations import Observations, detect_spikes, make_observations, split_recordings
 from gateway.twin.reconcile.data.sensor import (
     detect_quantisation_step,
     detect_saturation,
@@ -24,7 +23,7 @@ from gateway.twin.reconcile.data.sensor import (
 )
 from gateway.twin.reconcile.output.result import Curves
 from gateway.twin.reconcile.output.serialisation import format_prediction_csv
-from gateway.twin.reconcile.search.persistent import detect_in_samples
+from gateway.twin.reconcile.search.steps import detect_in_samples
 from gateway.twin.simulator.simulator import Simulator
 from tests.gateway.twin.reconcile.conftest import swing
 

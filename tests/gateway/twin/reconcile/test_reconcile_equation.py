@@ -13,16 +13,16 @@ from gateway.cli.main import main
 from gateway.measurement.rig_file import read_rig
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.registry import BUILT_IN
-from gateway.twin.effects.term_library import registered_library
+from gateway.twin.effects.terms import registered_library
 from gateway.twin.model import EffectValues, Model, model_of
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.equation.selection import pairs_loss_with_gain, replaces_loss
-from gateway.twin.reconcile.fit.least_squares import Fit
+from gateway.twin.reconcile.equation import pairs_loss_with_gain, replaces_loss
+from gateway.twin.reconcile.fit.multiple_shooting import Fit
 from gateway.twin.reconcile.output.serialisation import format_model_toml, to_text
 from gateway.twin.reconcile.reconcile import reconcile
-from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateFit
+from gateway.twin.reconcile.search.context import Budget
 from gateway.twin.reconcile.search.validation import evaluate_on_validation
 from tests.values import present
 

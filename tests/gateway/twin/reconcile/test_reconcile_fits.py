@@ -12,8 +12,7 @@ from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations, slice_samples
 from gateway.twin.reconcile.fit.fit_context import FitContext, segment_bounds
 from gateway.twin.reconcile.fit.initial_conditions import rotate_about_vertical, segment_initial_conditions
-from gateway.twin.reconcile.fit.least_squares import FitProblem, NormalEquations
-from gateway.twin.reconcile.fit.multiple_shooting import fit_model
+from gateway.twin.reconcile.fit.multiple_shooting import FitProblem, NormalEquations, fit_model
 from gateway.twin.reconcile.search.validation import evaluate_on_validation
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING

@@ -7,7 +7,7 @@ from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.initial_states import initial_state_from_samples, window_bounds
-from gateway.twin.reconcile.fit.least_squares import Fit
+from gateway.twin.reconcile.fit.multiple_shooting import Fit
 from gateway.twin.reconcile.search.signatures import compute_signatures
 from gateway.twin.reconcile.search.validation import evaluate_on_validation
 from gateway.twin.simulator.simulator import Simulator

@@ -13,10 +13,9 @@ from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.data.sensor import noise_with_quantisation_g
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.sample_loss import SampleLossFit, find_sample_loss, retime_validation
-from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateTable
-from gateway.twin.reconcile.search.context import make_context
-from gateway.twin.reconcile.search.persistent import fit_clock_hypotheses
+from gateway.twin.reconcile.search.context import Budget, make_context
+from gateway.twin.reconcile.search.steps import fit_clock_hypotheses
 
 Array = NDArray[np.float64]
 Record = Callable[..., Observations]

@@ -11,7 +11,7 @@ from gateway.documents.format import format_number
 from gateway.twin.model import Model
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.least_squares import Fit
+from gateway.twin.reconcile.fit.multiple_shooting import Fit
 from gateway.twin.reconcile.output.serialisation import to_json, to_text
 from gateway.twin.reconcile.reconcile import reconcile
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from gateway.twin.reconcile.data.observations import Observations, make_observations
-from gateway.twin.reconcile.data.recordings import (
+from gateway.twin.reconcile.data.observations import (
+    Observations,
     Recordings,
     find_lack_of_test,
+    make_observations,
     samples_per_mean,
     split_recordings,
     take_means,

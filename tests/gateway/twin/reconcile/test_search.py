@@ -14,11 +14,10 @@ from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.output.serialisation import to_json
 from gateway.twin.reconcile.reconcile import reconcile
 from gateway.twin.reconcile.search import context
-from gateway.twin.reconcile.search.budget import Budget, FitRequest, run_in_processes
 from gateway.twin.reconcile.search.candidates import CandidateTable
-from gateway.twin.reconcile.search.context import make_context
-from gateway.twin.reconcile.search.persistent import fit_persistent_effects
+from gateway.twin.reconcile.search.context import Budget, FitRequest, make_context, run_in_processes
 from gateway.twin.reconcile.search.search import try_swaps
+from gateway.twin.reconcile.search.steps import fit_persistent_effects
 from tests.gateway.twin.reconcile.conftest import RATE_HZ, RIG, swing
 from tests.values import present
 

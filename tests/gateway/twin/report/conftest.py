@@ -10,16 +10,18 @@ import pytest
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.model import TwinRig
-from gateway.twin.reconcile.output.estimates import Estimate, NamedEffect, Remainder
 from gateway.twin.reconcile.output.result import (
     Candidate,
     Comparison,
     Curves,
     DataPart,
     Disagreement,
+    Estimate,
     Gap,
+    NamedEffect,
     Peak,
     Reconciliation,
+    Remainder,
     Residual,
     Step,
 )
@@ -58,7 +60,9 @@ def named(name: str, when_s: tuple[float, float] | None = None) -> NamedEffect:
         low, high = (
             tuple(v * k for v in p.typical) if isinstance(p.typical, tuple) else p.typical * k for k in (0.9, 1.1)
         )
-        estimates[p.name] = Estimate(p.typical, (low, high), p.unit, p.meaning, plausible=True)
+        estimates[p.name] = Estimate(
+            p.typical, (low, high), p.unit, p.meaning, True, components=p.components, refitted=p.refitted
+        )
     return NamedEffect(name, effect.explains, effect.equation, estimates, when_s)
 
 

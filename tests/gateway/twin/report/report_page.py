@@ -4,7 +4,7 @@ from html.parser import HTMLParser
 
 from gateway.documents.environment import render
 from gateway.twin.reconcile.output.result import Reconciliation
-from gateway.twin.report.page import MODEL_SECTIONS, data_content
+from gateway.twin.report.page import DATA_CONTENT, MODEL_SECTIONS
 from gateway.twin.report.verdict import verdict_content
 from tests.values import present
 
@@ -74,7 +74,7 @@ def html_of(name: str, result: Reconciliation) -> str:
     if name in CONTENTS:
         content = CONTENTS[name](result, present(result.comparison))
     else:
-        content = verdict_content(result) if name == "verdict" else data_content(result)
+        content = verdict_content(result) if name == "verdict" else DATA_CONTENT
     return render(f"report/{name}.html.j2", result=result, content=content)
 
 

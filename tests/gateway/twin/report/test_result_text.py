@@ -5,8 +5,7 @@ from dataclasses import replace
 import pytest
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.reconcile.output.estimates import Estimate, Law, LawTerm, Resemblance
-from gateway.twin.reconcile.output.result import Equivalent
+from gateway.twin.reconcile.output.result import Equivalent, Estimate, Law, LawTerm, Resemblance
 from gateway.twin.reconcile.output.serialisation import to_json, to_text
 from gateway.twin.report.page import render_report
 from tests.gateway.twin.report.conftest import Maker

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.twin.reconcile.output.estimates import NamedEffect
-from gateway.twin.reconcile.output.result import Disagreement
+from gateway.twin.reconcile.output.result import Disagreement, NamedEffect
 from gateway.twin.report.page import render_report
 from tests.gateway.twin.report.conftest import TITLE, Maker
 from tests.gateway.twin.report.report_page import CONTENTS, Page, html_of, plain_text

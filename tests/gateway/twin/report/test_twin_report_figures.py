@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from gateway.documents.plots import render_svg
 from gateway.twin.reconcile.output.result import Curves, Disagreement, Gap, Reconciliation, Step
 from gateway.twin.report.gap import gap_rows
-from gateway.twin.report.motion import effects_acting_in, most_informative_window
-from gateway.twin.report.residual import decimate_spectrum
+from gateway.twin.report.motion import decimate_spectrum, effects_acting_in, most_informative_window
 from tests.gateway.twin.report.conftest import Maker
 from tests.gateway.twin.report.report_page import html_of
 from tests.values import present

@@ -1,4 +1,7 @@
-"""Steps that fit persistent effects: what is found before the search, then what a score test ranks highest."""
+"""Steps of the search: what is found before it, what a score test ranks highest, and events.
+
+Changepoints and a scan say when something may have happened, fits say what.
+"""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -8,19 +11,22 @@ from numpy.typing import NDArray
 
 from gateway.swing.detection.rope_length import rope_length_by_period
 from gateway.twin.effects import EFFECTS, ModelStructure
+from gateway.twin.effects.effect import Effect
+from gateway.twin.effects.guess_context import EventWindow
+from gateway.twin.effects.parameter import ParameterKind, Values
 from gateway.twin.effects.rope import DoublePendulum, RopeLength
-from gateway.twin.effects.sensor import Vibration
-from gateway.twin.effects.sensor_output import Clipping, ClockDrift, Quantization, SampleHold
+from gateway.twin.effects.sensor import Clipping, ClockDrift, Quantization, SampleHold, Vibration
 from gateway.twin.model import EffectValues
-from gateway.twin.reconcile.data.recordings import Recordings
+from gateway.twin.reconcile.data.observations import Recordings
 from gateway.twin.reconcile.data.sensor import (
     MIN_NAMED_STEP_SIGMA,
     detect_quantisation_step,
     detect_saturation,
     noise_with_quantisation_g,
 )
-from gateway.twin.reconcile.fit.fit_context import FitContext
-from gateway.twin.reconcile.search.budget import FitRequest
+from gateway.twin.reconcile.fit.fit_context import FitContext, sensitivities_sigma
+from gateway.twin.reconcile.fit.multiple_shooting import REFINE_ITERATIONS
+from gateway.twin.reconcile.residual import EXCESS_SIGNIFICANT, warrants_another_effect
 from gateway.twin.reconcile.search.candidates import (
     LITTLE_OF_GAP,
     MIN_VARIANCE_SHARE,
@@ -28,8 +34,10 @@ from gateway.twin.reconcile.search.candidates import (
     CandidateFit,
     CandidateTable,
 )
-from gateway.twin.reconcile.search.context import SearchContext
+from gateway.twin.reconcile.search.changepoints import exclude_unmodelled_profiles, scan_for_changepoints
+from gateway.twin.reconcile.search.context import FitRequest, SearchContext
 from gateway.twin.reconcile.search.validation import Validator
+from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
 MAX_SCORED = 4
@@ -78,7 +86,7 @@ def fit_baseline(
         table = context.fit(table, detected)
     base = table.get(detected) or table.fits[frozenset()]
     table, base = _add_rope_length(table, context, base)
-    context = context.with_baseline({name: base.values[name] for name in base.values})
+    context = replace(context, baseline_effects={name: base.values[name] for name in base.values})
     return _add_machine_line(table, context, base, validator)
 
 
@@ -90,7 +98,7 @@ def _add_rope_length(
     Beside a model that is soon out of phase no effect shows as what it is. Backward elimination removes an error that a model
     with losses does not need; the model without them does not tell.
     """
-    error = length_error_by_period(context.setting) if context.setting.large_amplitude else None
+    error = length_error_by_period(context.setting) if context.setting.log.has_large_amplitude else None
     if error is None:
         return table, base
     values = {**base.values, RopeLength.name: {"relative_error": error}}
@@ -117,7 +125,7 @@ def _add_machine_line(
         return table, context
     without, with_line = (validator.evaluate(each).reduced_chi2 for each in (base, found))
     is_repeated = without - with_line > MOST_OF_GAP * (base.reduced_chi2 - found.reduced_chi2)
-    return table, context.with_baseline(found.values) if is_repeated else context
+    return table, replace(context, baseline_effects=found.values) if is_repeated else context
 
 
 def length_error_by_period(setting: FitContext) -> float | None:
@@ -138,7 +146,7 @@ def fit_persistent_effects(table: CandidateTable, context: SearchContext) -> Can
     Where a loss closes most of the gap, further effects are tried beside it alone.
     """
     base = baseline_of(table, context)
-    if context.setting.large_amplitude:
+    if context.setting.log.has_large_amplitude:
         losses = EFFECTS.choose(dissipative=True, is_scored=True)
         table = context.fit_in_turn(table, requests_beside(table, context, base, losses)).start_round()
         if table.closest.reduced_chi2 - 1 < LITTLE_OF_GAP * (base.reduced_chi2 - 1):
@@ -176,14 +184,14 @@ def fit_clock_hypotheses(table: CandidateTable, context: SearchContext) -> Itera
         return
     best, values = table.best, {**table.best.values, ClockDrift.name: {}}
     found = context.fit(table, values).get(values)
-    if found is not None and (not context.setting.large_amplitude or table.is_significant(best, found)):
+    if found is not None and (not context.setting.log.has_large_amplitude or table.is_significant(best, found)):
         yield [found]
 
 
 def fit_persistent_pairs(table: CandidateTable, context: SearchContext) -> CandidateTable:
     """Fit pairs of persistent effects where the best one closes most of the gap: quicker than searching for events."""
     base, best = baseline_of(table, context), table.best
-    if table.is_explained or context.setting.large_amplitude:
+    if table.is_explained or context.setting.log.has_large_amplitude:
         return table
     if best.reduced_chi2 - 1 > MOST_OF_GAP * (base.reduced_chi2 - 1):
         return table
@@ -258,7 +266,7 @@ def fit_guessed_effects(table: CandidateTable, context: SearchContext, parent: C
 
 def fit_bodies(table: CandidateTable, context: SearchContext) -> CandidateTable:
     """Fit a heavy rope, and a pivot that yields or holds before it slides, where the data show one: pairs imitate each."""
-    if context.setting.large_amplitude:
+    if context.setting.log.has_large_amplitude:
         return table
     for name in EFFECTS.choose(structure=ModelStructure.HEAVY_ROPE):
         if not table.is_explained:
@@ -281,3 +289,104 @@ def _fit_beyond_its_equivalent(table: CandidateTable, context: SearchContext, na
         same = effect.equivalent_values(nearest.values[of], context.setting.rig.length_m)
         guesses += [] if same is None else [same]
     return context.fit_in_turn(table, context.requests(table, base.values, name, guesses))
+
+
+MAX_WINDOW_REMAINDER = 0.6
+"""Share of the best fit's gap that a scanned window may leave for events to be fitted in it."""
+MAX_LENGTH_WINDOW_REMAINDER = 1.3
+"""The same where the rope changes its length: samples respond far from linearly then, and the scan predicts too little."""
+MAX_EVENT_EXCESS = 0.2
+"""Excess of the reduced chi-square outside of an event that still counts as one motion before and another after it."""
+MAX_REFINED_EXCESS_RATIO = 5.0
+"""Excess of the reduced chi-square over that of the best fit: a fit with more does not become the best by converging."""
+STRETCH = 1.6
+"""Factor on an event's duration; it and its square are tried both ways: a short strong event is much like a long weak one, and
+fits end between them."""
+
+
+def has_event(table: CandidateTable, context: SearchContext) -> bool:
+    """Whether the log is one motion before an event and another after it; no clock error and no lost sample does that.
+
+    Beside known inputs of the crane this is taken to be so.
+    """
+    if context.setting.crane_inputs:
+        return True
+    base, n_values = baseline_of(table, context), context.setting.log.n_values
+    between = context.changepoints(base, length=True)
+    return between is not None and between.remaining_chi2 < (1 + MAX_EVENT_EXCESS) * n_values
+
+
+def fit_events_in_windows(table: CandidateTable, context: SearchContext, parent: CandidateFit) -> CandidateTable:
+    """Fit events beside a parent where separate motions before and after a window promise a good fit."""
+    setting, log = context.setting, context.setting.log
+    is_baseline = len(parent.values) == len(context.baseline_effects)
+    for changes_length in (False, True):
+        windows = _scan(context, parent, length=changes_length)
+        between = context.changepoints(parent, length=changes_length)
+        lenient = changes_length and (between is not None or is_baseline)
+        share = MAX_LENGTH_WINDOW_REMAINDER if lenient else MAX_WINDOW_REMAINDER
+        places = (*windows, *([] if between is None else [between]))
+        remaining = min((place.remaining_chi2 for place in places), default=np.inf)
+        gap = table.best.fit.chi2 - log.n_values
+        if remaining - log.n_values >= max(share * gap, EXCESS_SIGNIFICANT * log.n_values):
+            continue
+        guess_context = setting.guess_context(log.force_g - parent.fit.force_g, windows, between)
+        starts = context.segment_starts(parent)
+        requests = [
+            each
+            for name in EFFECTS.choose(transient=True, found_before_search=False, changes_length=changes_length)
+            for each in context.requests(
+                table, parent.values, name, EFFECTS[name].initial_guesses(guess_context), starts
+            )
+        ]
+        table = context.fit_in_turn(table, requests)
+    return table
+
+
+def refine(table: CandidateTable, context: SearchContext, size: int) -> CandidateTable:
+    """Continue the best fits of a size that converge slowly, and try their events shorter and longer."""
+    table = table.start_round()
+    for candidate in table.ranked(size)[:MAX_PARENTS]:
+        excess_ratio = (candidate.reduced_chi2 - 1) / max(table.closest.reduced_chi2 - 1, EXCESS_SIGNIFICANT)
+        converges_slowly = any(EFFECTS[name].transient or EFFECTS[name].slow_convergence for name in candidate.values)
+        if excess_ratio > MAX_REFINED_EXCESS_RATIO or not converges_slowly:
+            continue
+        if table.is_explained or context.budget.is_exhausted:
+            break
+        table = context.fit(table, candidate.values, iterations=REFINE_ITERATIONS)
+        refined = table.fits[candidate.names]
+        stretched = [
+            FitRequest({**refined.values, name: changed}, None, REFINE_ITERATIONS, give_up_above=table.give_up_above)
+            for name in sorted(refined.names)
+            for changed in _stretched(EFFECTS[name], refined.values[name])
+        ]
+        table = context.fit_in_turn(table, stretched, lambda now, _: needs_more(now.best, context))
+    return table
+
+
+def needs_more(fit: CandidateFit, context: SearchContext) -> bool:
+    """Whether a residual remains outside of events whose exact course is not modelled."""
+    if not fit.has_unexplained_residual:
+        return False
+    return warrants_another_effect(exclude_unmodelled_profiles(context.setting.log, fit.values), fit.fit)
+
+
+def _scan(context: SearchContext, parent: CandidateFit, *, length: bool) -> tuple[EventWindow, ...]:
+    """Scan for changepoints of the tilts and rates; with `length` also of the rope's length."""
+    setting, log = context.setting, context.setting.log
+    extra = (RopeLength.name,) if length and RopeLength.name not in parent.values else ()
+    simulator, at = setting.at_rest_beside(parent.fit, parent.values, extra)
+    chosen = [*range(HEADING), *(i for i, spec in enumerate(simulator.parameters) if spec.effect in extra)]
+    residual = log.residual_sigma(parent.fit.force_g)
+    return scan_for_changepoints(log.time_s, residual, sensitivities_sigma(simulator, at, log)[..., chosen], log.used)
+
+
+def _stretched(effect: Effect, values: Values) -> Iterable[Values]:
+    """The event shorter and longer about the same middle."""
+    start, lengths = effect.names_of(ParameterKind.START), effect.names_of(ParameterKind.DURATION)
+    if not effect.transient or not start or len(lengths) != 1:
+        return
+    start_s, duration_s = (float(np.asarray(values[key])) for key in (start[0], lengths[0]))
+    for power in (2, 1, -1, -2):
+        length_s = STRETCH**power * duration_s
+        yield {**values, start[0]: start_s + (duration_s - length_s) / 2, lengths[0]: length_s}

@@ -1,1 +1,0 @@
-"""The law of what no effect of the vocabulary explains: sparse regression over a library of physically typed terms."""
