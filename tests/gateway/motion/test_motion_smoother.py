@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from devices.simulated.schedule import Gust, Hoist, TrolleyMove
+from gateway.motion.estimate import MotionState
 from gateway.motion.history import MotionHistory
 from gateway.motion.smoother import smooth_motion
 from gateway.numerics.array import Array
@@ -115,7 +116,8 @@ def test_the_largest_angle_of_a_recording_is_that_of_one_of_its_phases(histories
     """Also where a phase begins with it."""
     for history in histories:
         top, count = int(np.nanargmax(history.angle_rad)), len(history.state)
-        begins = replace(history, state=("driven",) * top + ("free",) * (count - top))
+        kinds: tuple[MotionState, MotionState] = ("driven", "free")
+        begins = replace(history, state=kinds[:1] * top + kinds[1:] * (count - top))
         driven, free = begins.phases()
         assert begins.largest_angle() == free.largest != driven.largest
 
