@@ -21,6 +21,7 @@ export class Sound {
     this.alarms = new Map(); // level by alert
     this.silenced = new Map();
     this.lastS = -Infinity;
+    this.lastLevel = null; // of the tone before
     for (const button of buttons) button.addEventListener("click", () => this.press());
     for (const touch of ["click", "keydown"]) {
       document.addEventListener(touch, ({target}) => { if (!target.closest?.(".sound")) this.turnOn(); }, {capture: true});
@@ -41,7 +42,7 @@ export class Sound {
       button.dataset.state = level ? "alarm" : audible ? "on" : "off";
       if (button.getAttribute("aria-label") !== label) show(button, word, label, icon);
     }
-    if (level && audible) this.play(PATTERNS[level]);
+    if (level && audible) this.play(level);
   }
 
   // Return the highest level that is not silenced. A warning that becomes a trip sounds again.
@@ -68,10 +69,11 @@ export class Sound {
     this.context.resume();
   }
 
-  play({everyS, tones_hz, lengthS}) {
-    const nowS = this.context.currentTime;
-    if (nowS - this.lastS < everyS) return;
-    this.lastS = nowS;
+  // A higher level than before waits for no pause.
+  play(level) {
+    const {everyS, tones_hz, lengthS} = PATTERNS[level], nowS = this.context.currentTime;
+    if (nowS - this.lastS < everyS && !(RANK[level] > RANK[this.lastLevel])) return;
+    [this.lastS, this.lastLevel] = [nowS, level];
     tones_hz.forEach((frequency_hz, i) => this.tone(frequency_hz, nowS + 1.4 * i * lengthS, lengthS));
   }
 

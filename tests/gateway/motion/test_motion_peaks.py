@@ -52,12 +52,12 @@ def integrate(mean: Array, duration_s: float) -> tuple[Array, Array]:
 
 
 def largest(mean: Array) -> tuple[float, float]:
-    """The largest angle of the next swing, and its time; of two that differ by less than 0.1 %, the sooner."""
+    """The largest angle of the next swing, and its time; of two that differ by less than 5 %, that of the sooner."""
     time_s, angle_rad = integrate(mean, SWING_S * period_ratio(np.hypot(*mean[:2])))
     at = int(angle_rad[: len(angle_rad) // 2].argmax())
-    if angle_rad.max() > 1.001 * angle_rad[at]:
+    if angle_rad.max() > 1.05 * angle_rad[at]:
         at = int(angle_rad.argmax())
-    return float(angle_rad[at]), float(time_s[at])
+    return float(angle_rad.max()), float(time_s[at])
 
 
 def phase(

@@ -309,6 +309,24 @@ TONES = """() => import('/sound.js').then(({Sound}) => {
 })"""
 
 
+PLAYED = """() => import('/sound.js').then(({Sound}) => {
+  const context = {currentTime: 0}, played = [];
+  const sound = Object.assign(Object.create(Sound.prototype), {lastS: -Infinity, lastLevel: null, context});
+  sound.tone = (frequency_hz) => played.push(frequency_hz);
+  for (const [atS, level] of [[0, 'warn'], [0.5, 'warn'], [0.6, 'trip'], [0.7, 'trip'], [2.2, 'trip'], [2.5, 'warn']]) {
+    context.currentTime = atS;
+    sound.play(level);
+  }
+  return played;
+})"""
+
+
+def test_the_tone_of_a_higher_level_waits_for_no_pause(idle_page: PageUnderTest, browser: Browser) -> None:
+    window = _open(browser, idle_page)
+    assert window.evaluate(PLAYED) == [660, 550, *[880] * 6]
+    window.context.close()
+
+
 def test_an_acknowledged_alarm_is_silent_until_it_changes_to_a_higher_level(
     idle_page: PageUnderTest, browser: Browser
 ) -> None:
