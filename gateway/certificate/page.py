@@ -37,7 +37,7 @@ LIMITS_OF_ALL = (
     "The hash shows that the record is unchanged. It is no signature and does not prove who made the record.",
 )
 LIMITS_BY_METHOD = {
-    "six-position": "The residuals show inconsistent faces; the matrix absorbs a tilt of the whole table.",
+    "six-position": "Inconsistent faces would show in the residuals; the matrix absorbs a tilt of the whole table, unseen.",
     "norm-fit": "The fit determines the axes relative to each other, not relative to the housing: zeroing in place does that.",
     "rotation": "The rig's angle is taken as true: a periodic error of the rig appears as an error of the sensor.",
     "thermal": "The ramps measure the sensor in its housing; a mount or a rope that bends with temperature is not in the model.",

@@ -4,6 +4,7 @@ import hashlib
 import re
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
@@ -134,13 +135,11 @@ def read_evidence(
         course=course,
         sources=tuple(_source(each, files.get(each.path), is_read=each.path in read) for each in segments),
         device=newest.metadata.get(names.DEVICE, {}),
-        certificates=make_certificates(
-            {
-                name: each.data
-                for name, each in attachments.items()
-                if any(identity and identity in name for identity in in_force)
-            }
-        ),
+        certificates={
+            name: page
+            for name, page in make_certificates({name: each.data for name, each in attachments.items()}).items()
+            if any(identity and identity in name for identity in in_force)
+        },
         remarks=(*timeline.remarks, *samples.remarks()),
     )
 
@@ -218,15 +217,15 @@ def make_certificates(attachments: Mapping[str, bytes]) -> dict[str, bytes]:
 
     They are made from the records: a page out of a recording of unknown origin would run its scripts beside the report.
     """
-    made = {}
+    records = {}
     for name in filter(CERTIFICATE_NAME.fullmatch, attachments):
         content = attachments.get(f"{name.removesuffix('.html')}.json", b"")
-        try:
-            record = CalibrationRecord.model_validate_json(content)
-        except ValidationError:
-            continue
-        made[name] = render_certificate(record, None).encode()
-    return made
+        with suppress(ValidationError):
+            records[name] = CalibrationRecord.model_validate_json(content)
+    parents = {record.id: record for record in records.values()}
+    return {
+        name: render_certificate(record, parents.get(record.parent or "")).encode() for name, record in records.items()
+    }
 
 
 def file_sha256(path: Path) -> str:

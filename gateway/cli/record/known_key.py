@@ -74,7 +74,7 @@ class KnownKey:
         if self.public_key is None:
             return ""
         if self.given is not None:
-            how = "gave this key, which did not come with the recordings"
+            how = "gave this key, from outside the folder of the recordings"
         elif self.is_pinned or self.vouched is None:
             how = "heard this key from the gateway at the first contact"
         else:

@@ -50,6 +50,7 @@ export class Person {
   ask(after = null) {
     this.after = after;
     setText("sign-in-error", "");
+    setText("sign-in-title", text(after === null ? "sign_in" : "sign_in_title"));
     setText("sign-in-submit", text(after === null ? "sign_in" : "acknowledge"));
     window.scrollTo(0, 0); // to the big number, on a phone
     if (!this.dialog.open) this.dialog.showModal();

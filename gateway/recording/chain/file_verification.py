@@ -376,7 +376,9 @@ class _FileCheck:
         """A segment without a final statement: being written, interrupted, or cut off."""
         found = self._found
         if found.statement is None:
-            self._problem("CUT: no signature; its end is cut off, or it was interrupted in its first seconds")
+            self._problem(
+                "CUT: no signature; its end is cut off, unless it has its first seconds alone, in which none is made"
+            )
         elif found.is_closed and not self._is_summarised:
             self._problem(
                 "CUT: it was closed behind a signature that is not the gateway's last; what followed is missing"

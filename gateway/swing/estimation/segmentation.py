@@ -49,7 +49,9 @@ OFFSET_SHARE = 0.5
 """Share of the zero-g offset's standard uncertainty that stays in an angle. On hoists with planted errors of all axes, pieces
 believed to tell offset from lean by the axial force were wrong by up to 0.8 degrees, with an offset known to 1.4."""
 MAX_BRIDGED_GAP_PERIODS = 0.5
-"""An unfitted stretch this short cannot hide a larger angle than its neighbours show, unless it is forced for longer."""
+"""An unfitted stretch this short cannot hide a larger angle than its neighbours show, unless it is forced for longer. At the end
+there is no neighbour behind it, which would show what a drive has begun.
+"""
 
 
 @dataclass(slots=True)
@@ -219,7 +221,11 @@ def combine_segments(
     segments, disagreements = enforce_common_sensor_errors(with_offset)
     parts = [make_estimate(segment.result, noise_g, segment.from_s, segment.to_s) for segment in segments]
     largest = max(parts, key=lambda part: part.phi_max_rad or 0.0)
-    unknown = [gap for gap in _gaps(segments, from_s, to_s) if gap[1] - gap[0] > MAX_BRIDGED_GAP_PERIODS * period_s]
+    unknown = [
+        (begin_s, end_s)
+        for begin_s, end_s in _gaps(segments, from_s, to_s)
+        if end_s - begin_s > period_s * (END_RESOLUTION_PERIODS if end_s == to_s else MAX_BRIDGED_GAP_PERIODS)
+    ]
     hoists_s = tuple(when for s in segments for when in hoisting_intervals_s(s.result, s.from_s, s.to_s))
     reasons = [f"fitted in {len(segments)} segments"]
     if hoists_s:

@@ -155,6 +155,15 @@ def test_a_certificate_is_made_from_its_record_and_not_taken_from_the_recording(
     assert HOSTILE not in made[f"{name}.html"]
 
 
+def test_a_certificate_compares_its_record_with_a_parent_that_is_in_the_recordings_too() -> None:
+    parent = make_parent()
+    child = sealed({**parent.model_dump(mode="json"), "id": "child", "parent": parent.id})
+    files = {f"calibration-{each.id}": each.model_dump_json().encode() for each in (child, parent)}
+    made = make_certificates({f"{name}.{ending}": each for name, each in files.items() for ending in ("json", "html")})
+    assert f"Change since the parent record {parent.id}".encode() in made["calibration-child.html"]
+    assert b"no comparison is made" not in made["calibration-child.html"]
+
+
 def test_a_certificate_without_a_valid_record_is_left_out() -> None:
     assert (
         make_certificates({"calibration-a.html": HOSTILE, "calibration-a.json": b"{}", "calibration-b.html": HOSTILE})

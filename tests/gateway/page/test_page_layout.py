@@ -262,6 +262,12 @@ def test_names_are_as_high_as_keys(gateway: FakeGateway, page: PageUnderTest, br
         assert _height(window, "#sign-in-names button") == pytest.approx(key, rel=0.05)
 
 
+LONGEST_ROW = """() => {
+  document.querySelector('#alert-rows td.to').textContent = 'unbekannt';
+  document.querySelector('#alert-rows td.by').textContent = '✓ 17:12 Maximiliane Hohenzollern-Wartenberg';
+}"""
+
+
 @pytest.mark.parametrize("size", [PHONE, SMALL_PHONE])
 def test_a_phone_shows_alerts_and_their_buttons_at_once(shown_page: ShownPage, size: tuple[int, int]) -> None:
     window = _show(shown_page, "TRIP", size, "#alerts")
@@ -270,6 +276,10 @@ def test_a_phone_shows_alerts_and_their_buttons_at_once(shown_page: ShownPage, s
     cells = [f"#alert-rows td.{name}" for name in ("from", "to", "what", "largest", "limit")]
     apart = "cells at the side of the button"  # rows of the state before it may be there still
     wait_until(lambda: not any(_overlap(window, "#alert-rows .by", cell) for cell in cells), apart)
+    window.evaluate(LONGEST_ROW)
+    found = [cell for cell in cells if _overlap(window, "#alert-rows .by", cell)], window.evaluate("layout.cut()")
+    window.evaluate("document.querySelector('#alert-rows td.by').dataset.shown = ''")  # it is filled anew
+    assert found == ([], [])
     assert _height(window, "header") + _height(window, ".status") < 0.4 * size[1]
     assert _height(window, ".status") - _height(window, "#sentence") < 0.2 * size[1]
 

@@ -318,6 +318,20 @@ def test_a_long_drive_leaves_no_interval() -> None:
 
 
 @pytest.mark.slow
+def test_a_short_drive_at_the_end_leaves_no_interval() -> None:
+    """Less than half a period, as where the gateway ended in the accident: no swing behind it shows what it has begun."""
+    recording = simulate(
+        amplitude_deg=2, duration_s=42, push=lambda time_s: (0.8, 0.0, 0.0) if time_s >= 39.4 else (0.0, 0.0, 0.0)
+    )
+
+    estimate = measured(recording)
+
+    assert np.degrees(recording.phi_max_rad) > 4
+    assert estimate.coverage95_rad is None
+    assert any("largest angle unknown, at" in reason and reason.endswith("-42 s") for reason in estimate.reasons)
+
+
+@pytest.mark.slow
 def test_data_of_no_pendulum_get_no_angle() -> None:
     recording = simulate(duration_s=40)
     wander = np.cumsum(np.random.default_rng(2).normal(scale=2e-3, size=recording.force_g.shape), axis=0)
