@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise, takewhile
 
 from gateway.alert_periods import AlertPeriods, AlertState, AlertStep
-from gateway.errors import InputError
+from gateway.errors import InputError, counted
 from gateway.messages import LEVEL_RANK, Alert, Level
 from gateway.recording.chain.statements import describe_removed
 from gateway.recording.format.content import CUT, segment_number
@@ -163,7 +163,8 @@ class IncidentChoice:
     """What the user asks for: one of the three, or nothing, which is the last incident."""
 
     around: RecordingTime | None = None
-    number: int | None = None
+    alert: str | None = None
+    """Its number within the recordings, or its id."""
     interval: RecordingInterval | None = None
 
 
@@ -225,12 +226,14 @@ def choose_window(
 def _chosen(timeline: Timeline, incidents: Sequence[AlertIncident], choice: IncidentChoice) -> AlertIncident:
     if not incidents:
         raise InputError(f"{timeline.name}: no alert was raised in it; give --around TIME, or --from and --to")
-    if choice.number is None:
+    if choice.alert is None:
         cut_out = {each.metadata.get(CUT, {}).get("incident") for each in timeline.segments}
         return next((each for each in incidents if each.id in cut_out), incidents[-1])
-    if not 1 <= choice.number <= len(incidents):
-        raise InputError(f"--alert {choice.number}: {timeline.name} has {len(incidents)}, numbered from 1")
-    return incidents[choice.number - 1]
+    found = next((each for each in incidents if choice.alert in (str(each.number), each.id)), None)
+    if found is None:
+        has = f"{counted(len(incidents), 'incident')}, numbered from 1; --list has their ids too"
+        raise InputError(f"--alert {choice.alert}: there is none in {timeline.name}, which has {has}")
+    return found
 
 
 def _window(

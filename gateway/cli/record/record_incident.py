@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.cli.argument_types import above_zero, recording_time, whole_number
+from gateway.cli.argument_types import above_zero, recording_time
 from gateway.cli.command import command, one_of, option
 from gateway.cli.output import JSON_OPTION
 from gateway.cli.record.known_key import KEY_OPTION, key_of_recordings
@@ -49,7 +49,7 @@ EXIT_CODES = {"genuine": 0, "differs": ANSWER_IS_NO, "open": WITH_LOSSES}
             help="the incident around a time: UTC (2026-11-22T07:30:00Z, or 07:30:05 on the first day), or seconds "
             "from the start",
         ),
-        option("--alert", type=whole_number, metavar="N", help="incident number N, in order of time, from 1"),
+        option("--alert", metavar="N", help="incident number N, in order of time, from 1, or its id"),
         option("--last", action="store_true", help="the last incident"),
         option("--list", action="store_true", help="only print the incidents with their numbers"),
     ),

@@ -197,6 +197,10 @@ def verify_chain(
             f"before segment {number} the gateway had lost {STATE_NAME} and went on from its recordings: "
             "whether later ones had been there, and what the quota had just deleted, cannot be proved"
         )
+    if stated and stated[-1][1].repaired and newest <= last:
+        remarks.append(
+            f"segment {last} was completed at a later start of the gateway: what it recorded from then on is not in these files"
+        )
     return ChainVerification(
         (*numbered, *others),
         missing,

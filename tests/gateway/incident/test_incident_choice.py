@@ -29,8 +29,8 @@ def test_the_incident_around_a_time_is_found(recorded: RecordedCrane, time: str)
 
 
 def test_a_number_that_no_incident_has_is_refused(recorded: RecordedCrane, make_report: MakeReport) -> None:
-    with pytest.raises(InputError, match=r"--alert 2: .* has 1, numbered from 1"):
-        make_report([recorded.folder], IncidentChoice(number=2))
+    with pytest.raises(InputError, match=r"--alert 2: there is none in .*, which has 1 incident, numbered from 1"):
+        make_report([recorded.folder], IncidentChoice(alert="2"))
 
 
 @pytest.mark.parametrize(("around", "number"), [("15", 2), ("10", 1), ("11.5", 1), ("12.5", 2), ("20.5", 2)])
@@ -65,8 +65,8 @@ def test_an_incident_without_an_end_is_told_beside_the_next_one(recorded: Record
         ]
     )
     others = [
-        [other.number for other in choose_window(timeline, incidents, IncidentChoice(number=number), 1.0).others]
-        for number in (1, 2, 3)
+        [other.number for other in choose_window(timeline, incidents, IncidentChoice(alert=alert), 1.0).others]
+        for alert in ("1", "2", incidents[2].id)
     ]
     assert others == [[2], [1], []]
 

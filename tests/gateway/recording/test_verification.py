@@ -14,7 +14,7 @@ from gateway.cli.main import main
 from gateway.incident.record_verdict import judge_recordings
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.pki.signing_key import KeyFileError, fingerprint, load_or_create_key, read_public_key
-from gateway.recording.chain.chain_state import read_state, save_state
+from gateway.recording.chain.chain_state import STATE_NAME, read_state, save_state
 from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
 from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.chain.segment_chain import SegmentChain
@@ -329,6 +329,11 @@ def test_a_repaired_segment_says_from_when_on_it_was_signed_afterwards(record: R
     assert any(
         text.startswith("was cut off") and "later than 2026-01-01T00:00:20" in text for text in found.files[0].remarks
     )
+    later = "segment 1 was completed at a later start of the gateway"
+    assert not any(later in each for each in found.remarks)
+    (folder / STATE_NAME).unlink()
+    paths[-1].unlink()
+    assert any(later in each for each in verify(paths[:-1], folders=(folder,)).remarks)
 
 
 @pytest.mark.slow
