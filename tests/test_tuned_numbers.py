@@ -19,7 +19,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 CHECKED_ELSEWHERE = ("gateway/motion/", "gateway/swing/", "gateway/twin/reconcile/")
 """Folders whose numbers the benchmarks move."""
-WITHOUT_BASIS = 77
+WITHOUT_BASIS = 72
 """Tuned numbers without a basis. Lower it with every basis; never raise it."""
 
 CONSTANT = re.compile(r"_?[A-Z][A-Z0-9_]*")

@@ -87,6 +87,7 @@ function sayBeside(verdict, topics) {
   if (verdict.word !== steadyWord) steady.clear();
   steadyWord = verdict.word;
   verdict.sentence ??= sentence(verdict, state, value, steady.keep, link.ageS());
+  if (verdict.word === "OK" && steady.shows("doing", "uncertain")) verdict.shape = "ring"; // no tick
   if (GONE.has(verdict.word) && verdict.also.includes("TRIP")) verdict.sentence = `${text("do_trip")} ${verdict.sentence}`;
   const isBound = value?.isBound && steady.shows("doing", "rest");
   return value && {...value, isBound: value.isResting && steady.keep("bound", isBound ? "bound" : "angle") === "bound"};

@@ -4,6 +4,9 @@ const SYMBOLS = `<svg xmlns="http://www.w3.org/2000/svg" class="symbols" aria-hi
     <symbol id="shape-circle" viewBox="0 0 100 100">
       <circle class="ring" cx="50" cy="50" r="42"/><path class="mark" d="M30 52l14 15 27-33"/>
     </symbol>
+    <symbol id="shape-ring" viewBox="0 0 100 100">
+      <circle class="ring" cx="50" cy="50" r="42"/>
+    </symbol>
     <symbol id="shape-triangle" viewBox="0 0 100 100">
       <path class="solid" d="M50 5L98 92H2z"/><path class="cut" d="M50 36v27M50 76v4"/>
     </symbol>

@@ -167,6 +167,16 @@ def test_only_a_cause_that_is_all_but_certain_is_named(
     assert shown_page.screen.page.evaluate(DOING, motion) == expected
 
 
+def test_a_calm_that_is_not_certain_has_no_tick(shown_page: ShownPage) -> None:
+    gateway, screen = shown_page
+    screen.shows("OK", "circle")
+    gateway.scene.phi_max_u_deg = 1.5
+    screen.text("#sentence", "Not certain: the swing can be larger.")
+    screen.shows("OK", "ring")
+    gateway.scene.phi_max_u_deg = 0.1
+    screen.shows("OK", "circle")
+
+
 BESIDE = """(angle) => Promise.all([import('/peak.js'), import('/sentence.js')]).then(([{bigNumber}, {sentence}]) => {
   const motion = {state: 'rest', lean_deg: 0.4, u_deg: 0.1, ...angle};
   const value = bigNumber({sound: true}, {motion}, {warn_deg: 4, trip_deg: 6});
