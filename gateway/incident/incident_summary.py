@@ -186,7 +186,9 @@ def _which_calibrations_changed(course: Course, clock: ReportClock, facts: Incid
     for time_s, calibration in course.calibrations[1:]:
         if facts.begin_s <= time_s <= facts.end_s:
             during = "" if facts.raised_s is None else ", during the incident"
-            yield f"Another calibration was put in force at {clock.both(time_s)}{during}: {calibration.text}."
+            by = printable_text(str(calibration.record.get("by") or ""), MAX_WORDS_CHARACTERS)
+            made = f", made by {by}" if by else ""
+            yield f"Another calibration was put in force at {clock.both(time_s)}{during}: {calibration.text}{made}."
 
 
 def _by_whom(clock: ReportClock, change: SettingChange) -> str:

@@ -34,6 +34,13 @@ def test_a_recalibration_during_an_alert_is_told_in_words() -> None:
     assert [(begin_s, end_s) for begin_s, end_s, by in course.suspended.spans(12.0) if by] == [(1.0, 9.0)]
 
 
+def test_who_made_a_calibration_that_was_put_in_force_is_told() -> None:
+    stated = (0.0, calibration()), (5.0, replace(calibration(0.6), record={"id": "c-2", "by": "Sven Otte"}))
+    course = built(*stated).course(ORIGIN_NS, ORIGIN_NS + 9_000_000_000)
+    sentences = summary_sentences(course, None, incident_facts(course, None))
+    assert any(each.endswith(": calibrated, made by Sven Otte.") for each in sentences)
+
+
 def test_a_recalibration_that_reaches_beyond_a_report_has_no_begin_and_no_end() -> None:
     course = built(
         (0.0, calibration(id="s1", phase="collecting", by="Ann", suspended=True)),
