@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from devices.pendulum.small_swing import small_swing_period_s
 from gateway.measurement.axial_check import Contradiction, find_contradiction
 from gateway.measurement.followed_recording import SmoothedMotion
 from gateway.measurement.source import Source
@@ -158,7 +159,10 @@ def _agree(plain: MotionHistory, sharpened: MotionHistory) -> bool:
 
 
 def with_smoothed_angle(swing: SwingEstimate, motion: RecordingMotion) -> SwingEstimate:
-    """Return the swing with the largest smoothed angle where no free swing explains the recording and the crane worked."""
+    """Return the swing with the largest smoothed angle where no free swing explains the recording and the crane worked.
+
+    The rope's length is the smoothed one then, too: a segment in which the crane worked has another period than a free swing.
+    """
     history, largest = motion.history, motion.largest
     if largest is None or swing.coverage95_rad is not None or not motion.crane_worked:
         return swing
@@ -168,7 +172,7 @@ def with_smoothed_angle(swing: SwingEstimate, motion: RecordingMotion) -> SwingE
     at = int(np.abs(history.time_s - largest.time_s).argmin())
     if motion.doubt is not None:
         return replace(swing, reasons=(f"the smoothed motion is unreliable: {motion.doubt}", *swing.reasons))
-    azimuth_rad = float(history.azimuth_rad[at])
+    azimuth_rad, length_m = float(history.azimuth_rad[at]), float(history.length_m[at])
     return replace(
         swing,
         swinging=True,
@@ -176,6 +180,9 @@ def with_smoothed_angle(swing: SwingEstimate, motion: RecordingMotion) -> SwingE
         u_rad=largest.u_rad,
         coverage95_rad=largest.coverage95_rad,
         azimuth_rad=azimuth_rad - math.pi * round(azimuth_rad / math.pi),
+        period_s=small_swing_period_s(length_m, motion.housing.gravity_m_s2),
+        length_m=length_m,
+        length_u_m=float(history.length_u_m[at]),
         reasons=(BY_SMOOTHING, *swing.reasons),
     )
 

@@ -6,7 +6,7 @@ from typing import Any
 from devices.pendulum.small_swing import period_ratio
 from devices.recording import Recording
 from gateway.measurement.measure import Measurement
-from gateway.measurement.motion import motion_json, motion_rows
+from gateway.measurement.motion import BY_SMOOTHING, motion_json, motion_rows
 from gateway.measurement.source import Source
 from gateway.measurement.swing import not_judged, relative_s
 from gateway.recording.reading.interval import iso_utc
@@ -202,10 +202,11 @@ def _swing_rows(source: Source, found: Measurement) -> list[tuple[str, str]]:
     rows = [("swing", swing + _judged_text(source, found)), *(("", text) for text in reasons[is_unknown:])]
     if not estimate.swinging or estimate.length_m is None or estimate.length_u_m is None:
         return rows
-    length = f"{estimate.length_m:.4g} m ± {estimate.length_u_m:.2g} m by the period"
+    length = f"{estimate.length_m:.4g} m ± {estimate.length_u_m:.2g} m"
     measured_s = measured_period_s(estimate)
     period = "" if measured_s is None else f" of {measured_s:.3g} s (small swing {estimate.period_s:.3g} s)"
-    return [*rows, ("rope", f"{length}{period}, lean {_angle_text(estimate.lean_rad)}")]
+    how = "the smoothed motion" if BY_SMOOTHING in reasons else f"the period{period}"
+    return [*rows, ("rope", f"{length} by {how}, lean {_angle_text(estimate.lean_rad)}")]
 
 
 def _swing_text(estimate: SwingEstimate) -> str:

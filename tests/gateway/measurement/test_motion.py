@@ -81,6 +81,8 @@ def test_a_drive_leaves_the_largest_angle_with_an_interval(
     assert content["swing_reasons"][0] == "largest angle from the smoothed motion, because the crane worked"
     assert content["motion"]["largest"]["angle_deg"] == content["swing"]["phi_max_deg"]
     assert content["motion"]["known_percent"] == 100
+    assert measured.swing.length_m == pytest.approx(LENGTH_M, abs=2 * present(measured.swing.length_u_m))
+    assert present(measured.swing.length_u_m) < 0.3
 
 
 @pytest.mark.slow
