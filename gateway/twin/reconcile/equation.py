@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from gateway.numerics.spectrum import ZERO_PADDING, periodogram, refine_frequency
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Values
-from gateway.twin.effects.terms import HIGHEST_FREQUENCY_HZ, TERMS
+from gateway.twin.effects.term import HIGHEST_FREQUENCY_HZ
+from gateway.twin.effects.terms import TERMS
 from gateway.twin.reconcile.decision.evidence import MIN_EVIDENCE_MARGIN
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.residual import noise_floor, noise_inflation_factor, warrants_another_effect

@@ -5,7 +5,8 @@ import pytest
 
 from gateway.twin.effect_loading import check_equations
 from gateway.twin.effects import EFFECTS, BodyState, EvaluationContext, Values
-from gateway.twin.effects.terms import TERMS, Term, registered_library
+from gateway.twin.effects.term import Term
+from gateway.twin.effects.terms import TERMS, registered_library
 from gateway.twin.model import EffectValues
 from gateway.twin.simulator.simulator import Simulator
 from tests.gateway.twin.swings import LENGTH_M, PERIOD_S, POSITION_M, RIG, SWING_RATE, G
