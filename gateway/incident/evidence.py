@@ -135,11 +135,7 @@ def read_evidence(
         course=course,
         sources=tuple(_source(each, files.get(each.path), is_read=each.path in read) for each in segments),
         device=newest.metadata.get(names.DEVICE, {}),
-        certificates={
-            name: page
-            for name, page in make_certificates({name: each.data for name, each in attachments.items()}).items()
-            if any(identity and identity in name for identity in in_force)
-        },
+        certificates=make_certificates({name: each.data for name, each in attachments.items()}, in_force),
         remarks=(*timeline.remarks, *samples.remarks()),
     )
 
@@ -212,8 +208,8 @@ def _neighbours(
     return next((last[0] for last in before if last), None), next(filter(None, after), None)
 
 
-def make_certificates(attachments: Mapping[str, bytes]) -> dict[str, bytes]:
-    """Return the certificates of the calibration records among attachments.
+def make_certificates(attachments: Mapping[str, bytes], in_force: Set[str]) -> dict[str, bytes]:
+    """Return the certificates of the calibration records with these ids among attachments, where parents may be, too.
 
     They are made from the records: a page out of a recording of unknown origin would run its scripts beside the report.
     """
@@ -224,7 +220,9 @@ def make_certificates(attachments: Mapping[str, bytes]) -> dict[str, bytes]:
             records[name] = CalibrationRecord.model_validate_json(content)
     parents = {record.id: record for record in records.values()}
     return {
-        name: render_certificate(record, parents.get(record.parent or "")).encode() for name, record in records.items()
+        name: render_certificate(record, parents.get(record.parent or "")).encode()
+        for name, record in records.items()
+        if record.id in in_force
     }
 
 

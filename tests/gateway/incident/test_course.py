@@ -149,7 +149,7 @@ def test_ticks_stand_at_round_times(span_s: float, labels: list[str]) -> None:
 def test_a_certificate_is_made_from_its_record_and_not_taken_from_the_recording() -> None:
     record = sealed({**make_parent().model_dump(mode="json"), "by": HOSTILE.decode()})
     name = f"calibration-{record.id}"
-    made = make_certificates({f"{name}.json": record.model_dump_json().encode(), f"{name}.html": HOSTILE})
+    made = make_certificates({f"{name}.json": record.model_dump_json().encode(), f"{name}.html": HOSTILE}, {record.id})
     assert list(made) == [f"{name}.html"]
     assert b"Calibration certificate" in made[f"{name}.html"]
     assert HOSTILE not in made[f"{name}.html"]
@@ -159,16 +159,16 @@ def test_a_certificate_compares_its_record_with_a_parent_that_is_in_the_recordin
     parent = make_parent()
     child = sealed({**parent.model_dump(mode="json"), "id": "child", "parent": parent.id})
     files = {f"calibration-{each.id}": each.model_dump_json().encode() for each in (child, parent)}
-    made = make_certificates({f"{name}.{ending}": each for name, each in files.items() for ending in ("json", "html")})
+    given = {f"{name}.{ending}": each for name, each in files.items() for ending in ("json", "html")}
+    made = make_certificates(given, {"child"})
+    assert list(made) == ["calibration-child.html"]
     assert f"Change since the parent record {parent.id}".encode() in made["calibration-child.html"]
     assert b"no comparison is made" not in made["calibration-child.html"]
 
 
 def test_a_certificate_without_a_valid_record_is_left_out() -> None:
-    assert (
-        make_certificates({"calibration-a.html": HOSTILE, "calibration-a.json": b"{}", "calibration-b.html": HOSTILE})
-        == {}
-    )
+    damaged = {"calibration-a.html": HOSTILE, "calibration-a.json": b"{}", "calibration-b.html": HOSTILE}
+    assert make_certificates(damaged, {"a", "b"}) == {}
 
 
 @pytest.mark.parametrize(
