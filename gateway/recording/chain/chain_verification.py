@@ -3,7 +3,7 @@
 The key may be given, or found by what the CA of the site says of it in the segments.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import reduce
 from itertools import pairwise
@@ -175,11 +175,10 @@ def verify_chain(
     remarks += _copied(numbered)
     for (before, first), (after, second) in pairwise(stated):
         problems += _between(before, first, after, second)
-    problems += _not_whole(numbered)
     named = tuple(dict.fromkeys(statement.gateway for _, statement in stated))
     heard, remembered = ([each for each in given if each.gateway in named] for given in (heard, remembered))
-    problems += _rewritten(numbered, [*heard, *remembered])
     states, unproven = _read_states(numbered, [*folders, *filter(None, [ends_in])], problems)
+    problems += _not_whole(numbered, states, [*heard, *remembered])
     remarks += unproven
     deletions = _join_deletions([file for file, _ in stated], states, problems)
     proven = max([0, *(state.final_segment for state in states), *(each.segment for each in heard)])
@@ -323,47 +322,55 @@ def _between(before: FileVerification, first: Statement, after: FileVerification
     return problems
 
 
-def _not_whole(numbered: Sequence[FileVerification]) -> list[str]:
-    """Return the segments that do not end as later ones state, byte for byte."""
-    problems = []
+@dataclass(frozen=True, slots=True)
+class _Whole:
+    """What somebody states of the whole of a segment."""
+
+    segment: int
+    sha256: str
+    """Hash of its final statement."""
+    stated_by: str
+    differing: str
+    """What is wrong with a file that has another final statement, in words with a place for its name."""
+
+
+def _not_whole(
+    numbered: Sequence[FileVerification], states: Iterable[ChainState], heard: Iterable[NewestStatement]
+) -> list[str]:
+    """Return the segments that do not end as later ones, the saved state or who listened to the gateway state, byte for byte."""
+    stated = [
+        _Whole(
+            after.statement.previous_segment,
+            after.statement.previous_sha256,
+            after.path.name,
+            f"EXCHANGED: {after.path.name} does not follow this {{}}, but another one",
+        )
+        for after in numbered
+        if after.statement is not None
+    ]
+    rewritten = "REWRITTEN: {} has another statement than the one of this segment that "
+    stated += [
+        _Whole(each.final_segment, each.final_sha256, STATE_NAME, f"{rewritten}{STATE_NAME} has") for each in states
+    ]
+    was_heard = f"{rewritten}was heard from the gateway when it was signed"
+    stated += [_Whole(each.segment, each.sha256, "who listened to the gateway", was_heard) for each in heard]
     by_number = {file.segment: file for file in numbered}
     wrong: dict[Path, str] = {}
-    for after in numbered:
-        if after.statement is None or (before := by_number.get(after.statement.previous_segment)) is None:
-            continue
-        if before.is_destroyed or (before.problems and before.has_end):
-            continue  # said already, and nothing is cut off
-        if before.statement is None or not before.is_final:
-            wrong[before.path] = (
-                f"CUT: {before.path.name} is not whole: {after.path.name} states that it was signed as a whole"
-            )
-        elif after.statement.previous_sha256 not in (hash_of(before.statement_text), before.statement.replaces_sha256):
-            wrong[before.path] = (
-                f"EXCHANGED: {after.path.name} does not follow this {before.path.name}, but another one"
-            )
-    for before, after in pairwise(numbered):
-        if before.unsigned_bytes and before.path not in wrong:
-            problems.append(
-                f"NOT SIGNED: {before.unsigned_bytes} bytes at the end of {before.path.name} are not signed, "
-                f"though segment {after.segment} follows; the gateway signs them when it repairs the file"
-            )
-    return [*wrong.values(), *problems]
-
-
-def _rewritten(numbered: Sequence[FileVerification], heard: Sequence[NewestStatement]) -> list[str]:
-    """Return the segments that are not those whose statements were heard."""
-    problems = []
-    by_number = {file.segment: file for file in numbered}
-    for each in heard:
-        file = by_number.get(each.segment)
-        if file is None or file.statement is None:
-            continue  # missing, or named as not signed
-        if each.sha256 not in (hash_of(file.statement_text), file.statement.replaces_sha256):
-            problems.append(
-                f"REWRITTEN: {file.path.name} has another statement than the one of segment {each.segment} that was heard "
-                "from the gateway when it was signed"
-            )
-    return problems
+    for whole in stated:
+        if (file := by_number.get(whole.segment)) is None or file.is_destroyed or (file.problems and file.has_end):
+            continue  # missing, or said already, and nothing is cut off
+        if file.statement is None or not file.is_final:
+            text = f"CUT: {file.path.name} is not whole: {whole.stated_by} states that it was signed as a whole"
+            wrong.setdefault(file.path, text)
+        elif whole.sha256 not in (hash_of(file.statement_text), file.statement.replaces_sha256):
+            wrong.setdefault(file.path, whole.differing.format(file.path.name))
+    not_signed = [
+        f"NOT SIGNED: {before.unsigned_bytes} bytes at the end of {before.path.name} are not signed, "
+        f"though segment {after.segment} follows; the gateway signs them when it repairs the file"
+        for before, after in pairwise(numbered)
+        if before.unsigned_bytes and before.path not in wrong
+    ]
+    return [*wrong.values(), *not_signed]
 
 
 def _file_json(file: FileVerification) -> dict[str, Any]:

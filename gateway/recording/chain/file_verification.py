@@ -185,7 +185,9 @@ class _FileCheck:
         self._damaged_place = -1
         """Place of the newest record that cannot be read."""
         self._places: list[int] = []
-        """Of the chunks and attachments since the last statement."""
+        """Of the chunks and attachments since the last statement that is right."""
+        self._altered_to: int | None = None
+        """Place of the first statement that is wrong; None: there is none."""
 
     def run(self) -> FileVerification:
         while (frame := self._next_frame()) is not None:
@@ -200,6 +202,12 @@ class _FileCheck:
                 self._checksum = zlib.crc32(part, self._checksum)
         self._file.seek(max(0, self._found.size_bytes - len(MCAP0_MAGIC)))
         self._found.has_end = self._file.read() == MCAP0_MAGIC
+        if self._altered_to is not None:
+            damaged = self._damaged_records()
+            which = f"; damaged: {damaged}; each other chunk agrees with its checksum" if damaged else ""
+            self._problem(
+                f"ALTERED: bytes {self._stated_bytes} to {self._altered_to} are not what the gateway signed{which}"
+            )
         self._conclude()
         return self._found
 
@@ -260,9 +268,7 @@ class _FileCheck:
         self._check_key(statement)
         if statement.bytes != place or statement.sha256 != self._hash.hexdigest():
             if not self._found.is_altered:
-                damaged = self._damaged_records()
-                which = f"; damaged: {damaged}; each other chunk agrees with its checksum" if damaged else ""
-                self._problem(f"ALTERED: bytes {self._stated_bytes} to {place} are not what the gateway signed{which}")
+                self._altered_to = place
             self._found.is_altered = True
             self._claimed = self._claimed or statement.segment
             return

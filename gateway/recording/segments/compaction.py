@@ -10,7 +10,7 @@ import hashlib
 import json
 import os
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -33,6 +33,9 @@ from gateway.topics import paths_with
 
 TIMES = struct.Struct("<IQQ")
 ALWAYS_KEPT = paths_with(lambda topic: topic.always_kept)
+CHECKPOINT_BYTES = 65_536
+"""Shortest distance of two signatures in a compacted segment. Basis: every chunk is longer, so that one follows each; where the
+end of a segment is lost, what is before stays proved to within a chunk."""
 BLOCK_NS = 1_000_000_000
 """A block of samples has the time of its newest one: whole blocks are kept where they may begin in the interval. Basis: a choice;
 blocks are shorter than a second at all usual rates."""
@@ -45,8 +48,9 @@ class CompactionError(RecordingError):
 def compact(path: Path, chain: SegmentChain | None = None) -> SalvageReport:
     """Rewrite an ended segment; return what an interruption has cost of it. Raises `RecordingError` and `OSError`.
 
-    With a chain, the new file ends with its final signature. A damaged segment is not rewritten, since more of it might be
-    readable by other means, and one that differs from what was signed while it was written is never signed as a whole.
+    With a chain, a signature follows each chunk of the new file, and the final one ends it. A damaged segment is not rewritten,
+    since more of it might be readable by other means, and one that differs from what was signed while it was written is never
+    signed as a whole.
     """
     before_repair = None if chain is None else _require_signed(path, chain)
     losses = SalvageReport()
@@ -56,14 +60,16 @@ def compact(path: Path, chain: SegmentChain | None = None) -> SalvageReport:
             copy = SegmentCopy(file, losses)
             before = ContentDigest()
             with open_mcap(path) as source:
-                copy.records.copy(before.observe(read_records(source, losses)), with_summary=True)
+                records = before.observe(read_records(source, losses))
+                signed = records if chain is None else copy.checkpointed(records, chain, path.name)
+                copy.records.copy(signed, with_summary=True)
             if losses.damaged_records or losses.unreadable_messages or losses.altered or not copy.records.messages:
                 raise CompactionError(
                     f"{path}: is damaged or empty, and stays as it is; `plumbline record recover` reads it"
                 )
             if not losses.closed:
                 copy.writer.add_metadata(REPAIRED, {name: json.dumps(value) for name, value in asdict(losses).items()})
-            segment = segment_number(copy.records.metadata.get(ORIGIN, {}))
+            segment = copy.segment
             if chain is not None and segment:
                 repaired_from_ns = None if losses.closed or before_repair is None else before_repair.to_ns
                 whole = partial(chain.sign, "final", segment=segment, name=path.name, repaired_from_ns=repaired_from_ns)
@@ -116,10 +122,28 @@ class SegmentCopy:
         """Return the number of bytes so far."""
         return self._file.tell()
 
+    @property
+    def segment(self) -> int:
+        """The number of the segment, as far as it is copied; 0: it has none."""
+        return segment_number(self.records.metadata.get(ORIGIN, {}))
+
+    def checkpointed(self, records: Iterable[McapRecord], chain: SegmentChain, name: str) -> Iterator[McapRecord]:
+        """Yield the records to the copier, and add a signature of everything so far behind each chunk that it has written."""
+        sign = partial(chain.sign, "checkpoint", name=name)
+        signed_bytes = 0
+        for record in records:
+            yield record
+            if self.segment and self.tell() - signed_bytes >= CHECKPOINT_BYTES:
+                self._sign(partial(sign, segment=self.segment))
+                signed_bytes = self.tell()
+
     def add_signature(self, chain: SegmentChain, sign: Callable[..., dict[str, str]]) -> dict[str, str]:
         """Add what was deleted, and the signature of everything so far; return it. `sign` takes length, hash and times."""
         self.writer.add_metadata(DELETIONS, chain.deletions)
         self.writer.flush()
+        return self._sign(sign)
+
+    def _sign(self, sign: Callable[..., dict[str, str]]) -> dict[str, str]:
         signature = sign(
             n_bytes=self.tell(),
             sha256=self._hash.hexdigest(),

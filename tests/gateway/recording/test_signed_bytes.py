@@ -9,7 +9,7 @@ import pytest
 from devices.errors import RecordingError
 from gateway.cli.main import main
 from gateway.pki.signing_key import load_or_create_key, read_public_key
-from gateway.recording.chain.chain_state import read_state, save_state
+from gateway.recording.chain.chain_state import STATE_NAME, read_state, save_state
 from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
 from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.chain.segment_chain import SegmentChain
@@ -108,6 +108,8 @@ def test_unsigned_bytes_of_a_segment_that_others_follow_are_a_difference(record:
     paths = record(START_NS + 60 * SECOND_NS, segments=1, compacted=False)
     first.write_bytes(live)
     paths[1].write_bytes(forgery.cut_behind_first_signature(paths[1].read_bytes()))
+    assert f"is not whole: {STATE_NAME} states" in problems(verify(paths))
+    (first.parent / STATE_NAME).unlink()
     assert "are not signed, though segment 2 follows" in problems(verify(paths))
 
 
