@@ -1,9 +1,9 @@
 // The trend of the last ten minutes: the swing with its 95 % interval as a band, the limits as lines, the alarms as bars at the
-// bottom, and gaps where data are missing. The limits alone set the scale, so that the picture keeps its meaning: what lies beyond it
-// is drawn at its upper edge.
+// bottom, and gaps where data are missing. The limits alone set the scale (scale.js), so that the picture keeps its meaning.
 
 import {nowS} from "./link.js";
 import {limitText} from "./number.js";
+import {scaleShare} from "./scale.js";
 import {addShape} from "./svg.js";
 import {text} from "./texts.js";
 import {timeOfDay} from "./time.js";
@@ -11,7 +11,6 @@ import {timeOfDay} from "./time.js";
 const SPAN_S = 600;
 const WIDTH = 1000, HEIGHT = 100;
 const TICK_S = 120;
-const BEYOND_LIMIT = 1.5; // upper edge, in units of the limit
 
 export class Trend {
   constructor(svg, labels, times) {
@@ -46,9 +45,8 @@ export class Trend {
 
   // `timeNs` is the time of the newest data, `alerts` the list of alerts.
   draw({warn_deg: warnDeg, trip_deg: tripDeg}, timeNs, alerts) {
-    const topDeg = BEYOND_LIMIT * tripDeg;
     const x = (ageS) => (WIDTH * (1 - ageS / SPAN_S)).toFixed(1);
-    const y = (deg) => (HEIGHT * (1 - Math.min(deg, topDeg) / topDeg)).toFixed(1);
+    const y = (deg) => (HEIGHT * (1 - scaleShare(deg, tripDeg))).toFixed(1);
     this.svg.replaceChildren();
     this.drawTimes(timeNs, x);
     for (const run of splitRuns(this.points)) this.drawRun(run, (atS) => x(nowS() - atS), y);

@@ -1,6 +1,7 @@
 """The angle that decides, as the page shows it in a browser: number, interval, gauge, view from above, trend."""
 
 import re
+from itertools import pairwise
 
 import pytest
 from playwright.sync_api import Browser, expect
@@ -204,6 +205,16 @@ def test_one_wide_interval_does_not_change_the_scale_of_the_trend(shown_page: Sh
     heights = shown_page.screen.page.evaluate(TREND)
     assert len(set(heights)) == 1
     assert 60 <= heights[0] <= 80
+
+
+SHARES = """(angles) => import('/scale.js').then(({scaleShare}) => angles.map((angle) => scaleShare(angle, 6)))"""
+
+
+def test_angles_beyond_the_limit_are_told_apart_and_none_is_beyond_the_end(shown_page: ShownPage) -> None:
+    shares = shown_page.screen.page.evaluate(SHARES, [0.0, 3.0, 6.0, 9.0, 12.0, 90.0])
+    assert shares[:3] == pytest.approx([0, 1 / 3, 2 / 3])
+    assert all(after - before > 0.05 for before, after in pairwise(shares))
+    assert shares[-1] < 1
 
 
 BEGIN = """([oldestS]) => import('/trend.js').then(({Trend}) => {
