@@ -71,7 +71,8 @@ function alarmForm(alarm, value, motion, ageS) {
     return isBelow ? "alarm_exceeded_passed" : "alarm_exceeded";
   }
   if (value.angleDeg >= alarm.limit_deg && value.inS > ageS) return "alarm_coming";
-  return isBelow ? "alarm_passed" : "alarm_possible";
+  if (!isBelow) return "alarm_possible";
+  return alarm.is_corrected ? "alarm_corrected_passed" : "alarm_passed";
 }
 
 // Return what follows a level, and when, or below which angle: the gateway compares a part of the uncertainty with it too.

@@ -177,7 +177,7 @@ def test_every_sentence_of_an_alarm_has_two_lines_at_most(shown_page: ShownPage)
     ending = [
         f"{texts[form]} {texts[follows]}".replace("{limit}", texts[f"at_{level}"])
         for level in ("warn", "trip")
-        for form in ("alarm_exceeded_passed", "alarm_passed")
+        for form in ("alarm_exceeded_passed", "alarm_corrected_passed", "alarm_passed")
         for follows in ("warn_below", "warn_in", "normal_below", "normal_in", "also_lean", "alarm_stays")
     ]
     sentences = [text.replace("{angle}", "13.5°") for text in standing + ending]

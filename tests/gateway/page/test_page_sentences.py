@@ -101,6 +101,7 @@ ALARMS = [
     ({**LARGE, **FALLS}, (4.1, 0.0, 0.3), f"Limit 6.0° was exceeded. {ONLY_A_WARNING}"),
     ({**LARGE, **FALLS, "ends_in_s": 2.5}, (4.1, 0.0), "Limit 6.0° was exceeded. Becomes a warning in 3 s."),
     ({**LARGE, **ENDS, "ends_in_s": 2.5}, (2.1, 0.0), "Limit 6.0° was exceeded. Ends in 3 s."),
+    ({**SWING, **FALLS, "is_corrected": True}, (5.5, 0.0, 0.3), f"Limit 6.0° was not reached. {ONLY_A_WARNING}"),
     ({**SWING, **FALLS, "ends_in_s": 0.3}, (5.1, 0.0), "Limit 6.0° may have been exceeded. Becomes a warning in 1 s."),
     ({**SWING, **FALLS}, None, f"{STOP} The angle is not known now."),
     (WARNING, (4.4, 0.0), "Move gently. Warning level 4.0° exceeded."),
