@@ -84,6 +84,18 @@ class AlertPeriod(Generic[S]):
             return late.statement.acknowledged_by, late.time_ns
         return (None, None) if present is None else (present.acknowledged_by, present.acknowledged_ns)
 
+    @property
+    def is_seen(self) -> bool:
+        """Whether it was followed from its begin until it cleared."""
+        return self.ended == "cleared" and self.raised is not None and self.raised.statement.event != "standing"
+
+    @property
+    def is_corrected(self) -> bool:
+        """Whether the limit of its highest level was not reached, by the gateway's word or by all that it saw."""
+        limit_deg = None if self.highest is None else self.highest.limit_deg
+        is_below = limit_deg is not None and self.largest_upper_deg is not None and self.largest_upper_deg < limit_deg
+        return (self.is_seen and is_below) or any(step.statement.event == "corrected" for step in self.steps)
+
     def take(self, time_ns: int, statement: S, alert: ActiveAlert) -> None:
         """Take a statement in which it is active."""
         step = AlertStep(time_ns, statement, alert)

@@ -110,6 +110,8 @@ class LoggedAlert:
     """It was not followed to its end, so that a larger angle may have come: the gateway ended, or its end was not stated."""
     limit_deg: float | None
     """The limit of the highest level."""
+    is_corrected: bool
+    """That limit was not reached."""
     acknowledged_by: str | None
     """Who acknowledged it at its present level; None: nobody."""
     acknowledged_ns: int | None
@@ -180,6 +182,7 @@ class AlertLog:
             largest_deg=period.largest_deg,
             is_cut=period.ended in ("gateway ended", "not recorded"),
             limit_deg=highest.limit_deg,
+            is_corrected=period.is_corrected,
             acknowledged_by=by,
             acknowledged_ns=at_ns,
         )

@@ -2,7 +2,7 @@
 
 import {setText} from "./facts.js";
 import {post, reasonOf} from "./post.js";
-import {text} from "./texts.js";
+import {hasText, text} from "./texts.js";
 import {timeOfDay} from "./time.js";
 
 const KEY = "F8";
@@ -20,6 +20,7 @@ export class Acknowledger {
     this.person = person;
     this.waiting = []; // incidents that stand and nobody has acknowledged
     this.listed = []; // those of them in the list that have ended
+    this.names = new Map(); // of the listed alarms, by incident
     this.complaint = "";
     this.allButton = document.getElementById("acknowledge-all");
     this.allButton.addEventListener("click", () => this.acknowledge(this.listed));
@@ -45,6 +46,7 @@ export class Acknowledger {
   // Show how many alarms have ended without an acknowledgement, and offer to acknowledge several at once.
   list(alarms) {
     this.listed = waitingOf(alarms.filter((one) => one.until_ns !== null));
+    this.names = new Map(alarms.map((one) => [one.incident, `${alarmName(one)} ${timeOfDay(one.since_ns).slice(0, 5)}`]));
     const count = this.listed.length;
     setText("alerts-waiting", count > 0 ? String(count) : "");
     setText("alerts-waiting-words", count > 0 ? text("alerts_waiting", {count}) : "");
@@ -68,18 +70,24 @@ export class Acknowledger {
 
   async acknowledge(incidents) {
     if (this.person.name === null) {
-      this.person.ask(() => this.acknowledge(incidents));
+      this.ask(incidents);
       return;
     }
     for (const incident of incidents) {
       const answer = await post("api/acknowledge", {incident});
       if (answer.status === UNAUTHORISED) {
         this.person.name = null;
-        this.person.ask(() => this.acknowledge(incidents));
+        this.ask(incidents);
         return;
       }
       if (!answer.ok) this.complain(reasonOf(answer));
     }
+  }
+
+  // Ask who it is that acknowledges, and say what.
+  ask(incidents) {
+    const what = incidents.length > 1 ? text("alarms", {count: incidents.length}) : this.names.get(incidents[0]);
+    this.person.ask(() => this.acknowledge(incidents), what);
   }
 
   complain(reason) {
@@ -87,6 +95,9 @@ export class Acknowledger {
     setTimeout(() => { this.complaint = ""; }, COMPLAINT_MS);
   }
 }
+
+// Return what an alarm is of, and its level.
+export const alarmName = ({rule, level}) => `${hasText(`rule_${rule}`) ? text(`rule_${rule}`) : rule}: ${text(`level_${level}`)}`;
 
 // Return who acknowledged an alarm, and when.
 export const acknowledgedText = ({acknowledged_by: name, acknowledged_ns: timeNs}) =>

@@ -1,9 +1,10 @@
-// The list of alerts, newest first: from when to when, what, the largest value, the limit, and who acknowledged it.
+// The list of alerts, newest first: from when to when, what, the largest value, the limit and whether it was reached, and who
+// acknowledged it. Without a gateway nobody knows whether an alert lasts, nor can acknowledge it.
 
-import {acknowledgedText} from "./acknowledge.js";
+import {acknowledgedText, alarmName} from "./acknowledge.js";
 import {degrees, isKnown} from "./number.js";
 import {setText} from "./facts.js";
-import {hasText, text} from "./texts.js";
+import {text} from "./texts.js";
 import {timeOfDay} from "./time.js";
 
 const CELLS = ["from", "to", "what", "largest", "limit", "by"];
@@ -17,7 +18,8 @@ export class AlertList {
   }
 
   // Rows stay the same elements while their values change, so that a button under a finger stays there.
-  show({since_ns: sinceNs, alerts}) {
+  show({since_ns: sinceNs, alerts}, gone) {
+    this.gone = gone;
     const time = timeOfDay(sinceNs);
     setText("alerts-title", text("alerts_of", {time}));
     setText("alerts-none", alerts.length === 0 ? text("no_alerts", {time}) : "");
@@ -31,15 +33,15 @@ export class AlertList {
   }
 
   fill(row, alert) {
-    const name = `${hasText(`rule_${alert.rule}`) ? text(`rule_${alert.rule}`) : alert.rule}: ${text(`level_${alert.level}`)}`;
+    const name = alarmName(alert);
     row.dataset.level = alert.level;
     row.classList.toggle("standing", alert.until_ns === null);
     const cells = [
       timeOfDay(alert.since_ns),
-      alert.until_ns === null ? text("alert_standing") : alert.is_cut ? text("never") : timeOfDay(alert.until_ns),
+      alert.is_cut || (this.gone && alert.until_ns === null) ? text("never") : alert.until_ns === null ? text("alert_standing") : timeOfDay(alert.until_ns),
       name,
       largest(alert),
-      isKnown(alert.limit_deg) ? degrees(alert.limit_deg) : "",
+      limit(alert),
     ];
     cells.forEach((content, i) => {
       if (row.cells[i].textContent !== content) row.cells[i].textContent = content;
@@ -48,7 +50,7 @@ export class AlertList {
   }
 
   fillLast(cell, alert, name) {
-    const waits = alert.acknowledged_by === null && alert.incident !== null;
+    const waits = alert.acknowledged_by === null && alert.incident !== null && !this.gone;
     const by = waits ? "" : alert.acknowledged_by === null ? text("not_acknowledged") : acknowledgedText(alert);
     const words = this.acknowledger.inNameOf("acknowledge");
     const shown = JSON.stringify([by, waits, name, words]);
@@ -68,6 +70,13 @@ export class AlertList {
 function largest({is_cut: isCut, largest_deg: largestDeg, limit_deg: limitDeg}) {
   if (!isCut || !isKnown(largestDeg)) return degrees(largestDeg);
   return isKnown(limitDeg) && largestDeg < limitDeg ? text("never") : `≥ ${degrees(largestDeg)}`;
+}
+
+// Return the limit of an alert, and why there was one below it.
+function limit({is_corrected: isCorrected, largest_deg: largestDeg, limit_deg: limitDeg}) {
+  if (!isKnown(limitDeg)) return "";
+  if (isCorrected) return text("limit_not_reached", {angle: degrees(limitDeg)});
+  return isKnown(largestDeg) && largestDeg < limitDeg ? text("limit_expected", {angle: degrees(limitDeg)}) : degrees(limitDeg);
 }
 
 const keyOf = (alert) => `${alert.incident ?? alert.rule} ${alert.since_ns}`;

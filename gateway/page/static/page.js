@@ -89,7 +89,7 @@ function sayBeside(verdict, topics) {
   verdict.sentence ??= sentence(verdict, state, value, steady.keep, link.ageS());
   if (verdict.word === "OK" && steady.shows("doing", "uncertain")) verdict.shape = "ring"; // no tick
   if (GONE.has(verdict.word) && verdict.also.includes("TRIP")) verdict.sentence = `${text("do_trip")} ${verdict.sentence}`;
-  const isBound = value?.isBound && steady.shows("doing", "rest");
+  const isBound = (steady.shows("bound", "bound") ? value?.staysBound : value?.isBound) && steady.shows("doing", "rest");
   return value && {...value, isBound: value.isResting && steady.keep("bound", isBound ? "bound" : "angle") === "bound"};
 }
 
@@ -111,7 +111,7 @@ function show() {
     showSwing(value, shown, verdict, waitedS);
     showFacts(state, waitedS);
     showReasons(verdict, state.topics, value);
-    alertList.show(state.alert_log);
+    alertList.show(state.alert_log, gone);
     mounting.draw(state.page.directions);
     showScreens(gone);
     if (gone) bullseye.clear();

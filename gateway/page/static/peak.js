@@ -5,6 +5,7 @@ import {isKnown} from "./number.js";
 
 const NORMAL_975 = 1.959964;
 export const SOON_S = 0.05; // a peak that comes sooner is the present angle
+const STAYS_BOUND = 2; // half intervals up to which a number stays an upper bound
 const ALIKE_DEG = 0.5; // a number further above the present angle is never shown as that
 
 // Return the next peak as alerts judge it (MotionEstimate.expected_peak): halfway between a pivot or gust that goes on and one
@@ -39,18 +40,19 @@ export function deciding(motion) {
 
 // Return the big number of a verdict, with its title and limits: the lean while a lean alarm decides, else the deciding angle; null
 // where it is not known. `halfDeg` is null where no interval can be stated; `isResting`: the load rests, and the angle is no more than
-// its lean, so that no peak is expected; `isBound`: it is then no more than its uncertainty, and its upper end says enough.
+// its lean, so that no peak is expected; `isBound`: it is then no more than its uncertainty, and its upper end says enough; `staysBound`:
+// a number that was shown so far as its upper end may be a little more.
 export function bigNumber(verdict, {motion, alert}, {warn_deg, trip_deg}) {
   const alarm = highest(alert);
   if (alarm?.rule === "lean") {
     if (!isKnown(alarm.estimate_deg)) return null;
     const limits = {warn_deg: null, trip_deg: alarm.limit_deg};
-    return {title: "leaning_angle", limits, angleDeg: alarm.estimate_deg, halfDeg: null, inS: 0, isResting: false, isBound: false};
+    return {title: "leaning_angle", limits, angleDeg: alarm.estimate_deg, halfDeg: null, inS: 0, isResting: false, isBound: false, staysBound: false};
   }
   const value = deciding(motion);
   if (value === null) return null;
   const isResting = motion.state === "rest" && Math.abs(value.angleDeg - (motion.lean_deg ?? 0)) <= value.halfDeg;
-  const isBound = isResting && value.angleDeg <= value.halfDeg && verdict.sound && alarm === null;
+  const isBelow = (share) => isResting && value.angleDeg <= share * value.halfDeg && verdict.sound && alarm === null;
   const [halfDeg, inS] = [verdict.sound ? value.halfDeg : null, isResting ? 0 : value.inS];
-  return {title: "deciding_angle", limits: {warn_deg, trip_deg}, angleDeg: value.angleDeg, halfDeg, inS, isResting, isBound};
+  return {title: "deciding_angle", limits: {warn_deg, trip_deg}, angleDeg: value.angleDeg, halfDeg, inS, isResting, isBound: isBelow(1), staysBound: isBelow(STAYS_BOUND)};
 }

@@ -4,7 +4,9 @@ import {setText} from "./facts.js";
 import {post, reasonOf} from "./post.js";
 import {text} from "./texts.js";
 
-const KEYS = ["1", "2", "3", "4", "5", "6", "7", "8", "9", "", "0", "⌫"];
+const DELETE = "⌫";
+const DIGITS = ["1", "2", "3", "4", "5", "6", "7", "8", "9", "", "0", DELETE];
+const LETTERS = [..."ABCDEFGHIJKLMNOPQRSTUVWXY", "", "Z", ".", " ", DELETE];
 const ASK_MS = 60000; // a session can expire
 
 const element = (id) => document.getElementById(id);
@@ -20,7 +22,8 @@ export class Person {
     element("sign").addEventListener("click", () => (this.name === null ? this.ask() : this.signOut()));
     // The next person finds the name of nobody else.
     this.dialog.addEventListener("close", () => { element("sign-in-name").value = element("sign-in-pin").value = ""; });
-    makeKeypad();
+    element("sign-in-name").addEventListener("click", () => makeKeypad(element("sign-in-name"), LETTERS));
+    element("sign-in-pin").addEventListener("focus", () => makeKeypad(element("sign-in-pin"), DIGITS));
     this.refresh();
     setInterval(() => this.refresh(), ASK_MS);
   }
@@ -46,15 +49,18 @@ export class Person {
     }));
   }
 
-  // Open the dialog; `after`, the acknowledgement that asked for it, is carried out once the PIN was right.
-  ask(after = null) {
+  // Open the dialog; `after`, the acknowledgement of the alarms `what` that asked for it, is carried out once the PIN was right.
+  ask(after = null, what = "") {
     this.after = after;
+    setText("sign-in-what", what);
     setText("sign-in-error", "");
     setText("sign-in-title", text(after === null ? "sign_in" : "sign_in_title"));
     setText("sign-in-submit", text(after === null ? "sign_in" : "acknowledge"));
     window.scrollTo(0, 0); // to the big number, on a phone
     if (!this.dialog.open) this.dialog.showModal();
     element("sign-in-name").focus();
+    if (this.offered === "") makeKeypad(element("sign-in-name"), LETTERS);
+    else makeKeypad(element("sign-in-pin"), DIGITS);
   }
 
   async signIn() {
@@ -82,15 +88,17 @@ export class Person {
   }
 }
 
-// Digits for a touch panel without a keyboard.
-function makeKeypad() {
-  const pin = element("sign-in-pin");
-  element("keypad").replaceChildren(...KEYS.map((key) => {
+// Put the keys of a field on a touch panel without a keyboard.
+function makeKeypad(field, keys) {
+  const keypad = element("keypad");
+  keypad.classList.toggle("letters", keys === LETTERS);
+  keypad.replaceChildren(...keys.map((key) => {
     if (!key) return document.createElement("span");
-    const button = Object.assign(document.createElement("button"), {type: "button", textContent: key});
-    if (key === "⌫") button.setAttribute("aria-label", text("delete"));
+    const button = Object.assign(document.createElement("button"), {type: "button", textContent: key === " " ? "␣" : key});
+    if (key === DELETE) button.setAttribute("aria-label", text("delete"));
+    if (key === " ") button.setAttribute("aria-label", text("space"));
     button.addEventListener("click", () => {
-      pin.value = key === "⌫" ? pin.value.slice(0, -1) : (pin.value + key).slice(0, pin.maxLength);
+      field.value = key === DELETE ? field.value.slice(0, -1) : (field.value + key).slice(0, field.maxLength);
     });
     return button;
   }));

@@ -70,7 +70,7 @@ function alarmForm(alarm, value, motion, ageS) {
   if (Math.max(alarm.largest_deg ?? 0, motion?.angle_deg ?? 0) >= alarm.limit_deg) {
     return isBelow ? "alarm_exceeded_passed" : "alarm_exceeded";
   }
-  if (value.angleDeg >= alarm.limit_deg && value.inS > ageS) return "alarm_coming";
+  if (value.angleDeg - halfDeg >= alarm.limit_deg && value.inS > ageS) return "alarm_coming";
   if (!isBelow) return "alarm_possible";
   return alarm.is_corrected ? "alarm_corrected_passed" : "alarm_passed";
 }

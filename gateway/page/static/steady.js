@@ -1,9 +1,9 @@
 // Holds what a text is about for a time, so that it can be read; that the load rests is said once it has rested for as long.
 
 const HELD_S = 2;
-const YIELDING = new Set(["rest", "bound", "alarm_coming", "uncertain"]); // not held against a number that denies them
+const YIELDING = new Set(["rest", "bound", "alarm_coming"]); // not held against a number that denies them
 const SLOW = new Set(["rest"]);
-const PRESSING = new Set(["uncertain", "alarm_exceeded", "alarm_coming"]); // said at once
+const PRESSING = new Set(["uncertain", "alarm_exceeded"]); // said at once
 
 export class Steady {
   constructor(clockS) {

@@ -264,9 +264,6 @@ def _recorded(period: AlertPeriod[AlertState]) -> RecordedAlert | None:
         return None
     is_before = first.statement.event == "standing"
     since_utc_ns = first.active.since_ns + first.time_ns - first.statement.log_time_ns
-    upper_deg, limit_deg = period.largest_upper_deg, highest.limit_deg
-    is_seen = period.ended == "cleared" and not is_before
-    is_below = is_seen and upper_deg is not None and limit_deg is not None and upper_deg < limit_deg
     is_unknown = period.present is not None and period.present.level == "unknown"
     return RecordedAlert(
         rule=period.rule,
@@ -277,8 +274,8 @@ def _recorded(period: AlertPeriod[AlertState]) -> RecordedAlert | None:
         ended=period.ended or ("unknown" if is_unknown else "standing"),
         largest_deg=period.largest_deg,
         largest_upper_deg=period.largest_upper_deg,
-        limit_deg=limit_deg,
-        is_corrected=is_below or any(step.statement.event == "corrected" for step in period.steps),
+        limit_deg=highest.limit_deg,
+        is_corrected=period.is_corrected,
         incident=period.incident,
         text=highest.text,
         acknowledged_by=None if known is None else known.statement.acknowledged_by,

@@ -206,6 +206,25 @@ def test_a_panel_without_keys_offers_names_and_digits(
     window.context.close()
 
 
+def test_a_panel_without_keys_offers_letters_for_another_name(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser
+) -> None:
+    gateway.scene.level = "trip"
+    window = _open(browser, page)
+    window.locator("#acknowledge").click()
+    expect(window.locator("#sign-in-what")).to_have_text(re.compile(r"^Swing: limit \d\d:\d\d$"))
+    window.locator("#sign-in-name").click()
+    for letter in "JOX":
+        window.locator("#keypad").get_by_role("button", name=letter, exact=True).click()
+    window.locator("#keypad").get_by_role("button", name="delete").click()
+    window.locator("#sign-in-pin").click()
+    for digit in PIN:
+        window.locator("#keypad button", has_text=digit).click()
+    window.locator("#sign-in button[type=submit]").click()
+    expect(window.locator("#acknowledged")).to_have_text(re.compile(r"✓ \d\d:\d\d JO$"))
+    window.context.close()
+
+
 def test_the_list_offers_a_button_for_an_alert_that_has_ended(
     gateway: FakeGateway, page: PageUnderTest, browser: Browser, services: Services
 ) -> None:

@@ -31,7 +31,7 @@ def test_only_a_correct_state_is_calm(shown_page: ShownPage) -> None:
     screen.text("#sentence", "Stop the hoist, end the move gently. Limit 6.0° exceeded.")
     gateway.scene.phi_max_deg, gateway.scene.ends_in_s = 2.0, 2.95
     screen.text("#phi", "2.0°")
-    screen.text("#sentence", "Limit 6.0° was exceeded. Becomes a warning in 3 s.")
+    screen.text("#sentence", "Limit 6.0° was exceeded. Becomes a warning in 3\u00a0s.")
 
     gateway.speaking.clear()
     screen.shows("STALE", "hourglass")

@@ -194,6 +194,7 @@ EDGES = """(at) => {
 @pytest.mark.parametrize("warning_at", ["4cqw", "65cqw"])
 def test_the_names_of_the_limits_stay_apart(shown_page: ShownPage, warning_at: str) -> None:
     window = _show(shown_page, "OK")
+    expect(window.locator("#gauge .mark.warn span")).to_be_visible()
     for size in (PANEL, DESKTOP, PHONE, SMALL_PHONE):
         _resize(window, size)
         warning, limit, gauge = window.evaluate(EDGES, warning_at)

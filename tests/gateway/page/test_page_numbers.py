@@ -28,7 +28,7 @@ def test_the_angle_is_updated(gateway: FakeGateway, page: PageUnderTest, browser
     gateway.scene.time_to_peak_s = 0.0  # the peak is now
     gateway.scene.angle_share = 1.0
     screen.text("#present", "3.4°")
-    screen.text("#interval", "± 0.2° (95 %)")
+    screen.text("#interval", "± 0.2°")
     expect(screen.page.locator("#bullseye")).to_have_attribute("aria-label", re.compile(r"swing 3.4° along \+x / \+y"))
     expect(screen.page.locator("#gauge")).to_have_attribute("aria-label", "3.4°, warning 4°, limit 6°")
     expect(screen.page.locator("#trend .line:not(.doubtful)")).to_have_count(1)
@@ -217,6 +217,26 @@ def test_angles_beyond_the_limit_are_told_apart_and_none_is_beyond_the_end(shown
     assert shares[-1] < 1
 
 
+LISTED = """([alert, gone]) => import('/alerts.js').then(({AlertList}) => {
+  const list = new AlertList(document.createElement('tbody'), {list: () => {}, inNameOf: () => 'Acknowledge'});
+  const known = {incident: 'b-1', rule: 'swing', level: 'trip', since_ns: 0, until_ns: 1e9, acknowledged_by: null, limit_deg: 6};
+  list.show({since_ns: 0, alerts: [{...known, ...alert}]}, gone);
+  return [...list.body.rows[0].cells].slice(1).map((cell) => cell.textContent);
+})"""
+
+
+def test_the_list_tells_which_limit_was_reached_and_nothing_that_nobody_knows(shown_page: ShownPage) -> None:
+    def listed(alert: dict[str, object], *, gone: bool = False) -> list[str]:
+        cells: list[str] = shown_page.screen.page.evaluate(LISTED, [alert, gone])
+        return cells
+
+    assert listed({"largest_deg": 6.5})[2:4] == ["6.5°", "6.0°"]
+    assert listed({"largest_deg": 5.1})[2:4] == ["5.1°", "6.0°, expected"]
+    assert listed({"largest_deg": 5.1, "is_corrected": True})[2:4] == ["5.1°", "6.0°, not reached"]
+    assert listed({"largest_deg": 6.5, "until_ns": None})[::4] == ["now", "Acknowledge"]
+    assert listed({"largest_deg": 6.5, "until_ns": None}, gone=True)[::4] == ["not known", "not acknowledged"]
+
+
 BEGIN = """([oldestS]) => import('/trend.js').then(({Trend}) => {
   const labels = document.createElement('div');
   const trend = new Trend(document.createElementNS('http://www.w3.org/2000/svg', 'svg'), labels, document.createElement('div'));
@@ -261,7 +281,7 @@ def test_no_swing_is_said_of_a_load_at_rest_alone(shown_page: ShownPage) -> None
     gateway, screen = shown_page
     gateway.scene.phi_max_deg, gateway.scene.phi_max_u_deg = 0.9, 0.9
     screen.text("#phi", "0.9°")
-    screen.text("#interval", "± 1.8° (95 %)")
+    screen.text("#interval", "± 1.8°")
     screen.text("#sentence", "Load swings.")
     gateway.scene.state = "rest"
     screen.text("#interval", "no swing detected")
@@ -271,7 +291,7 @@ def test_no_swing_is_said_of_a_load_at_rest_alone(shown_page: ShownPage) -> None
     screen.text("#phi", "0.9°")
     gateway.scene.level, gateway.scene.phi_max_u_deg = "normal", 0.1
     screen.text("#sentence", "Load at rest.")
-    screen.text("#interval", "± 0.2° (95 %)")
+    screen.text("#interval", "± 0.2°")
     gateway.scene.phi_max_deg = 2.3
     screen.text("#sentence", "Load swings.")
 
@@ -295,7 +315,7 @@ def test_the_list_has_the_largest_angle_of_an_alarm(shown_page: ShownPage) -> No
     gateway, screen = shown_page
     gateway.scene.level, gateway.scene.largest_deg, gateway.scene.ends_in_s = "trip", 7.92, 2.5
     screen.page.evaluate("location.hash = '#alerts'")
-    screen.text("#sentence", "Limit 6.0° was exceeded. Becomes a warning in 3 s.")
+    screen.text("#sentence", "Limit 6.0° was exceeded. Becomes a warning in 3\u00a0s.")
     screen.text("#alert-rows tr.standing td >> nth=3", "7.9°")
     beside = "() => getComputedStyle(document.getElementById('word'), '::after').content"
     assert "2.3°" in screen.page.evaluate(beside)  # the number that decides is in sight on every screen
