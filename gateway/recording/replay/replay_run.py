@@ -13,7 +13,7 @@ from gateway import __version__
 from gateway.calibration.record import CalibrationRecord
 from gateway.configuration.model import Configuration
 from gateway.errors import InputError
-from gateway.recording.chain.statements import describe_removed
+from gateway.recording.chain.missing_files import describe_hidden, missing_of
 from gateway.recording.format.salvage import SalvageReport, describe_losses, may_hide_messages
 from gateway.recording.format.segment_summary import SegmentSummary
 from gateway.recording.format.summary_builder import SummaryBuilder
@@ -61,7 +61,7 @@ class ReplayResult:
     notes: list[str] = field(default_factory=list)
     """Files that were left out, how exactly the results are compared, and from when on."""
     hidden: list[str] = field(default_factory=list)
-    """Segments that are missing in between, and what could not be read: nothing of it was compared."""
+    """Segments that are missing, and what could not be read: nothing of it was compared."""
     altered: list[str] = field(default_factory=list)
     """Files with a wrong checksum of which every message could be read."""
     is_from_start: bool = True
@@ -136,8 +136,8 @@ class ReplayRun:
             self._comparison,
             _summaries(self._recorded),
             _summaries(self._recomputed),
-            [*self._timeline.remarks, *self._notes],
-            [*describe_removed(self._timeline.chosen(selection)), *self._damaged(may_hide_messages)],
+            [*self._timeline.remarks, *missing_of(self._timeline).remarks, *self._notes],
+            [*describe_hidden(self._timeline, selection), *self._damaged(may_hide_messages)],
             self._damaged(lambda losses: losses.altered and not may_hide_messages(losses)),
             self._is_from_start,
         )
