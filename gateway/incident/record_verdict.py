@@ -13,8 +13,6 @@ from gateway.recording.chain.file_verification import FileVerification, verify_f
 from gateway.recording.chain.statements import REMOVED, name_missing
 
 GENUINE = "genuine, "
-WRONG_KEY = "WRONG KEY: "
-"""Definition: how a verification begins what it says of a file that another key has signed."""
 VerdictKind = Literal["genuine", "differs", "open"]
 
 
@@ -166,7 +164,7 @@ def _judge(chain: ChainVerification, key: str | None, said_by: str, refusal: str
     remarks = (*chain.remarks, *(f"{file.path.name}: {text}" for file in chain.files for text in file.remarks))
     if chain.answer == "differs" or refusal is not None:
         found = _problems(chain)
-        if found and all(WRONG_KEY in each for each in found):
+        if chain.is_of_other_key:
             label, alarm = "SIGNED BY ANOTHER KEY THAN THE ONE GIVEN", "Recordings signed by another key"
             remarks = (
                 "Either the key that was given is not that of this gateway, or another one wrote them.",

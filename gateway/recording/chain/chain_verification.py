@@ -15,7 +15,7 @@ from gateway.messages import NewestStatement
 from gateway.pki.signing_key import fingerprint
 from gateway.recording.chain.chain_files import place_destroyed
 from gateway.recording.chain.chain_state import STATE_NAME, ChainState
-from gateway.recording.chain.file_verification import FileVerification
+from gateway.recording.chain.file_verification import WRONG_KEY, FileVerification
 from gateway.recording.chain.missing_files import find_missing
 from gateway.recording.chain.statements import SIGNATURE, MissingSegments, Statement, hash_of, parse_statement
 from gateway.recording.reading.interval import iso_utc
@@ -29,6 +29,7 @@ CONSISTENT = (
     "consistent in itself only: nothing differs from what was signed, but whoever wrote the files may have signed them; "
     "give the gateway's public key with --key"
 )
+OTHER_KEY = "either it is not that of this gateway, or another one wrote these"
 LATEST_NS = 30_000_000_000
 """Samples may be recorded so much later than messages about the gateway itself, so that neighbouring segments overlap. Basis: on
 a busy host samples wait up to 25 s to be processed (`parts.MAX_WAITING_BLOCKS`), and a wireless sensor is some seconds late."""
@@ -83,6 +84,12 @@ class ChainVerification:
         return f"up to {iso_utc(min(to_ns for to_ns, _ in stated))}; {'; '.join(end for _, end in stated)}"
 
     @property
+    def is_of_other_key(self) -> bool:
+        """One key has signed everything as it is, and not the one that was given."""
+        found = [*self.problems, *(text for file in self.files for text in file.problems)]
+        return bool(found) and len(self.public_keys) == 1 and all(text.startswith(WRONG_KEY) for text in found)
+
+    @property
     def _copies(self) -> list[FileVerification]:
         return [file for file in self.files if file.copy]
 
@@ -90,7 +97,11 @@ class ChainVerification:
     def conclusion(self) -> str:
         """The answer as a sentence."""
         if self.answer == "differs":
-            return "NOT genuine: see above"
+            return (
+                f"NOT genuine by the key that was given: {OTHER_KEY}"
+                if self.is_of_other_key
+                else "NOT genuine: see above"
+            )
         said = [
             f"{file.path.name}: {file.copy}, not signed by the gateway: compare it with the originals"
             for file in self._copies
