@@ -119,6 +119,8 @@ class ReplayRun:
         """Before `_from_ns`."""
         self._waiting_note = ""
         """How the results are compared from `_from_ns` on; a note as soon as one is."""
+        self._why_not = ""
+        """Why they cannot be compared before that."""
         self._compared_up_to = ""
         """End of what was compared before the missing blocks; empty: nothing was."""
 
@@ -187,7 +189,7 @@ class ReplayRun:
         because a file that was not given may go on with it.
         """
         if self._compared_up_to:
-            self._note_tolerance()
+            self._note_end()
         self._missing_blocks, self._waiting_note = 0, ""
         torn_from_ns = LATEST_NS
         newest = self._newest
@@ -217,7 +219,17 @@ class ReplayRun:
         self._from_ns = max(self._from_ns, time_ns)
         up_to = f"up to {self._compared_up_to}, and " if self._compared_up_to else ""
         since = iso_utc(self._from_ns + step.clock.wall_offset_ns)
+        self._why_not = why
         self._waiting_note = f"{why}: compared {up_to}from {since} on, {AFTER_START.description}"
+
+    def _note_end(self) -> None:
+        """Note that nothing behind missing blocks was compared: the run ends, or what was asked for, before anything could be."""
+        newest = self._newest
+        left_ns = 0 if newest is None else max(0, newest.end_ns - self._from_ns + WARM_UP_NS)
+        self._notes.append(
+            f"{self._why_not}: compared up to {self._compared_up_to}, and nothing behind them: "
+            f"{WARM_UP_NS / 1e9:g} s would be needed, {left_ns / 1e9:.1f} s are left"
+        )
 
     def _note_tolerance(self) -> None:
         """Note how the results are compared, once something is."""
