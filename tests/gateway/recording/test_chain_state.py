@@ -20,8 +20,8 @@ from gateway.recording.chain.chain_state import (
     save_state,
 )
 from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
-from gateway.recording.chain.missing_files import LATER
 from gateway.recording.chain.file_verification import verify_file
+from gateway.recording.chain.missing_files import LATER
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.statements import Statement, hash_of
 from gateway.recording.format.content import segment_number
