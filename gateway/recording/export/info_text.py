@@ -141,7 +141,7 @@ class _InfoText:
         yield from _rest(others)
 
     def _alert(self, alert: RecordedAlert) -> str:
-        begin = "before" if alert.is_raised_before else "      "
+        begin = "since " if alert.is_raised_before else "      "
         if alert.to_utc_ns is None:
             end = "not known at the end" if alert.ended == "unknown" else "still raised at the end"
         else:
