@@ -156,7 +156,8 @@ class AlertsSection(Section):
         3.0,
         ge=0,
         le=600,
-        description="time below clear_deg after which an alert clears, or below 90 % of trip_deg until a trip steps down",
+        description="time below clear_deg after which an alert clears, or below 90 % of trip_deg until a trip steps down; an "
+        "unknown angle starts it anew",
     )
     lean_trip_deg: float = Field(3.0, gt=0, lt=90, description="trip level of the lean, which a side pull causes")
     stale_s: float = Field(1.0, ge=0.2, le=60, description="without a sample for this long the reading is stale")

@@ -9,6 +9,7 @@ from gateway.incident.gateway_runs import GatewayRestart, StateCourse
 from gateway.incident.sample_gaps import TimeGap
 from gateway.incident.setting_changes import (
     DEFAULT_FSYNC_S,
+    DEFAULT_HOLD_S,
     ConfigurationInForce,
     SettingChange,
 )
@@ -188,6 +189,11 @@ class Course:
         """Return how long the gateway may have run after what is recorded last, by the configuration in force."""
         known = [each.fsync_s for each in self.configurations if each.time_s <= time_s]
         return known[-1] if known else DEFAULT_FSYNC_S
+
+    def hold_s(self, time_s: float) -> float:
+        """Return how long an angle must be below the level at which an alert clears, by the configuration in force."""
+        known = [each.number("alerts.hold_s") for each in self.configurations if each.time_s <= time_s]
+        return DEFAULT_HOLD_S if not known or known[-1] is None else known[-1]
 
     def gateway_ns(self, time_s: float) -> int:
         """Return the gateway time of a time of the course."""

@@ -20,6 +20,7 @@ from gateway.incident.course_builder import CourseBuilder
 from gateway.incident.incident_selection import ALERTS, IncidentWindow
 from gateway.incident.sample_gaps import BlockPlace
 from gateway.messages import Health
+from gateway.recording.chain.missing_files import missing_of
 from gateway.recording.chain.statements import REMOVED, list_missing
 from gateway.recording.export.gaps import AbsenceCauses
 from gateway.recording.format import content as names
@@ -179,7 +180,9 @@ def _segments_to_check(
 
 
 def _end_cause(timeline: Timeline) -> str:
-    """Return why the recordings end, by the newest statement of the gateway on itself."""
+    """Return why the recordings end: something that followed is not there, or the newest statement of the gateway on itself."""
+    if following := missing_of(timeline).following(names.segment_number(timeline.segments[-1].origin)):
+        return following
     otherwise = REPAIRED_LATER if names.REPAIRED in timeline.segments[-1].metadata else CUT_OFF
     for segment in reversed(timeline.segments):
         stated = replace(timeline, segments=(segment,)).messages(Selection(None, None, frozenset({"/health"})))

@@ -97,6 +97,11 @@ class IncidentFacts:
     raised_s: float | None
     """Of an incident whose raise is not in the recordings: the earliest time at which it is known to have stood."""
     cleared_s: float | None
+    blind_s: tuple[float, float] | None
+    """Time without an angle that ends when the swing alert cleared, or so shortly before that the angle had not been below the
+    level at which it clears for the hold time; None: there is none."""
+    clear_deg: float | None
+    """The level at which the alert clears; None: it is not recorded."""
     angle: KnownAngle
     """Of the whole incident."""
     limit_deg: float | None
@@ -162,6 +167,8 @@ def incident_facts(
         end_s=end_s,
         raised_s=raised_s,
         cleared_s=None if cleared_ns is None else course.time_s(cleared_ns),
+        blind_s=None if incident is None or incident.rule != SWING.name else _blind_before_end(course, begin_s, end_s),
+        clear_deg=None if incident is None else incident.highest.clear_deg,
         angle=angle,
         limit_deg=limit_deg,
         rises=() if incident is None else _rises(course, incident, limit_deg, begin_s, end_s),
@@ -199,6 +206,17 @@ def _known_angle(
         unknown = int(np.count_nonzero(np.isnan(motion.angle_deg[inside])))
         unknown_s += unknown * float(np.median(np.diff(motion.time_s[inside])))
     return KnownAngle(_peak(course, inside), unknown_s, tuple(dict.fromkeys(missing)))
+
+
+def _blind_before_end(course: Course, begin_s: float, end_s: float) -> tuple[float, float] | None:
+    """Return the last time without an angle of an incident that ended with less than the hold time of known angles behind it."""
+    motion = course.motion
+    known_s = motion.time_s[(motion.time_s >= begin_s) & (motion.time_s <= end_s) & np.isfinite(motion.angle_deg)]
+    times_s = [begin_s, *known_s.tolist(), end_s]
+    blind = [
+        each for each in pairwise(times_s) if each[1] - each[0] > GRACE_S and each[1] > end_s - course.hold_s(end_s)
+    ]
+    return blind[-1] if blind else None
 
 
 def _peak(course: Course, inside: NDArray[np.bool_]) -> PeakAngle | None:

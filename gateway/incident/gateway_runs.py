@@ -7,7 +7,7 @@ from math import inf
 
 import numpy as np
 
-from gateway.incident.sample_gaps import TimeGap
+from gateway.incident.sample_gaps import RECORDINGS_END, TimeGap
 from gateway.numerics.array import Array
 
 HolesS = Sequence[tuple[float, float]]
@@ -68,6 +68,8 @@ class GatewayRestart:
     """Time from which on every alert rule was judged again; None: not before the run or the course ends."""
     unseen: str
     """Why the recordings have a hole between the two, so that when the gateway stopped is not known; empty: they have none."""
+    hole: TimeGap | None = None
+    """What is not in the recordings between the start and `judged_s`, so that whether alerts were judged is not known there."""
 
 
 @dataclass(slots=True)
@@ -97,16 +99,23 @@ class RunRegister:
         self, health: StateCourse, alert_levels: Mapping[str, StateCourse], gaps: Sequence[TimeGap]
     ) -> tuple[GatewayRestart, ...]:
         """Return the restarts in order of time; `gaps`: the times without samples."""
-        return tuple(
-            GatewayRestart(
-                before.end_s,
-                after.begin_s,
-                _last_state(health, before) == "stopping",
-                _judged_s(alert_levels, after),
-                next((gap.cause for gap in gaps if gap.is_hole and gap.within_s(before.end_s, after.begin_s) > 0), ""),
-            )
-            for before, after in pairwise(self.runs)
-        )
+        holes = [gap for gap in gaps if gap.is_hole and gap.cause != RECORDINGS_END]
+        return tuple(_restart(health, alert_levels, holes, before, after) for before, after in pairwise(self.runs))
+
+
+def _restart(
+    health: StateCourse,
+    alert_levels: Mapping[str, StateCourse],
+    holes: Sequence[TimeGap],
+    before: GatewayRun,
+    after: GatewayRun,
+) -> GatewayRestart:
+    judged_s = _judged_s(alert_levels, after)
+    until_s = after.end_s if judged_s is None else judged_s
+    unseen = next((hole.cause for hole in holes if hole.within_s(before.end_s, after.begin_s) > 0), "")
+    inside = next((hole for hole in holes if hole.within_s(after.begin_s, until_s) > 0), None)
+    is_announced = _last_state(health, before) == "stopping"
+    return GatewayRestart(before.end_s, after.begin_s, is_announced, judged_s, unseen, inside)
 
 
 def _last_state(states: StateCourse, run: GatewayRun) -> str | None:

@@ -131,7 +131,7 @@ def _health(health: Health | None) -> Pairs:
     faults = ", ".join(f"{name.replace('_', ' ')} {count}" for name, count in counts.items()) or "none"
     rate = "not known" if health.measured_rate_hz is None else f"{format_short(health.measured_rate_hz, 6)} Hz"
     return (
-        ("State at the end", health.state),
+        ("State as last stated", f"{health.state}, at {iso_utc(health.time_ns)}"),
         ("Device", f"{health.device_kind} {health.device_id or 'unknown'}"),
         ("Measured rate", rate),
         ("Samples since start", f"{health.samples}, {health.lost} lost, {health.invalid} invalid"),

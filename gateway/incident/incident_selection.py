@@ -7,7 +7,7 @@ from itertools import pairwise, takewhile
 from gateway.alert_periods import AlertPeriods, AlertState, AlertStep
 from gateway.errors import InputError, counted
 from gateway.messages import LEVEL_RANK, Alert, Level
-from gateway.recording.chain.statements import describe_removed
+from gateway.recording.chain.missing_files import describe_hidden
 from gateway.recording.format.content import CUT, segment_number
 from gateway.recording.format.salvage import describe_losses, may_hide_messages
 from gateway.recording.reading.interval import RecordingInterval, RecordingTime, iso_utc
@@ -195,7 +195,7 @@ def read_incidents(
     """
     hidden = [] if hidden is None else hidden
     found = find_incidents(_read_alerts(timeline, report, hidden))
-    hidden += describe_removed(timeline.segments)
+    hidden += describe_hidden(timeline)
     return found
 
 

@@ -1,6 +1,7 @@
 """An incident in words: its summary in plain sentences, whose numbers all stand in the recordings."""
 
 from collections.abc import Iterator, Sequence
+from math import inf
 
 from gateway.documents.format import (
     as_sentence,
@@ -234,9 +235,21 @@ def restart_text(clock: ReportClock, restart: GatewayRestart) -> str:
     if restart.started_s > clock.course.end_s:
         return f"The gateway {stopped} and was started again at {clock.both(restart.started_s)}, after the time of this report."
     times = f"{stopped} and was started again at {clock.time(restart.started_s)} UTC"
+    if restart.hole is not None:
+        hole = f"from {clock.time(restart.hole.begin_s)} to {clock.time(restart.hole.end_s)} UTC"
+        return (
+            f"The gateway {times}; {hole} the recordings have a gap ({restart.hole.cause}), so that whether alerts were judged "
+            "then is not known."
+        )
+    suspended = (begin_s for begin_s, _, by in clock.course.suspended.spans(clock.course.end_s) if by)
+    suspended_s = next((each for each in suspended if each >= restart.started_s), inf)
+    until_s = inf if restart.judged_s is None else restart.judged_s
+    if suspended_s < until_s:
+        length = format_fixed(suspended_s - restart.stopped_s, 1)
+        return f"The gateway {times}: alerts were not judged for {length} s, until they were suspended."
     if restart.judged_s is None:
         return f"The gateway {times}: as far as this report goes, no alert was judged from then on."
-    return f"The gateway {times}: alerts were not judged for {format_fixed(restart.judged_s - restart.stopped_s, 1)} s."
+    return f"The gateway {times}: alerts were not judged for {format_fixed(until_s - restart.stopped_s, 1)} s."
 
 
 def _when_it_ended(
@@ -260,6 +273,11 @@ def _when_it_ended(
         least = "at least " if incident.is_raised_before else ""
         after = f", {least}{after_s} s after it began" if facts.cleared_s > facts.raised_s else ""
         yield f"It cleared at {clock.both(facts.cleared_s)}{after}."
+        if facts.blind_s is not None:
+            from_s, to_s = facts.blind_s
+            unknown = "No angle was known" if course.is_whole(from_s, to_s) else "The recordings have no angle"
+            level = "the limit" if facts.clear_deg is None else f"{format_limit(facts.clear_deg)}°"
+            yield f"{unknown} from {clock.time(from_s)} to {clock.time(to_s)} UTC: when it fell below {level} is not known."
         if incident.is_raised_before:
             own = next(change.text for change in reversed(incident.changes) if change.event == "cleared")
             yield f"The gateway's own words: {printable_text(own, MAX_WORDS_CHARACTERS)}."

@@ -2,18 +2,17 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from pathlib import Path
 from typing import Literal
 
 from gateway.errors import counted
 from gateway.pki.signing_key import KeyFileError, fingerprint
-from gateway.recording.chain.chain_state import STATE_NAME
 from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
-from gateway.recording.chain.file_verification import verify_file
+from gateway.recording.chain.file_verification import FileVerification, verify_file
+from gateway.recording.chain.statements import REMOVED, name_missing
 
 GENUINE = "genuine, "
-WRONG_KEY = "WRONG KEY: "
-"""Definition: how a verification begins what it says of a file that another key has signed."""
 VerdictKind = Literal["genuine", "differs", "open"]
 
 
@@ -42,10 +41,16 @@ class RecordVerdict:
     """Those of the sentences that say what differs."""
     alarm: str = ""
     """What differs, in some words above everything else; empty: nothing does."""
+    first: int = 1
+    """Number of the first file."""
     is_from_first: bool = False
-    """The files begin with the first segment: there are no earlier ones."""
+    """There are no earlier files, or they would have been missed."""
     is_to_newest: bool = False
     """Later files would have been missed."""
+    lost: tuple[str, ...] = ()
+    """Which segments are missing or destroyed among these files, or behind them, each as a clause."""
+    untold: str = ""
+    """Why it cannot be told whether later ones are missing, as a clause; empty: it can, or was not looked at."""
     alterable: tuple[AlterableEnd, ...] = ()
 
     @property
@@ -55,17 +60,24 @@ class RecordVerdict:
 
 
 def scope_text(checked: int, given: int, verdict: RecordVerdict) -> str:
-    """Return which of the files that were given were checked, as a sentence."""
-    if checked == given:
-        missed = "all that were given"
-        if verdict.is_from_first and verdict.is_to_newest:
-            return f"Checked: {counted(checked, 'file')}, {missed}, from the gateway’s first one to its newest."
-        others = {(True, False): "later ones", (False, True): "earlier ones"}
-        which = others.get((verdict.is_from_first, verdict.is_to_newest), "others")
-        return f"Checked: {counted(checked, 'file')}, {missed}; whether {which} are missing was not."
-    rest = given - checked
-    report = f"the {counted(checked, 'file')} that this report is made from"
-    return f"Checked: {report}; the other {rest} {'was' if rest == 1 else 'were'} not."
+    """Return which of the files that were given, and can be read, were checked, as a sentence."""
+    lost = "".join(f"; {each}" for each in verdict.lost)
+    if checked != given:
+        rest = given - checked
+        report = f"the {counted(checked, 'file')} that this report is made from{lost}"
+        return f"Checked: {report}; the other {rest} {'was' if rest == 1 else 'were'} not."
+    files = f"{counted(checked, 'file')}, all that were given{' and can be read' if verdict.lost else ''}"
+    if verdict.is_from_first and verdict.is_to_newest:
+        first = (
+            "the gateway’s first one"
+            if verdict.first == 1
+            else f"segment {verdict.first}, the first one that the gateway has left,"
+        )
+        return f"Checked: {files}{lost or f', from {first} to its newest'}."
+    others = {(True, False): "later ones", (False, True): "earlier ones"}
+    which = others.get((verdict.is_from_first, verdict.is_to_newest), "others")
+    why = f" cannot be told ({verdict.untold})" if verdict.untold else " was not"
+    return f"Checked: {files}{lost}; whether {which} are missing{why}."
 
 
 def judge_recordings(
@@ -75,18 +87,23 @@ def judge_recordings(
     said_by: str = "",
     refusal: str | None = None,
     ends_in: Path | None = None,
+    folders: Sequence[Path] = (),
     is_extract: bool = False,
+    destroyed: Sequence[FileVerification] = (),
 ) -> RecordVerdict:
     """Verify the files of a report.
 
     `is_extract`: what was given is not a whole data folder, so that files may have been removed from it unnoticed;
     `key`: the gateway's public key, None: not known; `said_by`: the key and who says that it is the gateway's, as a sentence;
     `refusal`: why the site's CA does not vouch for it, None: it does, or was not asked. Files that are not given cannot be
-    missed, but those behind the last one where its folder is given, which `ends_in` names: only `record verify` of the whole
-    folder states that none was removed. Raises `RecordingError` where a file cannot be read.
+    missed, but those behind the last one where its folder is given, which `ends_in` names, and any of `folders` where all of
+    their files are used; `destroyed`: files that were given and cannot be read, in their places. Raises `RecordingError` where a
+    file cannot be read.
     """
     try:
-        chain = verify_chain([verify_file(path, key) for path in paths], (), key, ends_in=ends_in)
+        files = [verify_file(path, key) for path in paths]
+        files += _between(files, destroyed, has_first=bool(folders), has_newest=ends_in is not None)
+        chain = verify_chain(files, folders, key, ends_in=ends_in)
     except KeyFileError as error:
         return RecordVerdict("open", "not verified", (f"{error}.",))
     verdict = _judge(chain, key, said_by, refusal)
@@ -94,10 +111,36 @@ def judge_recordings(
         verdict = replace(verdict, kind="open", label=verdict.label.removeprefix(GENUINE))
     return replace(
         verdict,
-        is_from_first=chain.segments[:1] == [1],
-        is_to_newest=ends_in is not None and (ends_in / STATE_NAME).exists(),
+        first=(chain.segments or [0])[0],
+        is_from_first=bool(folders) or chain.segments[:1] == [1],
+        is_to_newest=ends_in is not None and not chain.unproven,
+        lost=tuple(_lost(chain)),
+        untold=", and ".join(chain.unproven),
         alterable=tuple(_alterable_ends(chain)),
     )
+
+
+def _between(
+    files: Sequence[FileVerification],
+    destroyed: Sequence[FileVerification],
+    *,
+    has_first: bool,
+    has_newest: bool,
+) -> list[FileVerification]:
+    """Return the destroyed files between others, and those before and behind them where nothing else is there."""
+    numbers = [file.segment for file in files if file.segment is not None]
+    first = 0 if has_first else min(numbers, default=0)
+    last = inf if has_newest else max(numbers, default=0)
+    return [file for file in destroyed if (has_first if file.segment is None else first < file.segment <= last)]
+
+
+def _lost(chain: ChainVerification) -> Iterator[str]:
+    if removed := [each for each in chain.missing if each.reason == REMOVED]:
+        yield f"{name_missing(removed)} missing"
+    for file in chain.files:
+        if file.is_destroyed:
+            number = "" if file.segment is None else f", segment {file.segment},"
+            yield f"{file.path.name}{number} is destroyed"
 
 
 def _alterable_ends(chain: ChainVerification) -> Iterator[AlterableEnd]:
@@ -121,7 +164,7 @@ def _judge(chain: ChainVerification, key: str | None, said_by: str, refusal: str
     remarks = (*chain.remarks, *(f"{file.path.name}: {text}" for file in chain.files for text in file.remarks))
     if chain.answer == "differs" or refusal is not None:
         found = _problems(chain)
-        if found and all(WRONG_KEY in each for each in found):
+        if chain.is_of_other_key:
             label, alarm = "SIGNED BY ANOTHER KEY THAN THE ONE GIVEN", "Recordings signed by another key"
             remarks = (
                 "Either the key that was given is not that of this gateway, or another one wrote them.",

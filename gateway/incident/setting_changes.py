@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from gateway.configuration.model import RecorderSection
+from gateway.configuration.model import AlertsSection, RecorderSection
 from gateway.configuration.proposal import Value, flatten
 from gateway.documents.format import format_limit, human_name, printable_text
 from gateway.file_input import parse_json, parse_toml
@@ -18,6 +18,7 @@ MAX_WORDS_CHARACTERS = 260
 MAX_VALUE_CHARACTERS = 80
 """Longest value of a setting in a sentence. Basis: a choice; a line."""
 DEFAULT_FSYNC_S = RecorderSection().fsync_s
+DEFAULT_HOLD_S = AlertsSection().hold_s
 RIG_SECTIONS = ("rope", "housing", "site", "device")
 """With these the motion is computed."""
 KEY_CHANGE = re.compile(r"(?P<key>[\w.]+): (?P<before>.+) -> (?P<after>.+)")

@@ -81,7 +81,7 @@ def run_export(arguments: argparse.Namespace) -> int:
     """Export the recordings; return 3 where something of them could not be read."""
     from gateway.cli.progress import ProgressBar
     from gateway.errors import InputError
-    from gateway.recording.chain.statements import describe_removed
+    from gateway.recording.chain.missing_files import describe_hidden
     from gateway.recording.reading.timeline import open_timeline
 
     target = next(path for path in (arguments.csv, arguments.parquet, arguments.mcap) if path is not None)
@@ -95,11 +95,11 @@ def run_export(arguments: argparse.Namespace) -> int:
     selection = timeline.select(interval(arguments))
     with ProgressBar(f"writing {target}") as bar:
         count, notes, has_losses = _write(arguments, timeline, selection, bar.update)
-    removed = describe_removed(timeline.chosen(selection))
-    for note in (*timeline.remarks, *removed, *notes):
+    hidden = describe_hidden(timeline, selection)
+    for note in (*timeline.remarks, *hidden, *notes):
         print(f"plumbline record: {note}", file=sys.stderr)
     print(f"{target}: {count} {'messages' if arguments.topic else 'samples'}")
-    return WITH_LOSSES if has_losses or removed else 0
+    return WITH_LOSSES if has_losses or hidden else 0
 
 
 def _write(

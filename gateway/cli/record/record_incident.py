@@ -124,6 +124,7 @@ def _list(
 ) -> int:
     """Print the incidents with their numbers, and what hides others."""
     from gateway.cli.output import show
+    from gateway.recording.chain.missing_files import missing_of
     from gateway.recording.reading.interval import iso_utc
 
     offset_ns = timeline.span().wall_offset_ns
@@ -149,7 +150,7 @@ def _list(
     if hidden:
         lines += ["", "not all is here, others may have been, and the numbers may be other than in the originals:"]
         lines += [f"  {each}" for each in hidden]
-    elif _is_extract(arguments, timeline):
+    elif missing_of(timeline).untold:
         lines += ["", "those in files that are not given, or that somebody has removed, are not among these"]
     show("\n".join(lines), rows, arguments.json)
     return WITH_LOSSES if hidden else 0
@@ -161,13 +162,13 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
     from gateway.cli.progress import ProgressBar
     from gateway.incident.incident_report import PAGE_FILE, write_report
     from gateway.incident.record_verdict import judge_recordings
+    from gateway.recording.chain.missing_files import missing_of
 
     known = key_of_recordings(arguments.key, arguments.ca, [segment.path for segment in timeline.segments])
     refusal = None if known.vouched is None else known.vouched.refusal
     made = datetime.now(tz=UTC)
     origin = datetime.fromtimestamp((window.origin_ns + timeline.span().wall_offset_ns) / 1e9, tz=UTC)
-    newest = timeline.segments[-1].path
-    is_folder = _is_folder(arguments, timeline)
+    newest, missing = timeline.segments[-1].path, missing_of(timeline)
     folder = arguments.out or Path(f"incident-{origin:%Y%m%dT%H%M%SZ}")
     with ProgressBar("reading the incident") as bar:
         written = write_report(
@@ -179,8 +180,10 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
                 known.public_key,
                 said_by=known.said_by,
                 refusal=refusal,
-                ends_in=newest.parent if is_folder and newest in paths else None,
-                is_extract=_is_extract(arguments, timeline),
+                ends_in=newest.parent if newest in paths and newest.parent in timeline.given.folders else None,
+                folders=timeline.given.folders if len(paths) == len(timeline.segments) else (),
+                is_extract=bool(missing.untold),
+                destroyed=missing.destroyed,
             ),
             computed={
                 "Made by": f"plumbline {__version__}",
@@ -196,19 +199,6 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
     lines.append(f"report: {folder / PAGE_FILE}")
     show("\n".join(lines), written.content, arguments.json)
     return EXIT_CODES[written.verification.kind]
-
-
-def _is_folder(arguments: argparse.Namespace, timeline: "Timeline") -> bool:
-    """Return whether the folder of the newest segment was given, and not some of its files."""
-    given = {path.resolve() for path in arguments.paths if path.is_dir()}
-    return timeline.segments[-1].path.resolve().parent in given
-
-
-def _is_extract(arguments: argparse.Namespace, timeline: "Timeline") -> bool:
-    """Return whether files may be missing unnoticed, because some were named, or nothing states which one is the newest."""
-    from gateway.recording.chain.chain_state import has_sound_state
-
-    return not (_is_folder(arguments, timeline) and has_sound_state(timeline.segments[-1].path.parent))
 
 
 def smooth_motion(recording: Path, begin_ns: int, end_ns: int) -> "MotionAroundPeak | None":

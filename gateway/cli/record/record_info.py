@@ -17,7 +17,8 @@ INFO_EXAMPLE = """examples:
     "info",
     "print what is in recordings: times, alerts, calibrations, gaps, faults, losses, topics",
     "Print what is in recordings: times, alerts from raised to cleared, changes of calibration and clock, gaps, "
-    "faults, losses and topics. The segments of a gateway are one timeline; several gateways are printed one by one.",
+    "faults, losses and topics. The segments of a gateway are one timeline; several gateways are printed one by one. Exit code "
+    "3: something is missing, destroyed, altered or cannot be read.",
     INFO_EXAMPLE,
     *SELECTION_OPTIONS,
     JSON_OPTION,
@@ -38,4 +39,4 @@ def run_info(arguments: argparse.Namespace) -> int:
             found.append(summarise_timeline(timeline, chosen, bar.update))
     content = [info.as_json() for info in found] if len(found) > 1 else found[0].as_json()
     show("\n\n".join(info_text(info, is_local=arguments.local) for info in found), content, arguments.json)
-    return WITH_LOSSES if any(is_damaged(info.losses) for info in found) else 0
+    return WITH_LOSSES if any(info.hidden or is_damaged(info.losses) for info in found) else 0

@@ -40,8 +40,7 @@ PLAY_EXAMPLE = """examples:
     "Compute every result again from the raw samples, with the recorded configuration and calibration, and "
     "compare it with the recorded one: byte for byte with the same software, NumPy and machine, within a stated "
     "tolerance elsewhere. With another calibration or configuration: a table of what it would have said. Exit code 1: "
-    "something differs; 3: a segment is missing in the middle, something could not be read, a checksum is wrong, or "
-    "nothing could be compared.",
+    "something differs; 3: a segment is missing, something could not be read, a checksum is wrong, or nothing could be compared.",
     REPLAY_EXAMPLE,
     *SELECTION_OPTIONS,
     option("--calibration", type=Path, metavar="RECORD.json", help="another calibration record"),

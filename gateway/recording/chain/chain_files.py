@@ -5,12 +5,13 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 
+from devices.errors import RecordingError
 from gateway.pki.signing_key import KEY_NAME
 from gateway.recording.chain.chain_state import STATE_NAME, ChainStateError, list_aside, read_state
 from gateway.recording.chain.file_verification import FileVerification
 from gateway.recording.chain.statements import SIGNATURE, parse_deletions, parse_statement
 from gateway.recording.format.salvage import NotMcapError
-from gateway.recording.reading.recording_file import read_index
+from gateway.recording.reading.recording_file import SegmentIndex, read_index
 from gateway.recording.reading.timeline import list_recordings
 
 MARKS = STATE_NAME, KEY_NAME, ".lock", "alerts", "calibration", "page-pin"
@@ -42,7 +43,7 @@ def is_data_folder(folder: Path) -> bool:
     return any((folder / name).exists() for name in MARKS) or bool(list_aside(folder))
 
 
-def group_by_chain(paths: Sequence[Path]) -> list[ChainFiles]:
+def group_by_chain(paths: Sequence[Path], index_of: Callable[[Path], SegmentIndex] = read_index) -> list[ChainFiles]:
     """Return the files of each chain, in the order of their first files.
 
     What a file claims is not checked here: a false claim differs from what was signed in whichever chain it stands. Raises
@@ -55,10 +56,10 @@ def group_by_chain(paths: Sequence[Path]) -> list[ChainFiles]:
     problems: list[NotMcapError] = []
     for path in paths:
         try:
-            claims = _claims(path)
+            claims = _claims(index_of(path))
         except NotMcapError as error:
             problems.append(error)
-            silent.append(ChainFiles(destroyed=[_destroyed(path, error)]))
+            silent.append(ChainFiles(destroyed=[destroyed_file(path, error)]))
             continue
         if claims:
             _join(
@@ -137,9 +138,9 @@ def entire_folders(files: Sequence[FileVerification], folders: Sequence[Path]) -
     return {*folders, *(each for each in named if {path.resolve() for path in list_recordings([each])} <= given)}
 
 
-def _claims(path: Path) -> set[str]:
+def _claims(index: SegmentIndex) -> set[str]:
     """Return the gateway and the key that the last statement in a file names."""
-    statement = parse_statement(read_index(path).metadata.get(SIGNATURE, {}).get("statement", ""))
+    statement = parse_statement(index.metadata.get(SIGNATURE, {}).get("statement", ""))
     return set() if statement is None else {f"gateway {statement.gateway}", f"key {statement.public_key}"} - {"key "}
 
 
@@ -156,7 +157,9 @@ def _join(chains: list[ChainFiles], new: ChainFiles) -> None:
     chains[:] = [chain for chain in chains if chain not in common[1:]]
 
 
-def _destroyed(path: Path, error: NotMcapError) -> FileVerification:
+def destroyed_file(path: Path, error: RecordingError) -> FileVerification:
+    """Return what is said of a file that is no MCAP file any more, or cannot be read for another reason."""
     reason = str(error).removeprefix(f"{path}: ").partition(";")[0]
-    problems = [f"DESTROYED: {reason}, and nothing of what was recorded is left in it"]
+    problem = f"DESTROYED: {reason}, and nothing of what was recorded is left in it"
+    problems = [problem if isinstance(error, NotMcapError) else f"NOT READ: {reason}"]
     return FileVerification(path, path.stat().st_size, is_destroyed=True, problems=problems)

@@ -3,9 +3,8 @@
 The key may be given, or found by what the CA of the site says of it in the segments.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
-from functools import reduce
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
@@ -14,24 +13,11 @@ from gateway.bus.known_gateways import RefuseKey
 from gateway.file_input import parse_json
 from gateway.messages import NewestStatement
 from gateway.pki.signing_key import fingerprint
-from gateway.recording.chain.chain_files import entire_folders, is_data_folder, place_destroyed
-from gateway.recording.chain.chain_state import STATE_NAME, ChainState, ChainStateError, read_state
-from gateway.recording.chain.file_verification import FileVerification
-from gateway.recording.chain.statements import (
-    NOT_GIVEN,
-    REMOVED,
-    SIGNATURE,
-    DeletionStatement,
-    MissingSegments,
-    Statement,
-    describe_missing,
-    has_signature,
-    hash_of,
-    is_forged,
-    list_missing,
-    parse_deletions,
-    parse_statement,
-)
+from gateway.recording.chain.chain_files import place_destroyed
+from gateway.recording.chain.chain_state import STATE_NAME, ChainState
+from gateway.recording.chain.file_verification import WRONG_KEY, FileVerification
+from gateway.recording.chain.missing_files import find_missing
+from gateway.recording.chain.statements import SIGNATURE, MissingSegments, Statement, hash_of, parse_statement
 from gateway.recording.reading.interval import iso_utc
 from gateway.recording.reading.recording_file import read_index
 
@@ -39,12 +25,11 @@ Answer = Literal["genuine", "unsigned_end", "extract", "consistent", "copy", "di
 """Everything is as the key signed that was given; what was signed is, and the end of a file was not; what is here is, and others
 may be missing; everything is as the recordings say themselves, whoever wrote them; a file was made of recordings, and never
 signed; something is not as it was signed."""
-OTHERS = "whether others were removed, an extract cannot tell"
-LATER = f"whether later ones were removed, a folder without a sound {STATE_NAME} cannot tell"
 CONSISTENT = (
     "consistent in itself only: nothing differs from what was signed, but whoever wrote the files may have signed them; "
     "give the gateway's public key with --key"
 )
+OTHER_KEY = "either it is not that of this gateway, or another one wrote these"
 LATEST_NS = 30_000_000_000
 """Samples may be recorded so much later than messages about the gateway itself, so that neighbouring segments overlap. Basis: on
 a busy host samples wait up to 25 s to be processed (`parts.MAX_WAITING_BLOCKS`), and a wireless sensor is some seconds late."""
@@ -70,6 +55,8 @@ class ChainVerification:
     untold: str = ""
     """What cannot be told of others, where files were named, or the folder lacks some, or what would tell the newest; empty: none
     was removed."""
+    unproven: tuple[str, ...] = ()
+    """Why it cannot be told of a folder whether later ones were removed."""
 
     @property
     def answer(self) -> Answer:
@@ -97,6 +84,12 @@ class ChainVerification:
         return f"up to {iso_utc(min(to_ns for to_ns, _ in stated))}; {'; '.join(end for _, end in stated)}"
 
     @property
+    def is_of_other_key(self) -> bool:
+        """One key has signed everything as it is, and not the one that was given."""
+        found = [*self.problems, *(text for file in self.files for text in file.problems)]
+        return bool(found) and len(self.public_keys) == 1 and all(text.startswith(WRONG_KEY) for text in found)
+
+    @property
     def _copies(self) -> list[FileVerification]:
         return [file for file in self.files if file.copy]
 
@@ -104,7 +97,11 @@ class ChainVerification:
     def conclusion(self) -> str:
         """The answer as a sentence."""
         if self.answer == "differs":
-            return "NOT genuine: see above"
+            return (
+                f"NOT genuine by the key that was given: {OTHER_KEY}"
+                if self.is_of_other_key
+                else "NOT genuine: see above"
+            )
         said = [
             f"{file.path.name}: {file.copy}, not signed by the gateway: compare it with the originals"
             for file in self._copies
@@ -177,107 +174,34 @@ def verify_chain(
         problems += _between(before, first, after, second)
     named = tuple(dict.fromkeys(statement.gateway for _, statement in stated))
     heard, remembered = ([each for each in given if each.gateway in named] for given in (heard, remembered))
-    states, unproven = _read_states(numbered, [*folders, *filter(None, [ends_in])], problems)
-    problems += _not_whole(numbered, states, [*heard, *remembered])
-    remarks += unproven
-    deletions = _join_deletions([file for file, _ in stated], states, problems)
-    proven = max([0, *(state.final_segment for state in states), *(each.segment for each in heard)])
-    newest = max([proven, *(each.segment for each in remembered)])
-    entire = entire_folders(files, folders)
-    missing = _missing(numbered, newest, deletions, is_whole=bool(folders))
-    if not any(is_data_folder(folder) for folder in entire):
-        missing = tuple(_not_given(missing, proven))
-    is_part = any(each.reason == NOT_GIVEN for each in missing)
+    found = find_missing(
+        files, folders, [each.segment for each in heard], [each.segment for each in remembered], ends_in
+    )
+    problems += found.forged
+    problems += _not_whole(numbered, found.states, [*heard, *remembered])
+    remarks += found.remarks
     last = max((file.segment or 0 for file in numbered), default=0)
-    is_begun_later = bool(numbered) and not folders and (numbered[0].segment or 0) > 1
-    removed, deleted = describe_missing(missing, deletions)
     for number in sorted({statement.rebuilt_before for _, statement in stated} - {0}):
         remarks.append(
             f"before segment {number} the gateway had lost {STATE_NAME} and went on from its recordings: "
             "whether later ones had been there, and what the quota had just deleted, cannot be proved"
         )
-    if stated and stated[-1][1].repaired and newest <= last:
+    if stated and stated[-1][1].repaired and found.newest <= last:
         remarks.append(
             f"segment {last} was completed at a later start of the gateway: what it recorded from then on is not in these files"
         )
     return ChainVerification(
         (*numbered, *others),
-        missing,
-        (*problems, *removed),
-        (*deleted, *remarks),
+        found.missing,
+        (*problems, *found.removed),
+        (*found.deleted, *remarks),
         keys,
         key is not None,
         named,
-        max(newest, last) if is_part or is_begun_later else None,
-        OTHERS if not folders or is_part else LATER if unproven else "",
+        found.extract_of,
+        found.untold,
+        found.unproven,
     )
-
-
-def _not_given(missing: Sequence[MissingSegments], proven: int) -> Iterator[MissingSegments]:
-    """Yield what is missing of an extract: of its beginning and end only what is `proven` to belong here was removed."""
-    for each in missing:
-        if each.reason != REMOVED or each.place == "middle" or (each.place == "end" and each.last <= proven):
-            yield each
-        elif each.place == "end" and each.first <= proven:
-            yield replace(each, last=proven)
-            yield replace(each, first=proven + 1, reason=NOT_GIVEN)
-        else:
-            yield replace(each, reason=NOT_GIVEN)
-
-
-def _read_states(
-    numbered: Sequence[FileVerification], folders: Sequence[Path], problems: list[str]
-) -> tuple[list[ChainState], list[str]]:
-    """Return what the gateway has saved in the folders, and where that is missing, what cannot be proved without it."""
-    states, unproven = [], []
-    for folder in folders:
-        here = [file for file in numbered if file.path.parent == folder]
-        signed = [file.statement for file in here if file.statement is not None and file.statement.public_key]
-        try:
-            state, reason = read_state(folder), f"{folder}: has no {STATE_NAME}"
-        except ChainStateError as error:
-            state, reason = None, str(error)
-        if state is not None and signed and is_forged(state, signed, signed[-1].public_key):
-            problems.append(f"FORGED: {folder / STATE_NAME} is not signed with the key of the recordings")
-            state, reason = None, f"{folder / STATE_NAME}: is not signed"
-        elif state is not None and signed and not state.signature:
-            states.append(ChainState(deletions=state.deletions))  # by a version that signed the deletions in it alone
-            state, reason = None, f"{folder / STATE_NAME}: is not signed"
-        if state is not None:
-            states.append(state)
-        elif any(file.is_final for file in here):
-            unproven.append(f"{reason}: whether segments after {here[-1].segment} were removed cannot be proved")
-    return states, unproven
-
-
-def _join_deletions(
-    stated: Sequence[FileVerification], states: Sequence[ChainState], problems: list[str]
-) -> DeletionStatement:
-    """Return all that is stated about deletions; of files without such statements, the largest number that they state."""
-    statements = [file.statement for file in stated if file.statement is not None]
-    key = statements[-1].public_key if statements else ""
-    found = [found for file in stated if (found := parse_deletions(file.deletions)) is not None]
-    for state in states:
-        if state.deletions and statements:
-            if (statement := parse_deletions(state.deletions)) and has_signature(state.deletions, statement, key):
-                found.append(statement)
-            else:
-                problems.append(
-                    f"FORGED: what {STATE_NAME} says of deletions is not signed with the key of the recordings"
-                )
-    if found:
-        return reduce(DeletionStatement.including, found)
-    largest = max((statement.deleted_up_to for statement in statements), default=0)
-    return DeletionStatement(gateway="", unstated_up_to=largest)
-
-
-def _missing(
-    numbered: Sequence[FileVerification], newest: int, stated: DeletionStatement, *, is_whole: bool
-) -> tuple[MissingSegments, ...]:
-    found = sorted({file.segment for file in numbered if file.segment is not None})
-    if not found:
-        return ()
-    return list_missing(found, 1 if is_whole else found[0], newest, stated)
 
 
 def _exchanged(numbered: Sequence[FileVerification]) -> list[str]:

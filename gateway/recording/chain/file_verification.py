@@ -36,6 +36,8 @@ SHOWN_RECORDS = 3
 """Damaged records that a message names. Basis: a choice; one line of a terminal."""
 TORN = bytes(16)
 """What a power failure leaves at the end of a record of which the length was written. Basis: compressed data do not end so."""
+WRONG_KEY = "WRONG KEY: "
+"""Definition: how a verification begins what it says of a file that another key has signed."""
 LEAST_SHOWN_S = 0.05
 """A shorter time at the end of a file is told in bytes. Definition: seconds are printed to a tenth."""
 
@@ -313,7 +315,9 @@ class _FileCheck:
         if self._key is not None and statement.public_key != self._key:
             given = fingerprint(self._key)
             used = f"signed with the key {fingerprint(statement.public_key)}" if statement.public_key else "not signed"
-            self._problem(f"WRONG KEY: {used}, not with {given}")
+            text = f"{WRONG_KEY}{used}, not with {given}"
+            if text not in self._found.problems:  # each chunk of a file has a signature
+                self._problem(text)
 
     def _check_end(self, frame: Frame, place: int) -> None:
         """Check that nothing unsigned is before the end of the data, and that what follows it is made from them."""

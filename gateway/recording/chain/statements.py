@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Literal
 from gateway.file_input import decode_json
 from gateway.pki.signing_key import is_valid
 from gateway.recording.chain.chain_state import ChainState, SegmentNumber, is_signed
-from gateway.recording.format.content import segment_number
 
 if TYPE_CHECKING:
     from gateway.recording.reading.recording_file import SegmentIndex
@@ -212,7 +211,7 @@ def describe_missing(missing: Iterable[MissingSegments], stated: DeletionStateme
     problems, remarks = [], []
     ordered = sorted(missing, key=lambda each: (each.place, each.reason, each.quota_mb or 0.0))
     for (place, reason, quota_mb), group in groupby(ordered, lambda each: (each.place, each.reason, each.quota_mb)):
-        which = f"{_list(list(group))} missing {'in' if place == 'middle' else 'at'} the {place}"
+        which = f"{name_missing(list(group))} missing {'in' if place == 'middle' else 'at'} the {place}"
         if reason == REMOVED:
             problems.append(f"REMOVED: {which}; nothing signed speaks of a deletion by the gateway")
         elif reason == NOT_STATED:
@@ -231,13 +230,6 @@ def join_stated(segments: "Sequence[SegmentIndex]") -> DeletionStatement:
     records = {each.metadata.get(DELETIONS, {}).get("statement", ""): each.metadata for each in segments}
     found = (parse_deletions(metadata.get(DELETIONS, {})) for metadata in records.values())
     return reduce(DeletionStatement.including, filter(None, found), DeletionStatement(gateway=""))
-
-
-def describe_removed(segments: "Sequence[SegmentIndex]") -> list[str]:
-    """Return sentences about the segments that are missing between these, and that the gateway does not state to have deleted."""
-    numbers = sorted({segment_number(each.origin) for each in segments} - {0})
-    stated = join_stated(segments)
-    return describe_missing(list_missing(numbers, numbers[0], numbers[-1], stated), stated)[0] if numbers else []
 
 
 def _explain(gaps: Iterable[tuple[int, int, Place]], stated: DeletionStatement) -> Iterator[MissingSegments]:
@@ -269,7 +261,8 @@ def _unexplained(first: int, last: int, place: Place, stated: DeletionStatement)
         yield MissingSegments(removed_from, last, place, REMOVED)
 
 
-def _list(missing: Sequence[MissingSegments]) -> str:
+def name_missing(missing: Sequence[MissingSegments]) -> str:
+    """Return the numbers of segments, with the verb that belongs to them."""
     count = sum(each.last - each.first + 1 for each in missing)
     shown = ", ".join(
         str(each.first) if each.first == each.last else f"{each.first} to {each.last}" for each in missing[:SHOWN]

@@ -130,7 +130,8 @@ class _InfoText:
         alerts = self.info.alerts
         trips = sum(alert.level == "trip" for alert in alerts)
         yield ""
-        of_them = f"{len(alerts)}, of them {counted(trips, 'trip')}"
+        least = "at least " if self.info.hidden else ""
+        of_them = f"{least}{len(alerts)}, of them {least}{counted(trips, 'trip')}"
         yield f"alerts: {of_them}; no statement on the swing for {self.info.unknown_s:.1f} s"
         others = 0
         for alert in alerts:
@@ -140,7 +141,7 @@ class _InfoText:
         yield from _rest(others)
 
     def _alert(self, alert: RecordedAlert) -> str:
-        begin = "before" if alert.is_raised_before else "      "
+        begin = "since " if alert.is_raised_before else "      "
         if alert.to_utc_ns is None:
             end = "not known at the end" if alert.ended == "unknown" else "still raised at the end"
         else:

@@ -3,14 +3,15 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from devices.errors import RecordingError
 from gateway import messages
-from gateway.recording.chain.statements import describe_removed
+from gateway.recording.chain.missing_files import describe_hidden, missing_of
 from gateway.recording.export.gaps import RecordingGap, SampleInfo, describe_overlaps, join_samples
 from gateway.recording.format import content as names
-from gateway.recording.format.salvage import SalvageReport, sum_losses
+from gateway.recording.format.salvage import SalvageReport, describe_losses, may_hide_messages, sum_losses
 from gateway.recording.format.segment_summary import (
     CalibrationState,
     ClockChange,
@@ -83,7 +84,9 @@ class RecordingInfo:
     """The file, or the first and the last."""
     files: list[FileInfo]
     remarks: list[str]
-    """Files that were left out, and files that overlap."""
+    """Files that were left out, files that are missing, and files that overlap."""
+    hidden: list[str]
+    """What was recorded and is missing or cannot be read: alerts may have been in it."""
     size_bytes: int
     closed: bool
     """Every file was closed properly."""
@@ -152,7 +155,8 @@ def summarise_timeline(
         raise RecordingError(
             f"{timeline.name}: has no readable message in this interval; choose another, or another file"
         )
-    return _build_info(timeline, read, files, is_whole=interval == WHOLE_RECORDING)
+    hidden = describe_hidden(timeline, selection)
+    return _build_info(timeline, read, files, hidden, is_whole=interval == WHOLE_RECORDING)
 
 
 def _read(timeline: Timeline, segment: SegmentIndex, selection: Selection) -> ReadSegment:
@@ -182,6 +186,7 @@ def _build_info(
     timeline: Timeline,
     read: Sequence[tuple[SegmentIndex, SegmentSummary]],
     files: list[FileInfo],
+    hidden: list[str],
     *,
     is_whole: bool,
 ) -> RecordingInfo:
@@ -200,9 +205,11 @@ def _build_info(
         files=files,
         remarks=[
             *timeline.remarks,
-            *describe_removed([segment for segment, _ in read]),
+            *hidden,
+            *missing_of(timeline).remarks,
             *describe_overlaps(read),
         ],
+        hidden=[*hidden, *_unreadable(files)],
         size_bytes=size_bytes,
         closed=all(file.closed for file in files),
         losses=sum_losses([file.losses for file in files]),
@@ -232,6 +239,12 @@ def _build_info(
         largest_angle=largest_peak([summary.largest_angle for summary in summaries]),
         verdict_s=verdicts_s(summaries),
     )
+
+
+def _unreadable(files: Sequence[FileInfo]) -> list[str]:
+    """Return a line for each file of which something cannot be read."""
+    damaged = (each for each in files if may_hide_messages(each.losses))
+    return [f"{Path(each.path).name}: {', '.join(describe_losses(each.losses))}" for each in damaged]
 
 
 def _calibration_changes(summaries: Sequence[SegmentSummary]) -> list[CalibrationState]:

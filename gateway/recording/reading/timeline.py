@@ -98,6 +98,18 @@ class ReadSegment:
     losses: SalvageReport
 
 
+@dataclass(frozen=True, slots=True)
+class GivenFiles:
+    """Everything that was given, of which timelines are made."""
+
+    folders: tuple[Path, ...] = ()
+    """Those that are given as a whole."""
+    indexes: dict[Path, SegmentIndex] = field(default_factory=dict)
+    """Of each file that can be read, also of those that are left out."""
+    unread: dict[Path, RecordingError] = field(default_factory=dict)
+    """Files that cannot be read, and why."""
+
+
 @dataclass(slots=True)
 class Timeline:
     """The segments of one gateway in order of time."""
@@ -106,6 +118,7 @@ class Timeline:
     segments: tuple[SegmentIndex, ...]
     remarks: tuple[str, ...] = ()
     """Files that were left out, and why."""
+    given: GivenFiles = field(default_factory=GivenFiles)
     _read: dict[Path, ReadSegment] = field(default_factory=dict)
 
     @property
@@ -211,15 +224,22 @@ def open_timelines(paths: Sequence[Path]) -> list[Timeline]:
     Raises `RecordingError` where a file that was named cannot be read, or nothing has a message.
     """
     named = {path for path in paths if not path.is_dir()}
+    given = GivenFiles(tuple(path for path in paths if path.is_dir()))
     segments: list[SegmentIndex] = []
     problems: list[RecordingError] = []
     for file in list_recordings(paths):
         try:
-            segments.append(_open_segment(file))
+            given.indexes[file] = read_index(file)
         except RecordingError as error:
-            if file in named and not isinstance(error, NoMessageError):
+            if file in named:
                 raise
+            given.unread[file] = error
             problems.append(error)
+            continue
+        if given.indexes[file].is_empty:
+            problems.append(NoMessageError(f"{file}: has no message; the gateway was stopped before it wrote one"))
+        else:
+            segments.append(given.indexes[file])
     if not segments:
         raise problems[0]
     segments, copies = _without_copies(segments)
@@ -227,7 +247,7 @@ def open_timelines(paths: Sequence[Path]) -> list[Timeline]:
     remarks = (*(f"{problem}; it is left out" for problem in problems), *copies, *replaced)
     names = sorted({segment.gateway for segment in segments})
     timelines = [
-        Timeline(name, _in_order(each for each in segments if each.gateway == name), remarks) for name in names
+        Timeline(name, _in_order(each for each in segments if each.gateway == name), remarks, given) for name in names
     ]
     return sorted(timelines, key=lambda timeline: timeline.segments[0].from_ns)
 
@@ -262,13 +282,6 @@ def _list_folder(folder: Path) -> list[Path]:
     if not files:
         raise RecordingError(f"{folder}: contains no .mcap file; choose another folder")
     return files
-
-
-def _open_segment(path: Path) -> SegmentIndex:
-    index = read_index(path)
-    if index.is_empty:
-        raise NoMessageError(f"{path}: has no message; the gateway was stopped before it wrote one")
-    return index
 
 
 def _in_order(segments: Iterable[SegmentIndex]) -> tuple[SegmentIndex, ...]:

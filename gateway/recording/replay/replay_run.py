@@ -13,7 +13,7 @@ from gateway import __version__
 from gateway.calibration.record import CalibrationRecord
 from gateway.configuration.model import Configuration
 from gateway.errors import InputError
-from gateway.recording.chain.statements import describe_removed
+from gateway.recording.chain.missing_files import describe_hidden, missing_of
 from gateway.recording.format.salvage import SalvageReport, describe_losses, may_hide_messages
 from gateway.recording.format.segment_summary import SegmentSummary
 from gateway.recording.format.summary_builder import SummaryBuilder
@@ -61,7 +61,7 @@ class ReplayResult:
     notes: list[str] = field(default_factory=list)
     """Files that were left out, how exactly the results are compared, and from when on."""
     hidden: list[str] = field(default_factory=list)
-    """Segments that are missing in between, and what could not be read: nothing of it was compared."""
+    """Segments that are missing, and what could not be read: nothing of it was compared."""
     altered: list[str] = field(default_factory=list)
     """Files with a wrong checksum of which every message could be read."""
     is_from_start: bool = True
@@ -119,6 +119,8 @@ class ReplayRun:
         """Before `_from_ns`."""
         self._waiting_note = ""
         """How the results are compared from `_from_ns` on; a note as soon as one is."""
+        self._why_not = ""
+        """Why they cannot be compared before that."""
         self._compared_up_to = ""
         """End of what was compared before the missing blocks; empty: nothing was."""
 
@@ -136,8 +138,8 @@ class ReplayRun:
             self._comparison,
             _summaries(self._recorded),
             _summaries(self._recomputed),
-            [*self._timeline.remarks, *self._notes],
-            [*describe_removed(self._timeline.chosen(selection)), *self._damaged(may_hide_messages)],
+            [*self._timeline.remarks, *missing_of(self._timeline).remarks, *self._notes],
+            [*describe_hidden(self._timeline, selection), *self._damaged(may_hide_messages)],
             self._damaged(lambda losses: losses.altered and not may_hide_messages(losses)),
             self._is_from_start,
         )
@@ -187,7 +189,7 @@ class ReplayRun:
         because a file that was not given may go on with it.
         """
         if self._compared_up_to:
-            self._note_tolerance()
+            self._note_end()
         self._missing_blocks, self._waiting_note = 0, ""
         torn_from_ns = LATEST_NS
         newest = self._newest
@@ -217,7 +219,17 @@ class ReplayRun:
         self._from_ns = max(self._from_ns, time_ns)
         up_to = f"up to {self._compared_up_to}, and " if self._compared_up_to else ""
         since = iso_utc(self._from_ns + step.clock.wall_offset_ns)
+        self._why_not = why
         self._waiting_note = f"{why}: compared {up_to}from {since} on, {AFTER_START.description}"
+
+    def _note_end(self) -> None:
+        """Note that nothing behind missing blocks was compared: the run ends, or what was asked for, before anything could be."""
+        newest = self._newest
+        left_ns = 0 if newest is None else max(0, newest.end_ns - self._from_ns + WARM_UP_NS)
+        self._notes.append(
+            f"{self._why_not}: compared up to {self._compared_up_to}, and nothing behind them: "
+            f"{WARM_UP_NS / 1e9:g} s would be needed, {left_ns / 1e9:.1f} s are left"
+        )
 
     def _note_tolerance(self) -> None:
         """Note how the results are compared, once something is."""

@@ -16,6 +16,7 @@ from gateway.pipeline.outgoing_message import OutgoingMessage
 from gateway.pki.signing_key import read_public_key
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.reading.timeline import open_timeline
+from gateway.recording.segments.compaction import compact
 from tests.gateway.incident.conftest import text_of, write_report_of
 from tests.gateway.recorded_crane import HastyCrane, RecordedCrane
 from tests.gateway.recording.recorded_crane import BOOT_ID
@@ -28,8 +29,8 @@ ACKNOWLEDGED_S, END_S = 52.0, 58.0
 
 
 @pytest.fixture(scope="module")
-def acknowledged(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The recordings of an incident that somebody acknowledges twenty seconds after its end."""
+def compacted(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The recordings of an incident that somebody acknowledges twenty seconds after its end, each file signed as a whole."""
     folder = tmp_path_factory.mktemp("acknowledged") / "data"
     crane = HastyCrane(folder)
     crane.record(ACKNOWLEDGED_S)
@@ -41,7 +42,20 @@ def acknowledged(tmp_path_factory: pytest.TempPathFactory) -> Path:
     crane.write(OutgoingMessage("alert", crane.newest_ns, known))
     crane.record(END_S - ACKNOWLEDGED_S)
     crane.close()
+    shutil.copytree(folder, as_closed(folder))
+    for path in crane.recorder.take_uncompacted():
+        compact(path, crane.chain)
     return folder
+
+
+def as_closed(folder: Path) -> Path:
+    return folder.with_name("as closed")
+
+
+@pytest.fixture(scope="module")
+def acknowledged(compacted: Path) -> Path:
+    """The same as the gateway closed them, without the state of their chain."""
+    return as_closed(compacted)
 
 
 Change = Callable[[list[Path]], None]
@@ -208,3 +222,86 @@ def test_a_replay_says_what_was_not_replayed(
 ) -> None:
     assert main(["record", "replay", str(damaged_copies[name]), "--to", "50"]) == 3
     assert words in next(line for line in capsys.readouterr().out.splitlines() if "not replayed: " in line)
+
+
+@pytest.fixture
+def copy(compacted: Path, tmp_path: Path) -> Path:
+    return shutil.copytree(compacted, tmp_path / "data")
+
+
+@pytest.fixture
+def key(compacted: Path) -> str:
+    return read_public_key(str(compacted / "signing-key.pem.pub"))
+
+
+DESTROYED = "DESTROYED: is empty, and nothing of what was recorded is left in it"
+LOST = {
+    "no first": (0, "REMOVED: segment 1 is missing at the beginning", ""),
+    "no last": (-1, "REMOVED: segment 6 is missing at the end", "segment 6 is missing."),
+    "emptied": (-1, DESTROYED, "{name}, segment 6, is destroyed"),
+    "emptied first": (0, DESTROYED, ""),
+    "emptied inside": (1, DESTROYED, ""),
+}
+
+
+@pytest.mark.parametrize("name", LOST)
+def test_all_commands_tell_the_same_of_what_is_removed_or_emptied(
+    copy: Path, key: str, name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    place, said, said_of_the_end = LOST[name]
+    lost = sorted(copy.glob("*.mcap"))[place]
+    if said == DESTROYED:
+        lost.write_bytes(b"")
+    else:
+        lost.unlink()
+    commands = {
+        ("verify", str(copy), "--key", key): 1,
+        ("incident", str(copy), "--list"): 3,
+        ("info", str(copy)): 3,
+        ("replay", str(copy)): 3,
+        ("incident", str(copy), "--margin", "60", "--key", key, "--out", str(tmp_path / "report")): 1,
+    }
+    printed = ""
+    for command, code in commands.items():
+        assert main(["record", *command]) == code, command
+        printed = capsys.readouterr().out
+        assert said in printed, command
+        assert ("REMOVED" in printed) == ("REMOVED" in said), printed
+    assert "from the gateway’s first one to its newest" not in printed
+    assert "other incidents may have been" in printed
+    page = text_of(tmp_path / "report" / "incident.html")
+    assert f"The recordings went on: {said_of_the_end.format(name=lost.name)}" in page or not said_of_the_end
+
+
+@pytest.mark.parametrize("is_absent", [False, True])
+def test_a_report_does_not_know_of_later_files_without_a_sound_state(
+    copy: Path, key: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, *, is_absent: bool
+) -> None:
+    state = copy / "chain.json"
+    max(copy.glob("*.mcap")).unlink()
+    state.write_text(state.read_text().replace('_segment":6', '_segment":5'))
+    why = "chain.json is damaged, or was changed: its checksum is wrong"
+    if is_absent:
+        state.unlink()
+        why = "the folder has no chain.json"
+    report = str(tmp_path / "report")
+    assert main(["record", "incident", str(copy), "--margin", "60", "--key", key, "--out", report]) == 3
+    printed = capsys.readouterr().out
+    assert f"; whether later ones are missing cannot be told ({why})." in printed
+    assert "its newest" not in printed
+
+
+def test_what_is_missing_behind_an_interval_is_nothing_to_it(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    max(copy.glob("*.mcap")).unlink()
+    assert main(["record", "info", str(copy), "--to", "20"]) == 0
+    assert "REMOVED" not in capsys.readouterr().out
+
+
+def test_info_counts_at_least_the_alerts_that_can_be_read(
+    damaged_copies: dict[str, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, least in (("whole", ""), ("flipped", "at least "), ("hole", "at least ")):
+        assert main(["record", "info", str(damaged_copies[name])]) == (3 if least else 0)
+        (counted,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("alerts: "))
+        assert counted.startswith(f"alerts: {least}")
+        assert f", of them {least}" in counted

@@ -65,6 +65,33 @@ def test_an_angle_that_was_not_known_for_a_part_may_have_been_larger(unknown: in
     assert told.endswith("for 3.0 s of this time it was not known.") == (unknown == 30)
 
 
+@pytest.mark.parametrize(
+    ("unknown_s", "said"),
+    [
+        ((5.0, 18.0), "No angle was known from 00:00:04.9 to 00:00:18.0 UTC: when it fell below 3.0° is not known."),
+        ((5.0, 20.1), "No angle was known from 00:00:04.9 to 00:00:20.0 UTC: when it fell below 3.0° is not known."),
+        ((5.0, 15.0), ""),
+        ((18.0, 18.5), ""),
+    ],
+)
+def test_an_alarm_that_cleared_behind_a_time_without_an_angle_is_told_so(
+    unknown_s: tuple[float, float], said: str
+) -> None:
+    """It clears at 20 s, after 3 s below the level; up to a second without an angle is no loss of sight."""
+    trip = active("swing", "trip", "b-1")
+    stated: list[tuple[float, object]] = [(1.0, alert("raised", "swing", trip, incident="b-1"))]
+    for number in range(220):
+        is_unknown = unknown_s[0] <= 0.1 * number < unknown_s[1]
+        angle_deg = None if is_unknown else 7.0 if number < 100 else 1.0
+        stated.append((0.1 * number, Motion(**HEAD, state="free", angle_deg=angle_deg, u_deg=0.1, reasons=[], text="")))
+    stated.append((20.0, alert("cleared", "swing", incident="b-1")))
+    alerts = [(ORIGIN_NS + round(time_s * 1e9), each) for time_s, each in stated if isinstance(each, Alert)]
+    (found,) = find_incidents(alerts)
+    course = built(*stated).course(ORIGIN_NS, ORIGIN_NS + 22_000_000_000)
+    sentences = summary_sentences(course, found, incident_facts(course, found))
+    assert [each for each in sentences if "when it fell below" in each] == ([said] if said else [])
+
+
 def test_who_acknowledged_a_warning_has_not_acknowledged_the_trip_that_followed() -> None:
     warning, trip = active("swing", "warn", "b-1"), active("swing", "trip", "b-1")
     known = replace(alert("acknowledged", "swing", warning, incident="b-1"), acknowledged_by="bob")

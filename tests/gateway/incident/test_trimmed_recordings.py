@@ -111,6 +111,8 @@ def test_the_list_says_which_incident_was_raised_before(trimmed: Path, capsys: p
     assert row["raised"] < iso_utc(START_NS + 11 * 10**9)
     assert main(["record", "incident", str(trimmed), "--list"]) == 0
     assert "  before 2026-01-01T00:00:" in capsys.readouterr().out
+    assert main(["record", "info", str(trimmed)]) == 0
+    assert "  since  2026-01-01 00:00:" in capsys.readouterr().out
 
 
 def test_the_begin_of_a_run_is_no_loss(recorded: RecordedCrane) -> None:

@@ -19,8 +19,9 @@ from gateway.recording.chain.chain_state import (
     read_state,
     save_state,
 )
-from gateway.recording.chain.chain_verification import LATER, ChainVerification, verify_chain
+from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
 from gateway.recording.chain.file_verification import verify_file
+from gateway.recording.chain.missing_files import LATER
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.statements import Statement, hash_of
 from gateway.recording.format.content import segment_number

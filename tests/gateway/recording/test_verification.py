@@ -363,6 +363,19 @@ def test_the_command_names_the_difference_and_exits_with_one(
     assert "--key nonsense" in capsys.readouterr().err
 
 
+def test_another_key_is_told_once_for_each_file_and_called_so(
+    segments: list[Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["record", "verify", str(segments[0].parent), "--key", "0" * 64]) == 1
+    *lines, last = capsys.readouterr().out.splitlines()
+    assert sum("WRONG KEY" in line for line in lines) == len(segments)
+    assert last == (
+        "NOT genuine by the key that was given: either it is not that of this gateway, or another one wrote these"
+    )
+    verdict = judge_recordings(segments, "0" * 64)
+    assert (len(verdict.problems), verdict.label) == (len(segments), "SIGNED BY ANOTHER KEY THAN THE ONE GIVEN")
+
+
 def test_a_file_that_is_no_key_is_refused_with_the_remedy(tmp_path: Path) -> None:
     path = tmp_path / "signing-key.pem"
     path.write_text("no key")
