@@ -72,11 +72,11 @@ function largest({is_cut: isCut, largest_deg: largestDeg, limit_deg: limitDeg}) 
   return isKnown(limitDeg) && largestDeg < limitDeg ? text("never") : `≥ ${degrees(largestDeg)}`;
 }
 
-// Return the limit of an alert, and why there was one below it.
-function limit({is_corrected: isCorrected, largest_deg: largestDeg, limit_deg: limitDeg}) {
+// Return the limit of an alert, and why there was one below it; of one that was not followed to its end nobody knows.
+function limit({is_corrected: isCorrected, is_cut: isCut, largest_deg: largestDeg, limit_deg: limitDeg}) {
   if (!isKnown(limitDeg)) return "";
   if (isCorrected) return text("limit_not_reached", {angle: degrees(limitDeg)});
-  return isKnown(largestDeg) && largestDeg < limitDeg ? text("limit_expected", {angle: degrees(limitDeg)}) : degrees(limitDeg);
+  return isKnown(largestDeg) && largestDeg < limitDeg && !isCut ? text("limit_expected", {angle: degrees(limitDeg)}) : degrees(limitDeg);
 }
 
 const keyOf = (alert) => `${alert.incident ?? alert.rule} ${alert.since_ns}`;

@@ -57,10 +57,13 @@ let announced = null;
 let announcedS = -Infinity;
 let knownS = nowS(); // when the angle was last known, or never
 let wasKnown = false; // of this gateway, or of one before its restart
-let shownLast = null; // the last number of the load that stood here, and when
+let shownLast = null; // the last angle that was shown, none that was expected, and when
 
 const link = new Link(
-  (history) => trend.take(history),
+  (history) => {
+    trend.take(history);
+    person.refresh(); // a gateway that has started again knows nobody
+  },
   (pushed) => {
     state = pushed;
     trend.add(pushed.points ?? []);
@@ -204,7 +207,7 @@ function showReasons(verdict, {condition, motion, health}, value) {
 function showSwing(value, topics, verdict, waitedS) {
   const {motion} = topics;
   document.body.classList.toggle("doubtful", !verdict.sound);
-  if (value !== null && verdict.sound) shownLast = {angleDeg: value.angleDeg, atS: nowS()};
+  if (value !== null && verdict.sound) shownLast = {angleDeg: value.inS > 0 ? motion?.angle_deg : value.angleDeg, atS: nowS()};
   setText("angle-title", text(value?.title ?? "deciding_angle"));
   setText("bound", value?.isBound ? "≤ " : "");
   element("word").dataset.number = value === null ? "" : degrees(value.angleDeg);

@@ -5,6 +5,7 @@ import {isKnown} from "./number.js";
 
 const NORMAL_975 = 1.959964;
 export const SOON_S = 0.05; // a peak that comes sooner is the present angle
+const MAX_BOUND_DEG = 1; // a larger upper end is no sign of rest
 const STAYS_BOUND = 2; // half intervals up to which a number stays an upper bound
 const ALIKE_DEG = 0.5; // a number further above the present angle is never shown as that
 
@@ -52,7 +53,8 @@ export function bigNumber(verdict, {motion, alert}, {warn_deg, trip_deg}) {
   const value = deciding(motion);
   if (value === null) return null;
   const isResting = motion.state === "rest" && Math.abs(value.angleDeg - (motion.lean_deg ?? 0)) <= value.halfDeg;
-  const isBelow = (share) => isResting && value.angleDeg <= share * value.halfDeg && verdict.sound && alarm === null;
+  const canBeBound = isResting && value.angleDeg + value.halfDeg <= MAX_BOUND_DEG && verdict.sound && alarm === null;
+  const isBelow = (share) => canBeBound && value.angleDeg <= share * value.halfDeg;
   const [halfDeg, inS] = [verdict.sound ? value.halfDeg : null, isResting ? 0 : value.inS];
   return {title: "deciding_angle", limits: {warn_deg, trip_deg}, angleDeg: value.angleDeg, halfDeg, inS, isResting, isBound: isBelow(1), staysBound: isBelow(STAYS_BOUND)};
 }

@@ -3,7 +3,8 @@
 const HELD_S = 2;
 const YIELDING = new Set(["rest", "bound", "alarm_coming"]); // not held against a number that denies them
 const SLOW = new Set(["rest"]);
-const PRESSING = new Set(["uncertain", "alarm_exceeded"]); // said at once
+const PRESSING = new Set(["uncertain", "alarm_exceeded", "alarm_coming"]); // said at once
+const WEAKER = {alarm_coming: "alarm_possible"}; // denies nothing of what was said
 
 export class Steady {
   constructor(clockS) {
@@ -18,10 +19,15 @@ export class Steady {
     const held = this.forms.get(part);
     if (!SLOW.has(form) || held === undefined || held.form === form) this.awaited.delete(part);
     else if (now - this.askedS(part, now) < HELD_S) return held.form;
-    if (held !== undefined && held.form !== form && !PRESSING.has(form) && !YIELDING.has(held.form) && now - held.sinceS < HELD_S) return held.form;
+    if (held !== undefined && held.form !== form && !PRESSING.has(form) && !this.yields(held.form, form) && now - held.sinceS < HELD_S) return held.form;
     if (held?.form !== form) this.forms.set(part, {form, sinceS: now});
     return form;
   };
+
+  // Return whether a form gives way at once to another one that is true.
+  yields(held, form) {
+    return YIELDING.has(held) && WEAKER[held] !== form;
+  }
 
   // Return since when a slow form has been asked for without a break.
   askedS(part, now) {

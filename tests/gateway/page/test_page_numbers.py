@@ -233,6 +233,7 @@ def test_the_list_tells_which_limit_was_reached_and_nothing_that_nobody_knows(sh
     assert listed({"largest_deg": 6.5})[2:4] == ["6.5°", "6.0°"]
     assert listed({"largest_deg": 5.1})[2:4] == ["5.1°", "6.0°, expected"]
     assert listed({"largest_deg": 5.1, "is_corrected": True})[2:4] == ["5.1°", "6.0°, not reached"]
+    assert listed({"largest_deg": 5.1, "is_cut": True})[2:4] == ["not known", "6.0°"]
     assert listed({"largest_deg": 6.5, "until_ns": None})[::4] == ["now", "Acknowledge"]
     assert listed({"largest_deg": 6.5, "until_ns": None}, gone=True)[::4] == ["not known", "not acknowledged"]
 
@@ -270,7 +271,7 @@ def test_no_interval_stands_beside_a_doubt(shown_page: ShownPage) -> None:
         screen.shows(word, shape)
         for number in ("#phi", "#present", "#lean"):
             screen.text(number, "—")
-        expect(screen.page.locator("#interval")).to_have_text(re.compile(r"^not known; was 2\.3° "))
+        expect(screen.page.locator("#interval")).to_have_text(re.compile(r"^not known; was 1\.1° "))
     gateway.scene.condition = "disturbed"
     screen.text("#also", "also: DISTURBED")
     screen.text("#phi", "—")
@@ -279,17 +280,17 @@ def test_no_interval_stands_beside_a_doubt(shown_page: ShownPage) -> None:
 
 def test_no_swing_is_said_of_a_load_at_rest_alone(shown_page: ShownPage) -> None:
     gateway, screen = shown_page
-    gateway.scene.phi_max_deg, gateway.scene.phi_max_u_deg = 0.9, 0.9
-    screen.text("#phi", "0.9°")
-    screen.text("#interval", "± 1.8°")
+    gateway.scene.phi_max_deg, gateway.scene.phi_max_u_deg = 0.3, 0.3
+    screen.text("#phi", "0.3°")
+    screen.text("#interval", "± 0.6°")
     screen.text("#sentence", "Load swings.")
     gateway.scene.state = "rest"
     screen.text("#interval", "no swing detected")
-    screen.text("#phi", "2.7°")
+    screen.text("#phi", "0.9°")
     screen.text("#sentence", "Load at rest.")
     gateway.scene.level = "warn"
-    screen.text("#phi", "0.9°")
-    gateway.scene.level, gateway.scene.phi_max_u_deg = "normal", 0.1
+    screen.text("#phi", "0.3°")
+    gateway.scene.level, gateway.scene.phi_max_deg, gateway.scene.phi_max_u_deg = "normal", 0.9, 0.1
     screen.text("#sentence", "Load at rest.")
     screen.text("#interval", "± 0.2°")
     gateway.scene.phi_max_deg = 2.3

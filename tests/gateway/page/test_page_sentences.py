@@ -60,6 +60,22 @@ def test_a_number_is_called_uncertain_at_once_and_long_enough_to_be_read(shown_p
     assert shown_page.screen.page.evaluate(UNCERTAIN) == ["free", "uncertain", "uncertain", "free"]
 
 
+STRONGER = """() => import('/steady.js').then(({Steady}) => {
+  let nowS = 0;
+  const steady = new Steady(() => nowS);
+  const asked = [[0, "alarm_possible"], [0.2, "alarm_coming"], [0.4, "alarm_possible"], [0.6, "alarm_passed"]];
+  return asked.map(([atS, form]) => {
+    nowS = atS;
+    return steady.keep("alarm", form);
+  });
+})"""
+
+
+def test_what_is_certain_to_come_is_said_at_once_and_not_taken_back_for_a_doubt(shown_page: ShownPage) -> None:
+    said = shown_page.screen.page.evaluate(STRONGER)
+    assert said == ["alarm_possible", "alarm_coming", "alarm_coming", "alarm_passed"]
+
+
 STOP = "Stop the hoist, end the move gently."
 
 
@@ -203,7 +219,7 @@ BESIDE = """(angle) => Promise.all([import('/peak.js'), import('/sentence.js')])
             ("Load at rest.", False, False),
         ),
         ({"angle_deg": 1.2}, ("Load swings.", False, False)),  # about to return
-        ({"angle_deg": 0.1, "u_deg": 2.9}, ("Not certain: the swing can be larger.", True, False)),
+        ({"angle_deg": 0.1, "u_deg": 2.9}, ("Not certain: the swing can be larger.", False, False)),
         ({"angle_deg": 1.6, "u_deg": 1.5, "state": "wind"}, ("Not certain: the swing can be larger.", False, False)),
     ],
 )
@@ -230,7 +246,7 @@ def test_a_silent_sensor_is_told_from_a_gateway_that_is_gone(shown_page: ShownPa
     gateway.scene.validity = "no_samples"
     screen.shows("STALE", "hourglass")
     screen.text("#sentence", "No readings come from the sensor.")
-    screen.text("#interval", re.compile(r"^not known; was 2\.3° "))
+    screen.text("#interval", re.compile(r"^not known; was 1\.1° "))
     gateway.speaking.clear()
     screen.text("#sentence", "Gateway off or not connected: nobody watches the swing.")
     gateway.scene.validity = "valid"
