@@ -18,6 +18,7 @@ from gateway.incident.course import MAX_ALERT_SILENCE_S, Course
 from gateway.incident.facts import IncidentFacts
 from gateway.incident.gateway_runs import GatewayRestart
 from gateway.incident.incident_selection import AlertIncident, IncidentChange, IncidentWindow
+from gateway.incident.known_alerts import unknown_times, why_unknown
 from gateway.incident.setting_changes import MAX_WORDS_CHARACTERS, SettingChange
 from gateway.incident.timeline_figure import ReportClock
 
@@ -54,7 +55,7 @@ def summary_sentences(
         sentence
         for part in (
             [SOURCE_SENTENCES[course.source]] if course.source else [],
-            _what_was_asked(clock, facts, window),
+            _what_was_asked(clock, incident, window),
             _where_they_begin(course, clock, incident),
             _what_was_raised(course, clock, incident, facts),
             which_settings_were_changed(course, clock, incident),
@@ -71,16 +72,32 @@ def summary_sentences(
     )
 
 
-def _what_was_asked(clock: ReportClock, facts: IncidentFacts, window: IncidentWindow | None) -> Iterator[str]:
-    """Yield that no alert stood at the time that was asked for, where the report is of an incident near it."""
+def _what_was_asked(clock: ReportClock, incident: AlertIncident | None, window: IncidentWindow | None) -> Iterator[str]:
+    """Yield what is known of the time that was asked for, where the report is of an incident near it, or of none."""
     if window is None or window.asked_ns is None:
         return
     asked_s = clock.course.time_s(window.asked_ns)
-    if asked_s < facts.begin_s:
-        near = f"the next one began {format_fixed(facts.begin_s - asked_s, 1)} s later"
+    asked, why = f"{clock.both(asked_s)}, the time that was asked for,", why_unknown(clock.course, asked_s)
+    if why:
+        yield f"Whether an alert stood at {asked} is not known: {why}."
+    if incident is None:
+        return
+    near = _how_near(clock.course, incident, asked_s)
+    if why:
+        yield f"The nearest one that is known {near}, and this report is of it."
     else:
-        near = f"the one before had ended {format_fixed(asked_s - facts.end_s, 1)} s earlier"
-    yield f"At {clock.both(asked_s)}, the time that was asked for, no alert stood; {near}, and this report is of it."
+        which = "the next one" if asked_s < clock.course.time_s(incident.raised_ns) else "the one before"
+        yield f"At {asked} no alert stood; {which} {near}, and this report is of it."
+
+
+def _how_near(course: Course, incident: AlertIncident, time_s: float) -> str:
+    """Return how long after a time an incident began, or how long before it it had ended, as far as that is recorded."""
+    raised_s, last_s = course.time_s(incident.raised_ns), course.time_s(incident.last_ns)
+    if time_s < raised_s:
+        began = "was first stated" if incident.is_raised_before else "began"
+        return f"{began} {format_fixed(raised_s - time_s, 1)} s later"
+    ended = "was last stated" if incident.cleared_ns is None else "had ended"
+    return f"{ended} {format_fixed(time_s - last_s, 1)} s earlier"
 
 
 def _where_they_begin(course: Course, clock: ReportClock, incident: AlertIncident | None) -> Iterator[str]:
@@ -101,7 +118,14 @@ def _what_was_raised(
 ) -> Iterator[str]:
     if incident is None or facts.raised_s is None:
         span = f"{clock.both(course.begin_s)} to {clock.both(course.end_s)}"
-        yield f"No alert was raised in this time, {span}."
+        unknown = [
+            f"from {clock.time(each.begin_s)} to {clock.time(each.end_s)} UTC ({each.cause})"
+            for each in unknown_times(course)
+        ]
+        if unknown:
+            yield f"The recordings state no alert in this time, {span}; whether one stood is not known {first_of(unknown, 3)}."
+        else:
+            yield f"No alert was raised in this time, {span}."
         return
     highest = incident.highest
     highest_s = course.time_s(highest.time_ns)
