@@ -163,12 +163,14 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
     from gateway.incident.incident_report import PAGE_FILE, write_report
     from gateway.incident.record_verdict import judge_recordings
     from gateway.recording.chain.missing_files import missing_of
+    from gateway.recording.format.content import segment_number
 
     known = key_of_recordings(arguments.key, arguments.ca, [segment.path for segment in timeline.segments])
     refusal = None if known.vouched is None else known.vouched.refusal
     made = datetime.now(tz=UTC)
     origin = datetime.fromtimestamp((window.origin_ns + timeline.span().wall_offset_ns) / 1e9, tz=UTC)
     newest, missing = timeline.segments[-1].path, missing_of(timeline)
+    numbers = {segment.path: segment_number(segment.origin) for segment in timeline.segments}
     folder = arguments.out or Path(f"incident-{origin:%Y%m%dT%H%M%SZ}")
     with ProgressBar("reading the incident") as bar:
         written = write_report(
@@ -183,7 +185,8 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
                 ends_in=newest.parent if newest in paths and newest.parent in timeline.given.folders else None,
                 folders=timeline.given.folders if len(paths) == len(timeline.segments) else (),
                 is_extract=bool(missing.untold),
-                destroyed=missing.destroyed,
+                beside=missing.beside({numbers[path] for path in paths}, set(numbers.values())),
+                elsewhere=missing.problems,
             ),
             computed={
                 "Made by": f"plumbline {__version__}",
