@@ -8,7 +8,7 @@ from typing import Literal
 from gateway.errors import counted, first_of
 from gateway.pki.signing_key import KeyFileError, fingerprint
 from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
-from gateway.recording.chain.file_verification import FileVerification, verify_file
+from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.chain.missing_files import MissingFiles
 from gateway.recording.chain.statements import REMOVED, name_missing
 
