@@ -68,6 +68,11 @@ class AlertIncident:
         return message is not None and (message.rule, message.incident) in own
 
     @property
+    def is_acknowledgement_alone(self) -> bool:
+        """Nothing but acknowledgements is in the recordings, and none of them states it as standing."""
+        return all(change.event == "acknowledged" and change.level == "normal" for change in self.changes)
+
+    @property
     def is_raised_before(self) -> bool:
         """Its raise is not in the recordings: before them, or in a gap."""
         return self.changes[0].event != "raised"

@@ -33,7 +33,6 @@ STOOD_WORDS = {
     "warn": "while it stood at warning",
     "trip": "while it stood at trip",
     "unknown": "while its level was not known",
-    "normal": "after its end",
 }
 CLOCKS = {
     "synchronised": "The gateway's clock was synchronised.",
@@ -51,18 +50,23 @@ def summary_sentences(
 ) -> tuple[str, ...]:
     """Return the sentences in the order in which a reader asks; without the window of the report, of the incident alone."""
     clock = ReportClock(course)
+    source = [SOURCE_SENTENCES[course.source]] if course.source else []
+    asked = _what_was_asked(clock, incident, window)
+    others = () if window is None else _which_others_were(clock, window.others, window.hidden)
+    if incident is not None and incident.is_acknowledgement_alone:
+        return (*source, *asked, *_what_is_left_of_it(clock, incident), *others)
     return tuple(
         sentence
         for part in (
-            [SOURCE_SENTENCES[course.source]] if course.source else [],
-            _what_was_asked(clock, incident, window),
+            source,
+            asked,
             _where_they_begin(course, clock, incident),
             _what_was_raised(course, clock, incident, facts),
             which_settings_were_changed(course, clock, incident),
             angle_sentences(clock, incident, facts),
             cause_sentences(clock, facts),
             _when_it_ended(course, clock, incident, facts),
-            () if window is None else _which_others_were(clock, window.others, window.hidden),
+            others,
             _which_calibrations_changed(course, clock, facts),
             suspension_texts(course, clock),
             _when_it_was_restarted(course, clock),
@@ -90,9 +94,30 @@ def _what_was_asked(clock: ReportClock, incident: AlertIncident | None, window: 
         yield f"At {asked} no alert stood; {which} {near}, and this report is of it."
 
 
+def _what_is_left_of_it(clock: ReportClock, incident: AlertIncident) -> Iterator[str]:
+    """Yield what the recordings have of an incident of which they have no more than an acknowledgement."""
+    run = clock.course.last_health
+    where = "not" if run is None or incident.id.startswith(f"{run.boot_id}-") else "in a run that is not"
+    yield (
+        f"Of incident {incident.id} only an acknowledgement is in these files ({_acknowledged_texts(clock, incident)}); "
+        f"the alert itself is {where}. Its level, times and angle are not known."
+    )
+
+
+def _acknowledged_texts(clock: ReportClock, incident: AlertIncident) -> str:
+    """Return when and by whom an incident was acknowledged."""
+    return "; ".join(
+        f"{clock.both(clock.course.time_s(each.time_ns))}, {each.acknowledged_by or 'an unnamed person'}"
+        for each in incident.acknowledgements[-MAX_SUMMARY_MARKS:]
+    )
+
+
 def _how_near(course: Course, incident: AlertIncident, time_s: float) -> str:
     """Return how long after a time an incident began, or how long before it it had ended, as far as that is recorded."""
     raised_s, last_s = course.time_s(incident.raised_ns), course.time_s(incident.last_ns)
+    if incident.is_acknowledgement_alone:
+        when = "later" if time_s < raised_s else "earlier"
+        return f"was acknowledged {format_fixed(abs(raised_s - time_s), 1)} s {when}"
     if time_s < raised_s:
         began = "was first stated" if incident.is_raised_before else "began"
         return f"{began} {format_fixed(raised_s - time_s, 1)} s later"
@@ -192,6 +217,10 @@ def which_settings_were_changed(course: Course, clock: ReportClock, incident: Al
 def _which_others_were(clock: ReportClock, others: Sequence[AlertIncident], hidden: Sequence[str]) -> Iterator[str]:
     """Yield the other incidents of the time, those that stood when the gateway ended or was started, and what hides others."""
     for each in others[:MAX_SUMMARY_OTHERS]:
+        if each.is_acknowledgement_alone:
+            acknowledged = _acknowledged_texts(clock, each)
+            yield f"Of another incident, {each.id} ({each.rule}), only an acknowledgement is in these files ({acknowledged})."
+            continue
         level = LEVEL_WORDS.get(each.level, "level not recorded")
         since = f"{clock.time(clock.course.time_s(each.raised_ns))} UTC{' or before' if each.is_raised_before else ''}"
         until = f"{clock.time(clock.course.time_s(each.last_ns))} UTC"
@@ -328,6 +357,8 @@ def _after(course: Course, end_s: float) -> str:
 def where_it_stood(course: Course, incident: AlertIncident) -> str:
     """Return at what an alert without an end stood last; empty where it goes on behind the course."""
     is_unknown = incident.unknown_ns is not None
+    if incident.is_acknowledgement_alone:
+        return ""
     if course.end_s - course.time_s(incident.last_ns) > MAX_ALERT_SILENCE_S:
         stood = "had no known level" if is_unknown else "stood"
         return f"{stood} when it was last stated, after which {_after(course, course.time_s(incident.last_ns))}"
@@ -343,9 +374,11 @@ def _who_acknowledged(clock: ReportClock, incident: AlertIncident, facts: Incide
     if not known:
         yield f"The recordings{left} state no acknowledgement of it {searched}."
         return
+    last = f"after it was last stated at {clock.both(course.time_s(incident.last_ns))}"
+    ended = last if incident.cleared_ns is None else "after its end"
     for each in known[-MAX_SUMMARY_MARKS:]:
         reason = f", with the words: {each.reason}" if each.reason else ""
-        stood = STOOD_WORDS.get(each.level, "")
+        stood = STOOD_WORDS.get(each.level, ended)
         yield f"It was acknowledged at {clock.both(course.time_s(each.time_ns))} by {each.acknowledged_by}, {stood}{reason}."
     level = LEVEL_WORDS.get(incident.level, incident.level)
     later = [clock.time(each.raised_s) for each in facts.rises if each.raised_s > course.time_s(known[-1].time_ns)]

@@ -143,8 +143,8 @@ def _list(
     lines = [
         f"{row['number']:>4}  {'before' if row['is_raised_before'] else '':<7}{row['raised']}  {row['rule']:<12}"
         f"{row['level']:<5} {row['incident']}, "
-        f"{'not cleared in the recordings' if row['cleared'] is None else 'cleared ' + str(row['cleared'])}"
-        for row in rows
+        f"{_end_text(incident, row['cleared'])}"
+        for incident, row in zip(incidents, rows, strict=True)
     ]
     lines = lines or ["no alert was raised"]
     if hidden:
@@ -154,6 +154,12 @@ def _list(
         lines += ["", "those in files that are not given, or that somebody has removed, are not among these"]
     show("\n".join(lines), rows, arguments.json)
     return WITH_LOSSES if hidden else 0
+
+
+def _end_text(incident: "AlertIncident", cleared: object) -> str:
+    if incident.is_acknowledgement_alone:
+        return "only an acknowledgement is in the recordings"
+    return "not cleared in the recordings" if cleared is None else f"cleared {cleared}"
 
 
 def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "IncidentWindow") -> int:

@@ -303,6 +303,26 @@ def test_a_report_beside_a_removed_file_is_not_as_of_all_files(
     assert kind == {0: "genuine", 1: "differs", 3: "open"}[code]
 
 
+def test_of_an_incident_of_which_an_acknowledgement_is_left_nothing_else_is_said(
+    copy: Path, key: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for path in sorted(copy.glob("*.mcap"))[:-1]:
+        path.unlink()
+    report = copy.parent / "report"
+    assert main(["record", "incident", str(copy), "--key", key, "--out", str(report)]) == 1
+    printed = capsys.readouterr().out
+    said = next(line for line in printed.splitlines() if f"{BOOT_ID}-1" in line)
+    assert said.startswith(f"Of incident {BOOT_ID}-1 only an acknowledgement is in these files (2026-01-01 00:00:52.")
+    assert said.endswith(" UTC, Bob Crane); the alert itself is not. Its level, times and angle are not known.")
+    for word in ("°", " stood", "did not reach", "after its end", "no gap", "The recordings "):
+        assert word not in printed
+    content = json.loads((report / "incident.json").read_text())
+    assert (content["peak"], content["utc"]["raised"], content["limit_answer"], content["rises"]) == (None,) * 3 + ([],)
+    assert " stood " not in text_of(report / "incident.html")
+    assert main(["record", "incident", str(copy), "--list"]) == 3
+    assert f"{BOOT_ID}-1, only an acknowledgement is in the recordings\n" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("is_absent", [False, True])
 def test_a_report_does_not_know_of_later_files_without_a_sound_state(
     copy: Path, key: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, *, is_absent: bool
