@@ -336,6 +336,23 @@ def test_a_repaired_segment_says_from_when_on_it_was_signed_afterwards(record: R
     assert any(later in each for each in verify(paths[:-1], folders=(folder,)).remarks)
 
 
+@pytest.mark.parametrize("is_emptied", [False, True])
+def test_a_repaired_segment_says_nothing_of_the_one_behind_it(
+    record: Record, tmp_path: Path, capsys: pytest.CaptureFixture[str], *, is_emptied: bool
+) -> None:
+    """Also where that is altered so early, or destroyed, that nothing it states can be believed."""
+    folder = tmp_path / "data"
+    record(START_NS, segments=1, compacted=False, closed=False)
+    newest = record(START_NS + 60 * SECOND_NS, segments=1)[-1]
+    content = bytearray(newest.read_bytes())
+    content[200] ^= 1
+    newest.write_bytes(b"" if is_emptied else content)
+    assert main(["record", "verify", str(folder)]) == 1
+    printed = capsys.readouterr().out
+    assert ("DESTROYED" if is_emptied else "ALTERED") in printed
+    assert "was completed at a later start" not in printed
+
+
 @pytest.mark.slow
 def test_without_the_package_segments_are_chained_and_not_signed(record: Record) -> None:
     paths = record(START_NS, signed=False)
