@@ -28,7 +28,7 @@ def _unknown(course: Course) -> Iterator[TimeGap]:
     for restart in off:
         notice = "" if restart.is_announced else " without notice"
         yield TimeGap(restart.stopped_s, restart.started_s, f"the gateway had stopped{notice}")
-    stated_s = next((levels.time_s.tolist() for levels in course.alert_levels.values()), [])
+    stated_s: list[float] = next((levels.time_s.tolist() for levels in course.alert_levels.values()), [])
     told = [*((each.begin_s, each.end_s) for each in course.holes), *((each.stopped_s, each.started_s) for each in off)]
     for begin_s, end_s in pairwise(sorted([course.begin_s, *stated_s, *chain.from_iterable(told), course.end_s])):
         is_told = any(from_s <= begin_s and end_s <= to_s for from_s, to_s in told)
