@@ -148,6 +148,8 @@ def incident_facts(
 
     `cut`: the recording of the course, of which `smooth` smooths the motion; None: it is not smoothed.
     """
+    if incident is not None and incident.is_acknowledgement_alone:
+        return _nothing_known(course)
     raised_s = None if incident is None else course.time_s(incident.raised_ns)
     cleared_ns = None if incident is None else incident.cleared_ns
     begin_s, end_s = course.begin_s, course.end_s
@@ -179,6 +181,28 @@ def incident_facts(
         force=_extremes(course, begin_s, end_s),
         trusted_share=course.trusted.share_of(TRUSTED_TEXT, course.end_s),
         known_share=float(np.isfinite(motion.angle_deg).mean()) if len(motion.time_s) else None,
+    )
+
+
+def _nothing_known(course: Course) -> IncidentFacts:
+    """Return the facts of an incident of which nothing is recorded."""
+    return IncidentFacts(
+        begin_s=course.begin_s,
+        end_s=course.end_s,
+        raised_s=None,
+        cleared_s=None,
+        blind_s=None,
+        clear_deg=None,
+        angle=KnownAngle(None, course.end_s - course.begin_s, ("recordings",)),
+        limit_deg=None,
+        rises=(),
+        stated_deg=None,
+        causes=LoadCauses(),
+        lean_deg=None,
+        length_m=None,
+        force=None,
+        trusted_share=None,
+        known_share=None,
     )
 
 

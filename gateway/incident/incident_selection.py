@@ -68,6 +68,11 @@ class AlertIncident:
         return message is not None and (message.rule, message.incident) in own
 
     @property
+    def is_acknowledgement_alone(self) -> bool:
+        """Nothing but acknowledgements is in the recordings, and none of them states it as standing."""
+        return all(change.event == "acknowledged" and change.level == "normal" for change in self.changes)
+
+    @property
     def is_raised_before(self) -> bool:
         """Its raise is not in the recordings: before them, or in a gap."""
         return self.changes[0].event != "raised"
@@ -181,7 +186,7 @@ class IncidentWindow:
     """Other incidents in the same time, and of the same rule one before it that has no end, or one after it if it has none."""
     is_shortened: bool = False
     asked_ns: int | None = None
-    """The time that was asked for, where the incident did not stand then."""
+    """The time that was asked for, where no incident is stated to have stood then."""
     hidden: tuple[str, ...] = ()
     """What could not be read of the recordings, or is missing: other incidents may have been in it."""
 
@@ -217,7 +222,7 @@ def choose_window(
         begin_ns, end_ns = around_ns - margin_ns, around_ns + margin_ns
         incident = _nearest(_within(incidents, begin_ns, end_ns), around_ns)
         window = _window(span, incidents, incident, begin_ns, end_ns, around_ns if incident is None else None)
-        is_beside = incident is not None and not incident.raised_ns <= around_ns <= incident.last_ns
+        is_beside = incident is None or not incident.raised_ns <= around_ns <= incident.last_ns
         return replace(window, asked_ns=around_ns if is_beside else None)
     incident = _chosen(timeline, incidents, choice)
     return _window(span, incidents, incident, incident.raised_ns - margin_ns, incident.last_ns + margin_ns)

@@ -18,6 +18,7 @@ from gateway.incident.course import MAX_ALERT_SILENCE_S, Course
 from gateway.incident.facts import IncidentFacts
 from gateway.incident.gateway_runs import GatewayRestart
 from gateway.incident.incident_selection import AlertIncident, IncidentChange, IncidentWindow
+from gateway.incident.known_alerts import unknown_times, why_unknown
 from gateway.incident.setting_changes import MAX_WORDS_CHARACTERS, SettingChange
 from gateway.incident.timeline_figure import ReportClock
 
@@ -32,7 +33,6 @@ STOOD_WORDS = {
     "warn": "while it stood at warning",
     "trip": "while it stood at trip",
     "unknown": "while its level was not known",
-    "normal": "after its end",
 }
 CLOCKS = {
     "synchronised": "The gateway's clock was synchronised.",
@@ -50,18 +50,23 @@ def summary_sentences(
 ) -> tuple[str, ...]:
     """Return the sentences in the order in which a reader asks; without the window of the report, of the incident alone."""
     clock = ReportClock(course)
+    source = [SOURCE_SENTENCES[course.source]] if course.source else []
+    asked = _what_was_asked(clock, incident, window)
+    others = () if window is None else _which_others_were(clock, window.others, window.hidden)
+    if incident is not None and incident.is_acknowledgement_alone:
+        return (*source, *asked, *_what_is_left_of_it(clock, incident), *others)
     return tuple(
         sentence
         for part in (
-            [SOURCE_SENTENCES[course.source]] if course.source else [],
-            _what_was_asked(clock, facts, window),
+            source,
+            asked,
             _where_they_begin(course, clock, incident),
             _what_was_raised(course, clock, incident, facts),
             which_settings_were_changed(course, clock, incident),
             angle_sentences(clock, incident, facts),
             cause_sentences(clock, facts),
             _when_it_ended(course, clock, incident, facts),
-            () if window is None else _which_others_were(clock, window.others, window.hidden),
+            others,
             _which_calibrations_changed(course, clock, facts),
             suspension_texts(course, clock),
             _when_it_was_restarted(course, clock),
@@ -71,16 +76,53 @@ def summary_sentences(
     )
 
 
-def _what_was_asked(clock: ReportClock, facts: IncidentFacts, window: IncidentWindow | None) -> Iterator[str]:
-    """Yield that no alert stood at the time that was asked for, where the report is of an incident near it."""
+def _what_was_asked(clock: ReportClock, incident: AlertIncident | None, window: IncidentWindow | None) -> Iterator[str]:
+    """Yield what is known of the time that was asked for, where the report is of an incident near it, or of none."""
     if window is None or window.asked_ns is None:
         return
     asked_s = clock.course.time_s(window.asked_ns)
-    if asked_s < facts.begin_s:
-        near = f"the next one began {format_fixed(facts.begin_s - asked_s, 1)} s later"
+    asked, why = f"{clock.both(asked_s)}, the time that was asked for,", why_unknown(clock.course, asked_s)
+    if why:
+        yield f"Whether an alert stood at {asked} is not known: {why}."
+    if incident is None:
+        return
+    near = _how_near(clock.course, incident, asked_s)
+    if why:
+        yield f"The nearest one that is known {near}, and this report is of it."
     else:
-        near = f"the one before had ended {format_fixed(asked_s - facts.end_s, 1)} s earlier"
-    yield f"At {clock.both(asked_s)}, the time that was asked for, no alert stood; {near}, and this report is of it."
+        which = "the next one" if asked_s < clock.course.time_s(incident.raised_ns) else "the one before"
+        yield f"At {asked} no alert stood; {which} {near}, and this report is of it."
+
+
+def _what_is_left_of_it(clock: ReportClock, incident: AlertIncident) -> Iterator[str]:
+    """Yield what the recordings have of an incident of which they have no more than an acknowledgement."""
+    run = clock.course.last_health
+    where = "not" if run is None or incident.id.startswith(f"{run.boot_id}-") else "in a run that is not"
+    yield (
+        f"Of incident {incident.id} only an acknowledgement is in these files ({_acknowledged_texts(clock, incident)}); "
+        f"the alert itself is {where}. Its level, times and angle are not known."
+    )
+
+
+def _acknowledged_texts(clock: ReportClock, incident: AlertIncident) -> str:
+    """Return when and by whom an incident was acknowledged."""
+    return "; ".join(
+        f"{clock.both(clock.course.time_s(each.time_ns))}, {each.acknowledged_by or 'an unnamed person'}"
+        for each in incident.acknowledgements[-MAX_SUMMARY_MARKS:]
+    )
+
+
+def _how_near(course: Course, incident: AlertIncident, time_s: float) -> str:
+    """Return how long after a time an incident began, or how long before it it had ended, as far as that is recorded."""
+    raised_s, last_s = course.time_s(incident.raised_ns), course.time_s(incident.last_ns)
+    if incident.is_acknowledgement_alone:
+        when = "later" if time_s < raised_s else "earlier"
+        return f"was acknowledged {format_fixed(abs(raised_s - time_s), 1)} s {when}"
+    if time_s < raised_s:
+        began = "was first stated" if incident.is_raised_before else "began"
+        return f"{began} {format_fixed(raised_s - time_s, 1)} s later"
+    ended = "was last stated" if incident.cleared_ns is None else "had ended"
+    return f"{ended} {format_fixed(time_s - last_s, 1)} s earlier"
 
 
 def _where_they_begin(course: Course, clock: ReportClock, incident: AlertIncident | None) -> Iterator[str]:
@@ -101,7 +143,14 @@ def _what_was_raised(
 ) -> Iterator[str]:
     if incident is None or facts.raised_s is None:
         span = f"{clock.both(course.begin_s)} to {clock.both(course.end_s)}"
-        yield f"No alert was raised in this time, {span}."
+        unknown = [
+            f"from {clock.time(each.begin_s)} to {clock.time(each.end_s)} UTC ({each.cause})"
+            for each in unknown_times(course)
+        ]
+        if unknown:
+            yield f"The recordings state no alert in this time, {span}; whether one stood is not known {first_of(unknown, 3)}."
+        else:
+            yield f"No alert was raised in this time, {span}."
         return
     highest = incident.highest
     highest_s = course.time_s(highest.time_ns)
@@ -168,6 +217,10 @@ def which_settings_were_changed(course: Course, clock: ReportClock, incident: Al
 def _which_others_were(clock: ReportClock, others: Sequence[AlertIncident], hidden: Sequence[str]) -> Iterator[str]:
     """Yield the other incidents of the time, those that stood when the gateway ended or was started, and what hides others."""
     for each in others[:MAX_SUMMARY_OTHERS]:
+        if each.is_acknowledgement_alone:
+            acknowledged = _acknowledged_texts(clock, each)
+            yield f"Of another incident, {each.id} ({each.rule}), only an acknowledgement is in these files ({acknowledged})."
+            continue
         level = LEVEL_WORDS.get(each.level, "level not recorded")
         since = f"{clock.time(clock.course.time_s(each.raised_ns))} UTC{' or before' if each.is_raised_before else ''}"
         until = f"{clock.time(clock.course.time_s(each.last_ns))} UTC"
@@ -304,6 +357,8 @@ def _after(course: Course, end_s: float) -> str:
 def where_it_stood(course: Course, incident: AlertIncident) -> str:
     """Return at what an alert without an end stood last; empty where it goes on behind the course."""
     is_unknown = incident.unknown_ns is not None
+    if incident.is_acknowledgement_alone:
+        return ""
     if course.end_s - course.time_s(incident.last_ns) > MAX_ALERT_SILENCE_S:
         stood = "had no known level" if is_unknown else "stood"
         return f"{stood} when it was last stated, after which {_after(course, course.time_s(incident.last_ns))}"
@@ -319,9 +374,11 @@ def _who_acknowledged(clock: ReportClock, incident: AlertIncident, facts: Incide
     if not known:
         yield f"The recordings{left} state no acknowledgement of it {searched}."
         return
+    last = f"after it was last stated at {clock.both(course.time_s(incident.last_ns))}"
+    ended = last if incident.cleared_ns is None else "after its end"
     for each in known[-MAX_SUMMARY_MARKS:]:
         reason = f", with the words: {each.reason}" if each.reason else ""
-        stood = STOOD_WORDS.get(each.level, "")
+        stood = STOOD_WORDS.get(each.level, ended)
         yield f"It was acknowledged at {clock.both(course.time_s(each.time_ns))} by {each.acknowledged_by}, {stood}{reason}."
     level = LEVEL_WORDS.get(incident.level, incident.level)
     later = [clock.time(each.raised_s) for each in facts.rises if each.raised_s > course.time_s(known[-1].time_ns)]

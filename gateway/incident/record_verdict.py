@@ -2,17 +2,18 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from math import inf
 from pathlib import Path
 from typing import Literal
 
-from gateway.errors import counted
+from gateway.errors import counted, first_of
 from gateway.pki.signing_key import KeyFileError, fingerprint
 from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
-from gateway.recording.chain.file_verification import FileVerification, verify_file
+from gateway.recording.chain.file_verification import verify_file
+from gateway.recording.chain.missing_files import MissingFiles
 from gateway.recording.chain.statements import REMOVED, name_missing
 
 GENUINE = "genuine, "
+NOTHING_MISSING = MissingFiles()
 VerdictKind = Literal["genuine", "differs", "open"]
 
 
@@ -89,7 +90,8 @@ def judge_recordings(
     ends_in: Path | None = None,
     folders: Sequence[Path] = (),
     is_extract: bool = False,
-    destroyed: Sequence[FileVerification] = (),
+    beside: MissingFiles = NOTHING_MISSING,
+    elsewhere: Sequence[str] = (),
 ) -> RecordVerdict:
     """Verify the files of a report.
 
@@ -97,18 +99,19 @@ def judge_recordings(
     `key`: the gateway's public key, None: not known; `said_by`: the key and who says that it is the gateway's, as a sentence;
     `refusal`: why the site's CA does not vouch for it, None: it does, or was not asked. Files that are not given cannot be
     missed, but those behind the last one where its folder is given, which `ends_in` names, and any of `folders` where all of
-    their files are used; `destroyed`: files that were given and cannot be read, in their places. Raises `RecordingError` where a
-    file cannot be read.
+    their files are used; `beside`: what is removed or destroyed next to the files, `elsewhere`: sentences about what is anywhere.
+    Raises `RecordingError` where a file cannot be read.
     """
     try:
         files = [verify_file(path, key) for path in paths]
-        files += _between(files, destroyed, has_first=bool(folders), has_newest=ends_in is not None)
-        chain = verify_chain(files, folders, key, ends_in=ends_in)
+        files += beside.destroyed
+        chain = _with_removed(verify_chain(files, folders, key, ends_in=ends_in), beside)
     except KeyFileError as error:
         return RecordVerdict("open", "not verified", (f"{error}.",))
     verdict = _judge(chain, key, said_by, refusal)
-    if is_extract and verdict.kind == "genuine":
-        verdict = replace(verdict, kind="open", label=verdict.label.removeprefix(GENUINE))
+    if (is_extract or elsewhere) and verdict.kind == "genuine":
+        others = f"; of the other files: {first_of(elsewhere, 1)}" if elsewhere else ""
+        verdict = replace(verdict, kind="open", label=f"{verdict.label.removeprefix(GENUINE)}{others}")
     return replace(
         verdict,
         first=(chain.segments or [0])[0],
@@ -120,18 +123,12 @@ def judge_recordings(
     )
 
 
-def _between(
-    files: Sequence[FileVerification],
-    destroyed: Sequence[FileVerification],
-    *,
-    has_first: bool,
-    has_newest: bool,
-) -> list[FileVerification]:
-    """Return the destroyed files between others, and those before and behind them where nothing else is there."""
-    numbers = [file.segment for file in files if file.segment is not None]
-    first = 0 if has_first else min(numbers, default=0)
-    last = inf if has_newest else max(numbers, default=0)
-    return [file for file in destroyed if (has_first if file.segment is None else first < file.segment <= last)]
+def _with_removed(chain: ChainVerification, beside: MissingFiles) -> ChainVerification:
+    """Return the chain with what is missing beside its files, where it is not found of them alone."""
+    known = {(each.first, each.last) for each in chain.missing if each.reason == REMOVED}
+    others = tuple(each for each in beside.missing if (each.first, each.last) not in known)
+    problems = (*chain.problems, *replace(beside, missing=others).removed)
+    return replace(chain, missing=(*chain.missing, *others), problems=problems)
 
 
 def _lost(chain: ChainVerification) -> Iterator[str]:

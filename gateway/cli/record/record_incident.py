@@ -143,8 +143,8 @@ def _list(
     lines = [
         f"{row['number']:>4}  {'before' if row['is_raised_before'] else '':<7}{row['raised']}  {row['rule']:<12}"
         f"{row['level']:<5} {row['incident']}, "
-        f"{'not cleared in the recordings' if row['cleared'] is None else 'cleared ' + str(row['cleared'])}"
-        for row in rows
+        f"{_end_text(incident, row['cleared'])}"
+        for incident, row in zip(incidents, rows, strict=True)
     ]
     lines = lines or ["no alert was raised"]
     if hidden:
@@ -156,6 +156,12 @@ def _list(
     return WITH_LOSSES if hidden else 0
 
 
+def _end_text(incident: "AlertIncident", cleared: object) -> str:
+    if incident.is_acknowledgement_alone:
+        return "only an acknowledgement is in the recordings"
+    return "not cleared in the recordings" if cleared is None else f"cleared {cleared}"
+
+
 def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "IncidentWindow") -> int:
     from gateway import __version__
     from gateway.cli.output import show
@@ -163,12 +169,14 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
     from gateway.incident.incident_report import PAGE_FILE, write_report
     from gateway.incident.record_verdict import judge_recordings
     from gateway.recording.chain.missing_files import missing_of
+    from gateway.recording.format.content import segment_number
 
     known = key_of_recordings(arguments.key, arguments.ca, [segment.path for segment in timeline.segments])
     refusal = None if known.vouched is None else known.vouched.refusal
     made = datetime.now(tz=UTC)
     origin = datetime.fromtimestamp((window.origin_ns + timeline.span().wall_offset_ns) / 1e9, tz=UTC)
     newest, missing = timeline.segments[-1].path, missing_of(timeline)
+    numbers = {segment.path: segment_number(segment.origin) for segment in timeline.segments}
     folder = arguments.out or Path(f"incident-{origin:%Y%m%dT%H%M%SZ}")
     with ProgressBar("reading the incident") as bar:
         written = write_report(
@@ -183,7 +191,8 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
                 ends_in=newest.parent if newest in paths and newest.parent in timeline.given.folders else None,
                 folders=timeline.given.folders if len(paths) == len(timeline.segments) else (),
                 is_extract=bool(missing.untold),
-                destroyed=missing.destroyed,
+                beside=missing.beside({numbers[path] for path in paths}, set(numbers.values())),
+                elsewhere=missing.problems,
             ),
             computed={
                 "Made by": f"plumbline {__version__}",

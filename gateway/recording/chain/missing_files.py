@@ -4,7 +4,7 @@ It needs the indexes of the files alone: `record verify` makes it of files that 
 stands in them.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import reduce
@@ -81,6 +81,30 @@ class MissingFiles:
     def deleted(self) -> list[str]:
         """Sentences about those that the gateway has deleted, or may have deleted."""
         return describe_missing(self.missing, self.deletions)[1]
+
+    @property
+    def problems(self) -> list[str]:
+        """Sentences about what somebody has forged, removed or destroyed."""
+        destroyed = (f"{file.path.name}: {text}" for file in self.destroyed for text in file.problems)
+        return [*self.forged, *self.removed, *destroyed]
+
+    def beside(self, used: Set[int], readable: Set[int]) -> "MissingFiles":
+        """Return what was removed or destroyed next to, or between, the segments that are used of those that can be read."""
+
+        def is_beside(first: int, last: int) -> bool:
+            before = max((number for number in readable if number < first), default=0)
+            after = min((number for number in readable if number > last), default=0)
+            return not used.isdisjoint({before, after} - {0})
+
+        return replace(
+            self,
+            missing=tuple(each for each in self.missing if each.reason == REMOVED and is_beside(each.first, each.last)),
+            destroyed=tuple(
+                file
+                for file in self.destroyed
+                if (used >= readable if file.segment is None else is_beside(file.segment, file.segment))
+            ),
+        )
 
     def following(self, number: int) -> str:
         """Return that what followed the last segment that can be read is not there, as a sentence; empty: nothing says so."""
@@ -163,17 +187,13 @@ def describe_hidden(timeline: Timeline, selection: Selection = EVERYTHING) -> li
         after_ns = min((from_ns for number, from_ns, _ in times if number > last), default=LATEST_NS)
         return selection.may_contain(before_ns, max(before_ns, after_ns))
 
-    inside = replace(found, missing=tuple(each for each in found.missing if is_inside(each.first, each.last)))
-    return [
-        *found.forged,
-        *inside.removed,
-        *(
-            f"{file.path.name}: {text}"
-            for file in found.destroyed
-            if file.segment is None or is_inside(file.segment, file.segment)
-            for text in file.problems
+    return replace(
+        found,
+        missing=tuple(each for each in found.missing if is_inside(each.first, each.last)),
+        destroyed=tuple(
+            file for file in found.destroyed if file.segment is None or is_inside(file.segment, file.segment)
         ),
-    ]
+    ).problems
 
 
 def _missing_of_chain(chain: ChainFiles, timeline: Timeline) -> MissingFiles:

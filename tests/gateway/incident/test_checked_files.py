@@ -1,5 +1,6 @@
 """Which files a report is made from, and whether it says so: each of them is checked, listed, and in the cut."""
 
+import json
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -271,6 +272,55 @@ def test_all_commands_tell_the_same_of_what_is_removed_or_emptied(
     assert "other incidents may have been" in printed
     page = text_of(tmp_path / "report" / "incident.html")
     assert f"The recordings went on: {said_of_the_end.format(name=lost.name)}" in page or not said_of_the_end
+
+
+@pytest.mark.parametrize(
+    ("places", "code", "words"),
+    [
+        ((4,), 1, "THEY DIFFER FROM WHAT THE GATEWAY SIGNED"),  # before the acknowledgement
+        ((3, 5), 1, "REMOVED: segment 4 is missing in the middle"),  # directly behind the last one
+        ((0,), 1, "THEY DIFFER FROM WHAT THE GATEWAY SIGNED"),  # directly before the first one
+        ((0, 5), 1, "REMOVED: segment 1 is missing at the beginning"),
+        ((5,), 3, "; of the other files: REMOVED: segment 6 is missing at the end"),  # with a file in between
+        ((), 0, "nothing differs from what the gateway signed"),
+    ],
+)
+def test_a_report_beside_a_removed_file_is_not_as_of_all_files(
+    copy: Path, key: str, places: tuple[int, ...], code: int, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is made from the second and the third file, up to the sixth where the acknowledgement is there."""
+    files = sorted(copy.glob("*.mcap"))
+    for place in places:
+        files[place].unlink()
+    first_s = 0.0 if 0 in places else 10.0
+    command = ["record", "incident", str(copy), "--from", f"{first_s + 4}", "--to", f"{first_s + 25}", "--key", key]
+    assert main([*command, "--out", str(copy.parent / "report")]) == code
+    printed = capsys.readouterr().out
+    verdict = printed.partition("Recordings: ")[2]
+    assert words in verdict
+    assert ("REMOVED" in verdict) == bool(places)
+    kind = json.loads((copy.parent / "report" / "incident.json").read_text())["verification"]["verdict"]
+    assert kind == {0: "genuine", 1: "differs", 3: "open"}[code]
+
+
+def test_of_an_incident_of_which_an_acknowledgement_is_left_nothing_else_is_said(
+    copy: Path, key: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for path in sorted(copy.glob("*.mcap"))[:-1]:
+        path.unlink()
+    report = copy.parent / "report"
+    assert main(["record", "incident", str(copy), "--key", key, "--out", str(report)]) == 1
+    printed = capsys.readouterr().out
+    said = next(line for line in printed.splitlines() if f"{BOOT_ID}-1" in line)
+    assert said.startswith(f"Of incident {BOOT_ID}-1 only an acknowledgement is in these files (2026-01-01 00:00:52.")
+    assert said.endswith(" UTC, Bob Crane); the alert itself is not. Its level, times and angle are not known.")
+    for word in ("°", " stood", "did not reach", "after its end", "no gap", "The recordings "):
+        assert word not in printed
+    content = json.loads((report / "incident.json").read_text())
+    assert (content["peak"], content["utc"]["raised"], content["limit_answer"], content["rises"]) == (None,) * 3 + ([],)
+    assert " stood " not in text_of(report / "incident.html")
+    assert main(["record", "incident", str(copy), "--list"]) == 3
+    assert f"{BOOT_ID}-1, only an acknowledgement is in the recordings\n" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("is_absent", [False, True])

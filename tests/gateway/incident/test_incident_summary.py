@@ -16,7 +16,7 @@ from gateway.incident.timeline_figure import ReportClock
 from gateway.messages import Alert, Motion, MotionState
 from gateway.motion.history import MotionHistory
 from gateway.motion.hypotheses import IS_DRIVEN, IS_GUST
-from tests.gateway.incident.stated import HEAD, ORIGIN_NS, active, alert, built, calibration
+from tests.gateway.incident.stated import HEAD, ORIGIN_NS, active, alert, built, calibration, health
 from tests.gateway.incident.test_course import block
 
 
@@ -348,3 +348,33 @@ def test_samples_of_the_housing_in_a_hand_are_no_force_of_the_load() -> None:
         (5.5, calibration(id="s1", phase="committed", by="Ann")),
     ).course(ORIGIN_NS, ORIGIN_NS + 12_000_000_000)
     assert [(gap.begin_s, gap.end_s, gap.cause) for gap in course.hidden] == [(1.0, 5.5, "recalibrated by Ann")]
+
+
+def acknowledged_at(time_s: float, incident: str) -> tuple[int, Alert]:
+    stated = replace(alert("acknowledged", "swing", incident=incident), acknowledged_by="ann")
+    return ORIGIN_NS + round(time_s * 1e9), stated
+
+
+def test_an_acknowledgement_of_an_incident_of_a_run_that_is_not_there_is_told_alone() -> None:
+    (found,) = find_incidents([acknowledged_at(5.0, "former-1")])
+    course = built((0.0, health())).course(ORIGIN_NS, ORIGIN_NS + 9_000_000_000)
+    (said,) = summary_sentences(course, found, incident_facts(course, found))
+    assert said == (
+        "Of incident former-1 only an acknowledgement is in these files (2026-01-01 00:00:05.0 UTC, ann); the alert itself is "
+        "in a run that is not. Its level, times and angle are not known."
+    )
+
+
+@pytest.mark.parametrize("is_cleared", [False, True])
+def test_an_acknowledgement_comes_after_the_end_only_where_that_is_known(*, is_cleared: bool) -> None:
+    told = [
+        (ORIGIN_NS, alert("raised", "swing", active("swing", "trip", "b-1"), incident="b-1")),
+        (ORIGIN_NS + 2_000_000_000, alert("standing", None, active("swing", "trip", "b-1"))),
+        *([(ORIGIN_NS + 2_500_000_000, alert("cleared", "swing", incident="b-1"))] if is_cleared else []),
+        acknowledged_at(8.0, "b-1"),
+    ]
+    (found,) = find_incidents(told)
+    course = built((0.0, health())).course(ORIGIN_NS, ORIGIN_NS + 9_000_000_000)
+    said = " ".join(summary_sentences(course, found, incident_facts(course, found)))
+    when = "after its end" if is_cleared else "after it was last stated at 2026-01-01 00:00:02.0 UTC"
+    assert f"It was acknowledged at 2026-01-01 00:00:08.0 UTC by ann, {when}." in said

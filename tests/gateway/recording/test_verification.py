@@ -21,9 +21,10 @@ from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.format.content import RecordingHeader
 from gateway.recording.format.frames import next_frame
 from gateway.recording.format.salvage import open_mcap
+from gateway.recording.segments.compaction import compact
 from gateway.recording.segments.recorder import Recorder, RecorderError
 from tests.clocks import START_NS
-from tests.gateway.recording.conftest import SECOND_NS, Record, make_alert
+from tests.gateway.recording.conftest import GATEWAY, SECOND_NS, Record, make_alert
 from tests.gateway.recording.recorded_files import problems
 from tests.values import present
 
@@ -334,6 +335,38 @@ def test_a_repaired_segment_says_from_when_on_it_was_signed_afterwards(record: R
     (folder / STATE_NAME).unlink()
     paths[-1].unlink()
     assert any(later in each for each in verify(paths[:-1], folders=(folder,)).remarks)
+
+
+@pytest.mark.parametrize("has_state", [False, True])
+def test_a_repaired_segment_is_the_newest_where_the_state_of_the_chain_says_so(
+    record: Record, tmp_path: Path, capsys: pytest.CaptureFixture[str], *, has_state: bool
+) -> None:
+    folder = tmp_path / "data"
+    (path,) = record(START_NS, segments=1, compacted=False, closed=False)
+    chain = SegmentChain(folder, GATEWAY, load_or_create_key(folder / "signing-key.pem"))
+    chain.restore([path])
+    compact(path, chain)
+    if not has_state:
+        (folder / STATE_NAME).unlink()
+    main(["record", "verify", str(folder)])
+    assert ("segment 1 was completed at a later start" in capsys.readouterr().out) == (not has_state)
+
+
+@pytest.mark.parametrize("is_emptied", [False, True])
+def test_a_repaired_segment_says_nothing_of_the_one_behind_it(
+    record: Record, tmp_path: Path, capsys: pytest.CaptureFixture[str], *, is_emptied: bool
+) -> None:
+    """Also where that is altered so early, or destroyed, that nothing it states can be believed."""
+    folder = tmp_path / "data"
+    record(START_NS, segments=1, compacted=False, closed=False)
+    newest = record(START_NS + 60 * SECOND_NS, segments=1)[-1]
+    content = bytearray(newest.read_bytes())
+    content[200] ^= 1
+    newest.write_bytes(b"" if is_emptied else content)
+    assert main(["record", "verify", str(folder)]) == 1
+    printed = capsys.readouterr().out
+    assert ("DESTROYED" if is_emptied else "ALTERED") in printed
+    assert "was completed at a later start" not in printed
 
 
 @pytest.mark.slow
