@@ -83,7 +83,7 @@ def test_losing_the_gateway_ends_no_tone_and_is_an_alarm_itself(
     expect(screen.page.locator("#sentence")).to_have_text(
         re.compile(r"^Stop the hoist, end the move gently\. (No new data|Gateway off)")
     )
-    expect(screen.page.locator("#interval")).to_have_text(re.compile(r"^not known; was 1\.1° \d"))  # as it was, and no peak that was expected
+    expect(screen.page.locator("#interval")).to_have_text(re.compile(r"^not known; was 1\.1° \d"))  # no expected peak
 
     gateway.scene.level = "normal"
     gateway.speaking.set()
