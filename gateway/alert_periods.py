@@ -67,6 +67,8 @@ class AlertPeriod(Generic[S]):
     largest_deg: float | None = None
     """Largest angle, best estimate."""
     largest_upper_deg: float | None = None
+    is_refuted: bool = False
+    """The gateway has said that the limit of the highest level was not reached."""
     ended: EndReason | None = None
     """unknown: the level was no longer known; not recorded: its end was not stated; None: it stands."""
     end_ns: int | None = None
@@ -94,7 +96,7 @@ class AlertPeriod(Generic[S]):
         """Whether the limit of its highest level was not reached, by the gateway's word or by all that it saw."""
         limit_deg = None if self.highest is None else self.highest.limit_deg
         is_below = limit_deg is not None and self.largest_upper_deg is not None and self.largest_upper_deg < limit_deg
-        return (self.is_seen and is_below) or any(step.statement.event == "corrected" for step in self.steps)
+        return (self.is_seen and is_below) or self.is_refuted
 
     def take(self, time_ns: int, statement: S, alert: ActiveAlert) -> None:
         """Take a statement in which it is active."""
@@ -106,11 +108,12 @@ class AlertPeriod(Generic[S]):
         if alert.level in RAISED:
             self.raised = self.raised or step
             if self.highest is None or LEVEL_RANK[alert.level] > LEVEL_RANK[self.highest.level]:
-                self.highest = alert
+                self.highest, self.is_refuted = alert, False
 
     def change(self, step: AlertStep[S]) -> None:
         """Take a change of its own."""
         self.steps.append(step)
+        self.is_refuted |= step.statement.event == "corrected"
         if step.statement.event != "acknowledged":  # which may come hours after the end
             self.last_ns = step.time_ns
         if step.statement.event == "cleared" and self.ended == "not recorded":  # another change at this time came first

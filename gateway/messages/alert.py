@@ -55,10 +55,6 @@ class ActiveAlert:
         bool | None,
         Field(description="value_deg is an upper bound: the best estimate of the present angle is below limit_deg"),
     ] = None
-    is_corrected: Annotated[
-        bool | None,
-        Field(description="it was raised by an upper bound, and limit_deg was not reached: event corrected"),
-    ] = None
     incident: Annotated[str | None, Field(description="id from raised to cleared; null: no incident")] = None
     largest_deg: Annotated[
         float | None,

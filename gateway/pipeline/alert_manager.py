@@ -215,7 +215,6 @@ class AlertManager:
             expected_in_s=None if reading is None else round(reading.expected_in_s, 1),
             estimate_deg=None if reading is None else degrees(reading.best_rad),
             is_bound=None if reading is None else reading.is_bound(limit_rad),
-            is_corrected=None if incident is None else incident.is_refuted,
             incident=None if incident is None else incident.id,
             largest_deg=largest_deg,
             largest_upper_deg=largest_upper_deg,

@@ -12,10 +12,10 @@ const asItIs = (_part, form) => form;
 // Return the sentence of a verdict beside its big number (peak.js; null: not known), which is the only angle: a sentence names limits.
 // `keep` may hold back a change of what the sentence is about, by part and form; `waitedS` is the time since the state arrived.
 export function sentence(verdict, state, value, keep = asItIs, waitedS = 0) {
-  const {motion, alert, calibration, condition} = state.topics;
+  const {motion, calibration} = state.topics;
   const ageS = (topic) => (state.age_s[topic] ?? 0) + waitedS;
   switch (verdict.word) {
-    case "TRIP": case "WARN": return alarmSentence(alert, value, motion, condition, keep, ageS);
+    case "TRIP": case "WARN": return alarmSentence(state, value, keep, ageS);
     case "SUSPENDED": return text(isActive(calibration?.session) ? "suspended" : "suspended_after");
     case "UNCALIBRATED": return text("uncalibrated");
     case "DISTURBED": return text("disturbed");
@@ -50,12 +50,13 @@ function seenKey(motion, value) {
 }
 
 // Return what to do and what the number says of the limit; once the alarm nears its end, what ends it instead.
-function alarmSentence(alert, value, motion, condition, keep, ageS) {
+function alarmSentence({topics: {alert, motion, condition}, alert_log: log}, value, keep, ageS) {
   const alarm = highest(alert);
   if (alarm === null) return "";
+  const isCorrected = log?.alerts.some((one) => one.incident === alarm.incident && one.is_corrected);
   if (!isKnown(alarm.limit_deg)) return text(`${alarm.rule}_alarm`); // the calibration has none
   const isEnding = isKnown(alarm.ends_in_s), hold = isEnding ? asItIs : keep;
-  const form = value === null ? "alarm_unknown" : hold("alarm", alarmForm(alarm, value, motion, ageS("motion")));
+  const form = value === null ? "alarm_unknown" : hold("alarm", alarmForm(alarm, isCorrected, value, motion, ageS("motion")));
   const said = text(form, {limit: text(`at_${alarm.level}`, {angle: degrees(alarm.limit_deg)})});
   const others = besides(alert, alarm).map(({rule}) => `also_${rule}`).filter(hasText).map((key) => text(key)).join(" ");
   if (!form.endsWith("_passed") && !isEnding) return `${text(`do_${alarm.level}`)} ${said} ${others}`.trim();
@@ -63,7 +64,7 @@ function alarmSentence(alert, value, motion, condition, keep, ageS) {
 }
 
 // Return what the number and the largest angle since the alarm began say of its limit.
-function alarmForm(alarm, value, motion, ageS) {
+function alarmForm(alarm, isCorrected, value, motion, ageS) {
   const hasOwn = hasText(`${alarm.rule}_alarm`), halfDeg = value.halfDeg ?? (hasOwn ? 0 : Infinity);
   const isBelow = isKnown(alarm.ends_in_s) || value.angleDeg + halfDeg < alarm.limit_deg;
   if (hasOwn) return isBelow && hasText(`${alarm.rule}_passed`) ? `${alarm.rule}_passed` : `${alarm.rule}_alarm`;
@@ -72,7 +73,7 @@ function alarmForm(alarm, value, motion, ageS) {
   }
   if (value.angleDeg - halfDeg >= alarm.limit_deg && value.inS > ageS) return "alarm_coming";
   if (!isBelow) return "alarm_possible";
-  return alarm.is_corrected ? "alarm_corrected_passed" : "alarm_passed";
+  return isCorrected ? "alarm_corrected_passed" : "alarm_passed";
 }
 
 // Return what follows a level, and when, or below which angle: the gateway compares a part of the uncertainty with it too.

@@ -85,7 +85,7 @@ def test_a_sentence_keeps_its_form_for_two_seconds(shown_page: ShownPage) -> Non
 
 ALARM = """([active, value]) => import('/sentence.js').then(({sentence}) =>
   sentence({word: active.level === 'trip' ? 'TRIP' : 'WARN'},
-           {age_s: {alert: 0.4}, topics: {alert: {active: [active]}}},
+           {age_s: {alert: 0.4}, topics: {alert: {active: [active]}}, alert_log: {alerts: [active]}},
            value && {angleDeg: value[0], inS: value[1], halfDeg: value[2]}))"""
 
 SWING = {

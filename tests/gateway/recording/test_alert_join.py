@@ -55,6 +55,17 @@ def utc(time_s: float) -> int:
     return round(time_s * 1e9) + OFFSET_NS
 
 
+def test_a_warning_that_was_corrected_says_nothing_of_the_trip_that_follows() -> None:
+    segment = summary(
+        state(2, "raised", "swing", active("swing", "warn", 2, 4.5)),
+        state(3, "corrected", "swing", active("swing", "warn", 2, 3.0)),
+        state(5, "raised", "swing", active("swing", "trip", 5, 6.5)),
+        state(9, "cleared", "swing", largest_deg=6.4, largest_upper_deg=6.6),
+    )
+    (alert,) = join_alerts([("boot", segment)])
+    assert (alert.level, alert.is_corrected) == ("trip", False)
+
+
 def test_warning_that_becomes_a_trip_is_one_alert_with_the_largest_values() -> None:
     segment = summary(
         state(1, "standing", None),
