@@ -261,8 +261,17 @@ class _Whole:
     sha256: str
     """Hash of its final statement."""
     stated_by: str
-    differing: str
-    """What is wrong with a file that has another final statement, in words with a place for its name."""
+    heard: str = ""
+    """How it is known beside the files, as a clause; empty: a later file follows it."""
+
+    def describe(self, file: FileVerification) -> str:
+        """Return what is wrong with a file that is not whole, or has another final statement."""
+        name = file.path.name
+        if not file.is_final:
+            return f"CUT: {name} is not whole: {self.stated_by} states that it was signed as a whole"
+        if self.heard:
+            return f"REWRITTEN: {name} has another statement than the one of segment {self.segment} that {self.heard}"
+        return f"EXCHANGED: {self.stated_by} does not follow this {name}, but another one"
 
 
 def _not_whole(
@@ -270,31 +279,21 @@ def _not_whole(
 ) -> list[str]:
     """Return the segments that do not end as later ones, the saved state or who listened to the gateway state, byte for byte."""
     stated = [
-        _Whole(
-            after.statement.previous_segment,
-            after.statement.previous_sha256,
-            after.path.name,
-            f"EXCHANGED: {after.path.name} does not follow this {{}}, but another one",
-        )
+        _Whole(after.statement.previous_segment, after.statement.previous_sha256, after.path.name)
         for after in numbered
         if after.statement is not None
     ]
-    rewritten = "REWRITTEN: {} has another statement than the one of this segment that "
-    stated += [
-        _Whole(each.final_segment, each.final_sha256, STATE_NAME, f"{rewritten}{STATE_NAME} has") for each in states
-    ]
-    was_heard = f"{rewritten}was heard from the gateway when it was signed"
+    stated += [_Whole(each.final_segment, each.final_sha256, STATE_NAME, f"{STATE_NAME} has") for each in states]
+    was_heard = "was heard from the gateway when it was signed"
     stated += [_Whole(each.segment, each.sha256, "who listened to the gateway", was_heard) for each in heard]
     by_number = {file.segment: file for file in numbered}
     wrong: dict[Path, str] = {}
     for whole in stated:
         if (file := by_number.get(whole.segment)) is None or file.is_destroyed or (file.problems and file.has_end):
             continue  # missing, or said already, and nothing is cut off
-        if file.statement is None or not file.is_final:
-            text = f"CUT: {file.path.name} is not whole: {whole.stated_by} states that it was signed as a whole"
-            wrong.setdefault(file.path, text)
-        elif whole.sha256 not in (hash_of(file.statement_text), file.statement.replaces_sha256):
-            wrong.setdefault(file.path, whole.differing.format(file.path.name))
+        statement = file.statement if file.is_final else None
+        if statement is None or whole.sha256 not in (hash_of(file.statement_text), statement.replaces_sha256):
+            wrong.setdefault(file.path, whole.describe(file))
     not_signed = [
         f"NOT SIGNED: {before.unsigned_bytes} bytes at the end of {before.path.name} are not signed, "
         f"though segment {after.segment} follows; the gateway signs them when it repairs the file"

@@ -18,7 +18,7 @@ from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.segments.compaction import compact
 from gateway.recording.segments.recorder import Recorder
 from tests.clocks import START_NS
-from tests.gateway.recording.conftest import DEVICE, GATEWAY, HEADER, SECOND_NS
+from tests.gateway.recording.conftest import DEVICE, GATEWAY, HEADER, SECOND_NS, Record
 from tests.gateway.recording.recorded_files import problems
 from tests.values import present
 
@@ -77,6 +77,16 @@ def test_without_the_saved_state_a_cut_segment_is_genuine_as_far_as_it_is_signed
     found = verify(segment)
     assert (found.answer, found.problems) == ("unsigned_end", ())
     assert "has no signature of the whole of it" in found.conclusion
+
+
+def test_a_segment_that_was_signed_anew_is_named_whatever_the_next_one_is_called(record: Record) -> None:
+    first, second = record(START_NS, segments=2)
+    chain = SegmentChain(first.parent, GATEWAY, load_or_create_key(first.parent / "signing-key.pem"))
+    chain.restore([second, first])
+    compact(first, chain)
+    later = second.rename(second.with_name("{0[x]}.mcap"))
+    found = verify_chain([verify_file(path, None) for path in (first, later)])
+    assert problems(found) == [f"EXCHANGED: {later.name} does not follow this {first.name}, but another one"]
 
 
 def test_every_damaged_chunk_is_named_and_where_the_first_one_is(segment: Path) -> None:
