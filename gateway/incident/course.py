@@ -28,6 +28,9 @@ TRUSTED_TEXT = "trusted"
 BEFORE_REPORT = "before the time of this report"
 CUT_OFF = "Nothing says that the gateway was stopped: it was killed, lost its power, still runs, or files are missing"
 STOPPED = "The gateway was stopped then, and said so: nothing of these recordings is later"
+REPAIRED = (
+    "The gateway was killed or lost its power; it completed this file at a later start, and recorded nothing after it"
+)
 REPAIRED_LATER = (
     "The gateway was killed or lost its power, and was started again later: it completed this file then, and what it recorded "
     "from then on is not in these files"

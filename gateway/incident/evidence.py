@@ -15,7 +15,7 @@ from devices.errors import RecordingError
 from gateway import __version__
 from gateway.calibration.record import CalibrationRecord
 from gateway.certificate.page import render_certificate
-from gateway.incident.course import COURSE_TOPICS, CUT_OFF, REPAIRED_LATER, STOPPED, Course
+from gateway.incident.course import COURSE_TOPICS, CUT_OFF, REPAIRED, REPAIRED_LATER, STOPPED, Course
 from gateway.incident.course_builder import CourseBuilder
 from gateway.incident.incident_selection import ALERTS, IncidentWindow
 from gateway.incident.sample_gaps import BlockPlace
@@ -181,9 +181,13 @@ def _segments_to_check(
 
 def _end_cause(timeline: Timeline) -> str:
     """Return why the recordings end: something that followed is not there, or the newest statement of the gateway on itself."""
-    if following := missing_of(timeline).following(names.segment_number(timeline.segments[-1].origin)):
+    last, missing = timeline.segments[-1], missing_of(timeline)
+    number = names.segment_number(last.origin)
+    if following := missing.following(number):
         return following
-    otherwise = REPAIRED_LATER if names.REPAIRED in timeline.segments[-1].metadata else CUT_OFF
+    otherwise = CUT_OFF
+    if names.REPAIRED in last.metadata:
+        otherwise = REPAIRED_LATER if missing.may_go_on(number) else REPAIRED
     for segment in reversed(timeline.segments):
         stated = replace(timeline, segments=(segment,)).messages(Selection(None, None, frozenset({"/health"})))
         newest = max(stated, key=lambda message: message.recorded.log_time_ns, default=None)

@@ -16,7 +16,7 @@ from gateway.pki.signing_key import fingerprint
 from gateway.recording.chain.chain_files import place_destroyed
 from gateway.recording.chain.chain_state import STATE_NAME, ChainState
 from gateway.recording.chain.file_verification import WRONG_KEY, FileVerification
-from gateway.recording.chain.missing_files import MissingFiles, find_missing
+from gateway.recording.chain.missing_files import find_missing
 from gateway.recording.chain.statements import SIGNATURE, MissingSegments, Statement, hash_of, parse_statement
 from gateway.recording.reading.interval import iso_utc
 from gateway.recording.reading.recording_file import read_index
@@ -186,7 +186,8 @@ def verify_chain(
             f"before segment {number} the gateway had lost {STATE_NAME} and went on from its recordings: "
             "whether later ones had been there, and what the quota had just deleted, cannot be proved"
         )
-    if _is_completed_later(numbered, last, found):
+    is_repaired = any(file.segment == last and statement.repaired for file, statement in stated)
+    if is_repaired and found.may_go_on(last):
         remarks.append(
             f"segment {last} was completed at a later start of the gateway: what it recorded from then on is not in these files"
         )
@@ -202,13 +203,6 @@ def verify_chain(
         found.untold,
         found.unproven,
     )
-
-
-def _is_completed_later(numbered: Sequence[FileVerification], last: int, found: MissingFiles) -> bool:
-    """Return whether the newest segment says that a later start has completed it, and nothing says what that start recorded."""
-    is_repaired = any(file.segment == last and file.statement and file.statement.repaired for file in numbered)
-    is_newest = any(state.final_segment == state.newest_segment == last for state in found.states)
-    return is_repaired and found.newest <= last and not is_newest
 
 
 def _exchanged(numbered: Sequence[FileVerification]) -> list[str]:

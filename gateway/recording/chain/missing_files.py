@@ -106,6 +106,11 @@ class MissingFiles:
             ),
         )
 
+    def may_go_on(self, number: int) -> bool:
+        """Return whether a start after the last segment may have recorded more: nobody states more, nor that there is none."""
+        is_newest = any(state.final_segment == state.newest_segment == number for state in self.states)
+        return self.newest <= number and not is_newest
+
     def following(self, number: int) -> str:
         """Return that what followed the last segment that can be read is not there, as a sentence; empty: nothing says so."""
         lost = [

@@ -18,10 +18,12 @@ from gateway.recording.chain.chain_state import STATE_NAME, read_state, save_sta
 from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
 from gateway.recording.chain.file_verification import verify_file
 from gateway.recording.chain.segment_chain import SegmentChain
+from gateway.recording.chain.missing_files import missing_of
 from gateway.recording.format.content import RecordingHeader
 from gateway.recording.format.frames import next_frame
 from gateway.recording.format.salvage import open_mcap
 from gateway.recording.segments.compaction import compact
+from gateway.recording.reading.timeline import open_timeline
 from gateway.recording.segments.recorder import Recorder, RecorderError
 from tests.clocks import START_NS
 from tests.gateway.recording.conftest import GATEWAY, SECOND_NS, Record, make_alert
@@ -350,6 +352,7 @@ def test_a_repaired_segment_is_the_newest_where_the_state_of_the_chain_says_so(
         (folder / STATE_NAME).unlink()
     main(["record", "verify", str(folder)])
     assert ("segment 1 was completed at a later start" in capsys.readouterr().out) == (not has_state)
+    assert missing_of(open_timeline([folder])).may_go_on(1) == (not has_state)
 
 
 @pytest.mark.parametrize("is_emptied", [False, True])
