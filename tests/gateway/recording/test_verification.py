@@ -17,13 +17,13 @@ from gateway.pki.signing_key import KeyFileError, fingerprint, load_or_create_ke
 from gateway.recording.chain.chain_state import STATE_NAME, read_state, save_state
 from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
 from gateway.recording.chain.file_verification import verify_file
-from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.missing_files import missing_of
+from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.format.content import RecordingHeader
 from gateway.recording.format.frames import next_frame
 from gateway.recording.format.salvage import open_mcap
-from gateway.recording.segments.compaction import compact
 from gateway.recording.reading.timeline import open_timeline
+from gateway.recording.segments.compaction import compact
 from gateway.recording.segments.recorder import Recorder, RecorderError
 from tests.clocks import START_NS
 from tests.gateway.recording.conftest import GATEWAY, SECOND_NS, Record, make_alert
